@@ -1,0 +1,60 @@
+"""Models with a proof: robust identification of lightly damped machines from time and frequency data."""
+
+from robustid._arrays import Channel
+from robustid._version import __version__
+from robustid.bases import ParametricBasis, kautz
+from robustid.data import (
+    FrequencyResponse,
+    TimeRecord,
+    datasets,
+    estimate_frf,
+    flexible_structure,
+    load,
+    save,
+)
+from robustid.errors import (
+    DatasetNotFoundError,
+    FileFormatError,
+    InconsistentDataError,
+    InputError,
+    InputTypeError,
+    RobustIdError,
+    SizeError,
+    SolverError,
+    Status,
+)
+from robustid.identification import Identification, identify, load_identification, validate
+from robustid.interpolation import MixedProblem, Prior
+from robustid.reduction import balanced_truncation, reduce_within_bounds, to_continuous
+
+__all__ = [
+    "Channel",
+    "DatasetNotFoundError",
+    "FileFormatError",
+    "FrequencyResponse",
+    "Identification",
+    "InconsistentDataError",
+    "InputError",
+    "InputTypeError",
+    "MixedProblem",
+    "ParametricBasis",
+    "Prior",
+    "RobustIdError",
+    "SizeError",
+    "SolverError",
+    "Status",
+    "TimeRecord",
+    "__version__",
+    "balanced_truncation",
+    "datasets",
+    "estimate_frf",
+    "flexible_structure",
+    "identify",
+    "kautz",
+    "load",
+    "load_identification",
+    "reduce_within_bounds",
+    "save",
+    "to_continuous",
+    "validate",
+]

@@ -1,0 +1,201 @@
+"""Why data and class contradict each other, and what each remedy would bring."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid._arrays import Frozen
+from robustid.advice.kautz import further_mode
+from robustid.bases import ParametricBasis, as_basis, kautz
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification
+from robustid.identification.identify import exact_data
+from robustid.interpolation import MixedProblem
+from robustid.solve import margin_path
+
+_log = logging.getLogger("robustid")
+
+_DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
+_SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
+
+
+class Trial(NamedTuple):
+    """One change of the class, the margin that it brings (to 0.1 %), and the changed problem."""
+
+    change: str
+    margin: float
+    problem: MixedProblem
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Diagnosis(Frozen):
+    """What limits an identification, and what each change of the class would bring.
+
+    Attributes
+    ----------
+    inflation : float
+        The margin: the factor on all bounds with which the data are consistent.
+    limiting : tuple of (kind, experiment, rad/s or s, share)
+        Samples that carry the proof, largest first; the shares of all samples sum to one.
+    trials : tuple of Trial
+    """
+
+    inflation: float
+    limiting: tuple[tuple[str, int, float, float], ...]
+    trials: tuple[Trial, ...]
+
+    def best(self) -> Trial | None:
+        """The change with the smallest margin."""
+        return min(self.trials, key=lambda trial: trial.margin, default=None)
+
+    def summary(self) -> str:
+        """Plain sentences, one change a line."""
+        consistent = self.inflation <= 1
+        head = (
+            f"The data are consistent: the bounds could shrink to {self.inflation:.3g} times their size."
+            if consistent
+            else f"The data contradict the class: they are consistent once every bound is {self.inflation:.4g} times as large."
+        )
+        names = [
+            f"{at / (2 * np.pi):.5g} Hz ({100 * share:.0f} %)" if kind == "frequency" else f"{at:.5g} s ({100 * share:.0f} %)"
+            for kind, _, at, share in self.limiting[:8]
+        ]
+        lines = [head]
+        if names:
+            lines.append("The samples that limit it, with their share of the proof: " + ", ".join(names) + ".")
+        lines.append("What other classes would bring, all else equal (margin = factor on the bounds):")
+        lines += [f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}" for trial in self.trials]
+        lines.append(
+            "More pairs add assumptions that the data can test; a larger K or a smaller rho only asks less, and its guarantee"
+            " between the samples is weaker."
+        )
+        return "\n".join(lines)
+
+
+def diagnose(identification: Identification) -> Diagnosis:
+    """Say which samples limit a result, what inflation of the bounds makes the data consistent, and what else would.
+
+    Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
+    k a^k, which absorb errors of the poles to first order), one more pair where the frequency lines show what the others lack most,
+    the gain bound times 2 and times 10, and half the decay (rho - 1).
+
+    Parameters
+    ----------
+    identification : Identification
+        Usually of inconsistent data.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputTypeError
+        Something that isn't an Identification.
+
+    Notes
+    -----
+    The margins of the trials are reached by systems of the changed classes (upper ends, not certified from below).
+    Source: shares of the proof from the dual of Theorem 1 of `inanc2001`.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> from robustid.advice import diagnose
+    >>> record = rid.TimeRecord([1.0, 0.0], [0.5, 2.0], dt=1.0, bound=0.1)
+    >>> prior = rid.Prior(gain_bound=1.0, decay_rate=1.1)
+    >>> found = diagnose(rid.identify(rid.MixedProblem(time=record, prior=prior)))
+    >>> found.inflation > 1, [trial.change for trial in found.trials]
+    (True, ['K times 2', 'K times 10', 'rho - 1 halved'])
+    """
+    if not isinstance(identification, Identification):
+        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    problem = identification.problem
+    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    changes: list[tuple[str, MixedProblem]] = []
+    if (terms := _further_terms(problem)) is not None:
+        changes.append(("each pair repeated once more", _with_functions(problem, terms)))
+    if (pair := _missing_pair(problem)) is not None:
+        changes.append((pair[0], _with_functions(problem, pair[1])))
+    changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
+    changes.append(("rho - 1 halved", problem.with_prior(decay_rate=1 + (rho - 1) / 2)))
+    trials = []
+    for text, changed in changes:
+        try:
+            trials.append(Trial(text, _reachable_margin(changed), changed))
+        except InputError as error:  # functions that the samples can't tell apart
+            _log.info("%s: left out (%s)", text, error)
+    return Diagnosis(
+        inflation=identification.margin,
+        limiting=tuple(identification.conflicting_samples()),
+        trials=tuple(trials),
+    )
+
+
+def _effect(margin: float, before: float) -> str:
+    if margin <= 1 < before:
+        return "consistent"
+    if margin > 0.95 * before:
+        return "next to nothing gained"
+    return f"{before / margin:.3g} times smaller" + (", still inconsistent" if margin > 1 else "")
+
+
+def _reachable_margin(problem: MixedProblem) -> float:
+    """A margin that some system reaches, within 0.1 % (or 0.001) of the smallest."""
+    margin = np.inf
+    for _, margin, gap in margin_path(exact_data(problem)):
+        if gap <= _DIGITS * max(margin, 1.0):
+            break
+    return float(margin)
+
+
+def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProblem:
+    parts = (basis,) if problem.parametric is None else (problem.parametric, basis)
+    return dataclasses.replace(problem, parametric=parts)
+
+
+def _mode_of(poles: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Natural frequency in rad/s and damping ratio of complex poles."""
+    logs = np.log(poles)
+    return np.abs(logs) / dt, -logs.real / np.abs(logs)
+
+
+def _modes(problem: MixedProblem) -> list[tuple[np.ndarray, int]]:
+    """Complex poles of the parametric part, upper half, each with its multiplicity."""
+    poles = np.zeros(0) if problem.parametric is None else problem.parametric.poles
+    left, modes = list(poles[poles.imag > 0]), []
+    while left:
+        same = [a for a in left if abs(a - left[0]) <= _SAME_POLE * (1 - abs(left[0]))]
+        left = [a for a in left if a not in same]
+        modes.append((np.array([np.mean(same)]), len(same)))
+    return modes
+
+
+def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
+    """The next derivative terms k^j a^k of every complex pole pair of the parametric part."""
+    parts = []
+    for pole, count in _modes(problem):
+        chain = kautz(*_mode_of(pole, problem.dt), dt=problem.dt, repeat=count + 1, delay=1)
+        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))
+    return as_basis(parts, problem.dt) if parts else None
+
+
+def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
+    """The pair that the frequency lines ask for most, beside those that are there."""
+    if not problem.frequency:
+        return None
+    omega, value, bound = (
+        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "bound")
+    )
+    poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
+    if 2 * omega.size < 4 * (poles.size + 1) + 4:
+        return None
+    data = FrequencyResponse(omega, value, bound=bound, dt=problem.dt)
+    new = further_mode(data, *_mode_of(poles, problem.dt))
+    text = f"one more pair, at {new[0] / (2 * np.pi):.4g} Hz with damping {new[1]:.2g}"
+    return text, kautz(*new, dt=problem.dt, delay=1)

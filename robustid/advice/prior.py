@@ -1,0 +1,194 @@
+"""A prior from the data: the smallest gain bound at each decay rate, and the knee of that curve."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen, as_array, freeze
+from robustid.errors import InputError, InputTypeError, SolverError
+from robustid.identification.identify import exact_data
+from robustid.interpolation import MixedProblem, Prior
+from robustid.solve import analytic_center, gain_path
+
+_log = logging.getLogger("robustid")
+
+SAFETY = 2.0  # recommended gain bound over the smallest one
+_RATES = 9
+# Gain bounds tried, in units of the largest response in the data; above the last a bound is as good as none.
+_CEILINGS = (8.0, 8e3)
+_NEGLIGIBLE = 0.01  # a rest below this part of the smallest bound can't be told from none
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class PriorSuggestion(Frozen):
+    """The curve of the smallest gain bound against the decay rate, and the prior at its knee.
+
+    Attributes
+    ----------
+    prior : Prior or None
+        Recommended; None where no gain bound makes the data consistent.
+    decay_rates : (R,) array
+        Ascending.
+    gains : (R,) array
+        Smallest K with which the data are consistent (to 0.1 %); 0 where the parametric part alone is, inf where none is.
+    safety : float
+        The gain bound of `prior` is this times the smallest one.
+    reason : str
+        In words.
+    """
+
+    prior: Prior | None
+    decay_rates: np.ndarray
+    gains: np.ndarray
+    safety: float
+    reason: str
+
+    def __post_init__(self) -> None:
+        self._set(decay_rates=freeze(self.decay_rates), gains=freeze(self.gains))
+
+    def summary(self) -> str:
+        """The curve as a table, then the reason."""
+        lines = ["decay rate    smallest K    K rho/(rho^2 - 1)"]
+        for rho, gain in zip(self.decay_rates, self.gains, strict=True):
+            mark = "   <- recommended" if self.prior is not None and rho == self.prior.decay_rate else ""
+            lines.append(f"{rho:10.5g}    {gain:10.4g}    {gain * _slope(rho):10.4g}{mark}")
+        return "\n".join([*lines, self.reason])
+
+
+def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSuggestion:
+    """Recommend gain bound and decay rate: twice the smallest K that the data allow, at the knee of K against rho.
+
+    The smallest K grows with rho, while ``|dG/dz| <= K rho/(rho^2 - 1)`` on the unit circle (Schwarz-Pick) bounds how much G can
+    change between the lines. The knee is the rho with the smallest such slope: below it the decay is given away, beyond
+    it K grows faster than the decay pays.
+
+    Parameters
+    ----------
+    problem : MixedProblem
+        Measurements and parametric part. Its prior is a placeholder: neither K nor rho of it are used.
+    decay_rates : (R,) array, optional
+        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the lines in rad (or
+        one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a rest that
+        decays faster than that is next to a constant, a stronger assumption than a default should make.
+
+    Returns
+    -------
+    PriorSuggestion
+
+    Raises
+    ------
+    InputError
+        A decay rate that is not above 1, or too many coefficients (SizeError).
+    InputTypeError
+        Something that isn't a MixedProblem.
+
+    Notes
+    -----
+    A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
+    they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> from robustid.advice import suggest_prior
+    >>> data = rid.flexible_structure()
+    >>> modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
+    >>> anything = rid.Prior(gain_bound=1.0, decay_rate=1.1)
+    >>> problem = rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=anything)
+    >>> found = suggest_prior(problem, decay_rates=[1.1, 1.3])
+    >>> found.gains, found.prior
+    (array([0., 0.]), Prior(gain_bound=0.06, decay_rate=1.3))
+    """
+    if not isinstance(problem, MixedProblem):
+        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+    rates = _default_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    if rates.size == 0 or rates[0] <= 1:
+        raise InputError(f"`decay_rates` must hold numbers above 1; got {decay_rates!r}")
+    gains = np.full(rates.size, np.inf)
+    for k, rho in enumerate(rates):
+        gains[k] = smallest_gain(problem, float(rho))
+        _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
+        if np.isinf(gains[k]):
+            break  # a larger rho makes the class smaller still
+    prior, reason = _recommend(problem, rates, gains)
+    return PriorSuggestion(prior=prior, decay_rates=rates, gains=gains, safety=SAFETY, reason=reason)
+
+
+def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
+    """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none."""
+    largest, smallest = _sizes(problem)
+    for ceiling in _CEILINGS:
+        K = ceiling * largest
+        data = exact_data(problem.with_prior(gain_bound=K, decay_rate=decay_rate))
+        try:
+            center = analytic_center(data, 1.0)
+        except SolverError:
+            continue
+        kappa = 1.0
+        for _, kappa, gap in gain_path(data, center, 1.0):
+            if gap <= 1e-3 * kappa or kappa * K <= _NEGLIGIBLE * smallest:
+                break
+        return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
+    return np.inf
+
+
+def _sizes(problem: MixedProblem) -> tuple[float, float]:
+    """Largest response in the data and smallest bound, both as a gain (output per input)."""
+    values = [float(np.abs(f.values).max()) for f in problem.frequency]
+    bounds = [float(f.bound.min()) for f in problem.frequency]
+    for record in problem.time:
+        drive = float(np.abs(record.u).max()) or 1.0
+        values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)
+        bounds.append(float(record.bound.min()) / drive)
+    return max(*values, *bounds), min(bounds)
+
+
+def _default_rates(problem: MixedProblem) -> np.ndarray:
+    finest, widest = [], []
+    if problem.angles.size:
+        finest.append(float(problem.angles[-1]) / problem.angles.size / 3)
+        widest.append(float(problem.angles[-1]) / 2)
+    if problem.taylor:
+        finest.append(1 / problem.taylor)
+        widest.append(0.3)
+    high = min(max(widest), 0.3)
+    return 1 + np.geomspace(np.clip(min(finest), high / 300, high / 4), high, _RATES)
+
+
+def _slope(rho: Any) -> Any:
+    return rho / (rho**2 - 1)
+
+
+def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> tuple[Prior | None, str]:
+    usable = np.isfinite(gains)
+    largest, smallest = _sizes(problem)
+    if not usable.any():
+        ceiling = _CEILINGS[-1] * largest
+        return None, (
+            f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
+            " each other (repeated lines, overlapping records) or the parametric part is wrong; check them, or widen the"
+            " bounds"
+        )
+    floor = smallest  # a rest smaller than every bound can't be seen, hence not excluded either
+    cost = np.where(usable, np.maximum(gains, floor) * _slope(rates), np.inf)
+    k = int(np.argmin(cost))
+    prior = Prior(gain_bound=SAFETY * max(float(gains[k]), floor), decay_rate=float(rates[k]))
+    if gains[k] <= floor:
+        what = "the parametric part alone" if gains[k] == 0 else f"a rest of {gains[k]:.3g}, below every bound,"
+        reason = f"{what} fits the data up to decay rate {rates[k]:.5g}: K is {SAFETY:g} times the smallest bound"
+    else:
+        reason = (
+            f"at decay rate {rates[k]:.5g} the slope bound K rho/(rho^2 - 1) is smallest; the smallest K there is"
+            f" {gains[k]:.4g}, recommended {prior.gain_bound:.4g} (safety factor {SAFETY:g})"
+        )
+    if gains[k] > largest:
+        reason += (
+            f". This K exceeds the largest response in the data ({largest:.3g}): the rest is neither small nor smooth, and the"
+            " class says next to nothing between the samples; a mode is missing in the parametric part, or the bounds are"
+            " too tight"
+        )
+    return prior, reason + ". An assumption: data can refute it, never prove it"

@@ -1,0 +1,14 @@
+"""The functions in which systems are described: interpolation bases and parametric bases."""
+
+from robustid.bases.input_normal import InputNormalPair, input_normal_pair, solve_stein
+from robustid.bases.parametric import ParametricBasis, as_basis, kautz, stack_bases
+
+__all__ = [
+    "InputNormalPair",
+    "ParametricBasis",
+    "as_basis",
+    "input_normal_pair",
+    "kautz",
+    "solve_stein",
+    "stack_bases",
+]

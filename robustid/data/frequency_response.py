@@ -1,0 +1,191 @@
+"""Measured frequency responses with the bounds on their errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Channel, Frozen, as_array, as_bound, as_channels, as_positive, freeze
+from robustid.errors import InputError, InputTypeError
+
+# Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
+_NYQUIST_SLACK = 1 + 1e-12
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FrequencyResponse(Frozen):
+    """Samples of a frequency response, each in a complex disc of known radius.
+
+    ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (engineer's convention;
+    ``F(1j*omega[k])`` where `dt` is None).
+
+    Parameters
+    ----------
+    omega : (F,) array, rad/s
+        Frequencies, >= 0, at most pi/dt; sorted on entry together with what belongs to them. One frequency
+        may come several times (repeated measurements).
+    values : (F,) or (F, ny, nu) complex array
+        Response in output units per input unit. Frequency is the first axis; nothing is ever transposed.
+    bound : scalar, (F,) or (F, ny, nu) array, optional
+        Radius of the disc around each value.
+    covariance : (F, ny*nu, ny*nu) complex array, optional
+        E[e e^H] of vec(values[k]) (columns stacked), of the estimate itself: E|e|^2, not per real part.
+    dt : float, optional
+        Sample time in s; None for continuous time.
+    inputs, outputs : sequence of str or (name, unit), optional
+        Channel names and units; ``"current [A]"`` is split.
+    note : str, optional
+        Where the bound comes from, for reports.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        On any wrong shape, NaN, negative bound, frequency above pi/dt.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.9 - 0.3j], bound=0.02, dt=0.01)
+    >>> frf.values.shape, frf.bound.shape
+    ((2, 1, 1), (2, 1, 1))
+    """
+
+    omega: np.ndarray
+    values: np.ndarray
+    _: dataclasses.KW_ONLY
+    bound: Any = None
+    covariance: Any = None
+    dt: float | None = None
+    inputs: Any = None
+    outputs: Any = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        omega = as_array("omega", self.omega, ndim=1)
+        lines = omega.size
+        if lines == 0:
+            raise InputError("`omega` is empty; give at least one frequency")
+        values = as_array("values", self.values, dtype=complex)
+        if values.shape == (lines,):
+            values = values.reshape(lines, 1, 1)
+        if values.ndim != 3 or values.shape[0] != lines or 0 in values.shape:
+            raise InputError(
+                f"`values` must have shape (F,) or (F, ny, nu) with F = {lines} from `omega`; got {values.shape}"
+            )
+        ny, nu = values.shape[1:]
+        if np.any(omega < 0):
+            raise InputError(f"`omega` must be >= 0 (conjugate lines are implied); got {omega.min():g} rad/s")
+        dt = None if self.dt is None else as_positive("dt", self.dt)
+        if dt is not None and omega.max() * dt > np.pi * _NYQUIST_SLACK:
+            raise InputError(
+                f"`omega` must not exceed pi/dt = {np.pi / dt:g} rad/s; got {omega.max():g} rad/s."
+                " Frequencies are in rad/s, not Hz; check `dt` too"
+            )
+        bound = as_bound(self.bound, values.shape, "F")
+        covariance = None
+        if self.covariance is not None:
+            covariance = as_array("covariance", self.covariance, dtype=complex)
+            if covariance.shape != (lines, ny * nu, ny * nu):
+                raise InputError(
+                    f"`covariance` must have shape (F, ny*nu, ny*nu) = {(lines, ny * nu, ny * nu)};"
+                    f" got {covariance.shape}"
+                )
+        if not isinstance(self.note, str):
+            raise InputTypeError(f"`note` must be text; got {type(self.note).__name__}")
+        order = np.argsort(omega, kind="stable")
+        self._set(
+            omega=freeze(omega[order]),
+            values=freeze(values[order]),
+            bound=None if bound is None else freeze(bound[order]),
+            covariance=None if covariance is None else freeze(covariance[order]),
+            dt=dt,
+            inputs=as_channels("inputs", self.inputs, nu, "u"),
+            outputs=as_channels("outputs", self.outputs, ny, "y"),
+        )
+
+    @property
+    def freq_hz(self) -> np.ndarray:
+        """Frequencies in Hz, (F,)."""
+        return self.omega / (2 * np.pi)
+
+    def channel(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
+        """One entry of the matrix, by index or channel name, still with shape (F, 1, 1)."""
+        i, j = channel_index("output", output, self.outputs), channel_index("input", input, self.inputs)
+        pick = (slice(None), slice(i, i + 1), slice(j, j + 1))
+        flat = j * len(self.outputs) + i
+        return dataclasses.replace(
+            self,
+            values=self.values[pick],
+            bound=None if self.bound is None else self.bound[pick],
+            covariance=None if self.covariance is None else self.covariance[:, flat, flat, None, None],
+            inputs=(self.inputs[j],),
+            outputs=(self.outputs[i],),
+        )
+
+    def select(self, lines: Any) -> FrequencyResponse:
+        """Keep some lines: a boolean mask, indices or a slice along the frequency axis."""
+        try:
+            index = np.atleast_1d(np.arange(self.omega.size)[lines])
+        except IndexError as error:
+            raise InputError(f"`lines` doesn't select from {self.omega.size} lines: {error}") from None
+        if index.size == 0:
+            raise InputError(f"`lines` selects none of the {self.omega.size} lines")
+        return dataclasses.replace(
+            self,
+            omega=self.omega[index],
+            values=self.values[index],
+            bound=None if self.bound is None else self.bound[index],
+            covariance=None if self.covariance is None else self.covariance[index],
+        )
+
+    def band(self, low_hz: float, high_hz: float) -> FrequencyResponse:
+        """Keep the lines with ``low_hz <= f <= high_hz``."""
+        inside = (self.freq_hz >= low_hz) & (self.freq_hz <= high_hz)
+        if not np.any(inside):
+            raise InputError(
+                f"no line lies between `low_hz` = {low_hz:g} and `high_hz` = {high_hz:g} Hz; the lines go"
+                f" from {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz"
+            )
+        return self.select(inside)
+
+    def with_bound(self, bound: Any, note: str = "") -> FrequencyResponse:
+        """The same samples with another bound."""
+        return dataclasses.replace(self, bound=bound, note=note or self.note)
+
+    @classmethod
+    def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:
+        """From `control.FrequencyResponseData` (whose arrays are (ny, nu, F)); `options` as for the class."""
+        import control
+
+        if not isinstance(frd, control.FrequencyResponseData):
+            raise InputTypeError(f"`frd` must be a control.FrequencyResponseData; got {type(frd).__name__}")
+        if "dt" not in options:
+            if frd.dt is True:
+                raise InputError("`frd` is of discrete time without a sample time; give `dt` in s")
+            options["dt"] = frd.dt or None
+        return cls(frd.omega, np.moveaxis(frd.frdata, -1, 0), **options)
+
+    def to_control(self) -> Any:
+        """As `control.FrequencyResponseData`."""
+        import control
+
+        return control.FRD(np.moveaxis(self.values, 0, -1), self.omega, dt=0 if self.dt is None else self.dt)
+
+
+def channel_index(name: str, wanted: int | str, channels: tuple[Channel, ...]) -> int:
+    """Index of a channel given by number or by name."""
+    if isinstance(wanted, str):
+        names = [c.name for c in channels]
+        if wanted not in names:
+            raise InputError(f"`{name}` must be one of {names}; got {wanted!r}")
+        return names.index(wanted)
+    try:
+        index = operator.index(wanted)
+    except TypeError:
+        raise InputTypeError(f"`{name}` must be a channel's number or name; got {wanted!r}") from None
+    if not -len(channels) <= index < len(channels):
+        raise InputError(f"`{name}` must be below {len(channels)}; got {index}")
+    return index % len(channels)

@@ -1,0 +1,135 @@
+"""Measured time records with the bounds on their errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
+from robustid.data.frequency_response import channel_index
+from robustid.errors import InputError, InputTypeError
+
+INITIAL = ("rest", "free", "periodic")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TimeRecord(Frozen):
+    """A known input and the measured output, each sample in an interval of known half-width.
+
+    ``y[k] = sum_j f[j] u[k-j] + e[k]``, ``|e[k]| <= bound[k]``, f the impulse response.
+
+    Parameters
+    ----------
+    u : (T,) or (T, nu) array
+        Input at the sample instants (zero-order hold between them). Time is the first axis.
+    y : (T,) or (T, ny) array
+        Output.
+    dt : float
+        Sample time in s.
+    bound : scalar, (T,) or (T, ny) array, optional
+        Half-width of the interval around each output sample; ``inf`` marks a sample that is not used (a known
+        past input before the window of interest, say).
+    reference : (T,) or (T, nr) array, optional
+        External excitation, in closed loop.
+    initial : {"rest", "free", "periodic"}
+        Before the record: at rest (the default); an unknown state; or in periodic steady state, the record
+        being a whole number of periods.
+    past_input_bound : float, optional
+        For ``initial="free"``: a bound on |u| before the record; default max |u| of the record.
+    inputs, outputs : sequence of str or (name, unit), optional
+        Channel names and units.
+    note : str, optional
+        Where the bound comes from, for reports.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.0, 0.5, 0.75, 0.875], dt=0.01, bound=0.01)
+    >>> record.y.shape
+    (4, 1)
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    _: dataclasses.KW_ONLY
+    dt: float
+    bound: Any = None
+    reference: Any = None
+    initial: str = "rest"
+    past_input_bound: float | None = None
+    inputs: Any = None
+    outputs: Any = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        u, y = (_signal(name, getattr(self, name)) for name in ("u", "y"))
+        if u.shape[0] != y.shape[0]:
+            raise InputError(f"`u` and `y` must have the same number of samples; got {u.shape[0]} and {y.shape[0]}")
+        reference = None if self.reference is None else _signal("reference", self.reference)
+        if reference is not None and reference.shape[0] != u.shape[0]:
+            raise InputError(f"`reference` must have T = {u.shape[0]} samples; got {reference.shape[0]}")
+        if self.initial not in INITIAL:
+            raise InputError(f"`initial` must be one of {INITIAL}; got {self.initial!r}")
+        past = self.past_input_bound
+        if past is not None:
+            past = as_float("past_input_bound", past)
+            if past < 0:
+                raise InputError(f"`past_input_bound` must be >= 0; got {past:g}")
+        if not isinstance(self.note, str):
+            raise InputTypeError(f"`note` must be text; got {type(self.note).__name__}")
+        bound = as_bound(self.bound, y.shape, "T", infinite=True)
+        self._set(
+            u=freeze(u),
+            y=freeze(y),
+            dt=as_positive("dt", self.dt),
+            bound=bound,
+            reference=None if reference is None else freeze(reference),
+            past_input_bound=past,
+            inputs=as_channels("inputs", self.inputs, u.shape[1], "u"),
+            outputs=as_channels("outputs", self.outputs, y.shape[1], "y"),
+        )
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample instants in s, (T,), from 0."""
+        return self.dt * np.arange(self.u.shape[0])
+
+    def channel(self, output: int | str = 0, input: int | str = 0) -> TimeRecord:
+        """One output and one input of the record, by index or name; the other inputs must be zero."""
+        i, j = channel_index("output", output, self.outputs), channel_index("input", input, self.inputs)
+        others = np.delete(self.u, j, axis=1)
+        if np.any(others):
+            raise InputError(
+                f"`input` = {self.inputs[j].name!r}: the other inputs of the record are not zero, so that the"
+                " output isn't the response to this one alone"
+            )
+        return dataclasses.replace(
+            self,
+            u=self.u[:, j],
+            y=self.y[:, i],
+            bound=None if self.bound is None else self.bound[:, i],
+            reference=None,
+            inputs=(self.inputs[j],),
+            outputs=(self.outputs[i],),
+        )
+
+    def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
+        """The same samples with another bound."""
+        return dataclasses.replace(self, bound=bound, note=note or self.note)
+
+
+def _signal(name: str, value: Any) -> np.ndarray:
+    array = as_array(name, value)
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2:
+        raise InputError(f"`{name}` must have shape (T,) or (T, channels); got {array.shape}")
+    if 0 in array.shape:
+        raise InputError(f"`{name}` is empty; got shape {array.shape}")
+    if array.shape[1] > array.shape[0]:
+        raise InputError(
+            f"`{name}` has shape {array.shape}: fewer samples than channels. Time is the first axis; transpose it"
+        )
+    return array

@@ -1,0 +1,188 @@
+"""The answer of identify(), with its evidence."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.errors import InconsistentDataError, Status
+from robustid.identification.model import join_model, physical_parameters
+from robustid.identification.verification import Residual, Verification
+from robustid.interpolation import (
+    Interpolants,
+    MarginCertificate,
+    MixedProblem,
+    Prior,
+    interpolants,
+    measurement_rows,
+)
+from robustid.interpolation.sarason import SarasonMap
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Identification(Frozen):
+    """What the data say about the class, and a model.
+
+    Attributes
+    ----------
+    problem : MixedProblem
+    status : Status
+        Its value is a sentence.
+    objective : str
+    margin, margin_lower : float
+        Proven interval of the smallest s with every |residual| <= s * bound: the upper end is reached by a system of
+        the class, the lower end is the value of `certificate`.
+    accuracy : float
+        What was asked of the interval.
+    prior : Prior
+        Of the model: that of the problem, with a smaller gain bound for objective "gain".
+    coefficients : (n,) array
+        Of the non-parametric part, in the orthonormal basis, relative to the gain bound.
+    scaled_parameters : (m,) array
+        As the solvers see them; `parameters` are in the user's units.
+    certificate : MarginCertificate
+    model : control.StateSpace
+        Central interpolant joined with the parametric part, engineer's convention, with dt.
+    verification : Verification
+        Every claim, evaluated again.
+    solver : str
+    timing : dict
+        Seconds per stage.
+    """
+
+    problem: MixedProblem
+    status: Status
+    objective: str
+    margin: float
+    margin_lower: float
+    accuracy: float
+    prior: Prior
+    coefficients: np.ndarray
+    scaled_parameters: np.ndarray
+    certificate: MarginCertificate
+    model: Any
+    verification: Verification
+    solver: str
+    timing: dict[str, float]
+
+    def __post_init__(self) -> None:
+        self._set(coefficients=freeze(self.coefficients), scaled_parameters=freeze(self.scaled_parameters))
+
+    @property
+    def consistent(self) -> bool:
+        """Whether a system of the class keeps every sample within its bound (margin <= 1)."""
+        return self.margin <= 1
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Coefficients of the parametric functions, (m,)."""
+        rows = measurement_rows(self._posed, self._family[0].pair)
+        return freeze(physical_parameters(rows, self.scaled_parameters))
+
+    @property
+    def residuals(self) -> tuple[Residual, ...]:
+        """Data minus model at every sample, one entry per experiment."""
+        return self.verification.residuals
+
+    @property
+    def order(self) -> int:
+        """Number of states of the model."""
+        return self.model.nstates
+
+    @functools.cached_property
+    def _posed(self) -> MixedProblem:
+        """The problem with the prior of the model."""
+        return self.problem.with_prior(gain_bound=self.prior.gain_bound, decay_rate=self.prior.decay_rate)
+
+    @functools.cached_property
+    def _family(self) -> tuple[SarasonMap, Interpolants]:
+        from robustid.bases import input_normal_pair
+
+        problem = self.problem
+        sarason = SarasonMap(input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor))
+        return sarason, interpolants(sarason, self.coefficients)
+
+    def solution(self, E: Any = 0.0) -> Any:
+        """Another model of the class with the same values at the samples.
+
+        Parameters
+        ----------
+        E : float in [-1, 1] or control.StateSpace
+            The free parameter: any function of the unit ball, in the scaled variable zeta = z/rho. 0 gives `model`;
+            these are all systems of the class with these coefficients and parameters.
+
+        Returns
+        -------
+        control.StateSpace
+        """
+        rows = measurement_rows(self._posed, self._family[0].pair)
+        return join_model(self._posed, rows, self._family[1].realise(E), self.scaled_parameters)
+
+    def weyl_disc(self, omega: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
+
+        A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the lines of the data. It does not cover
+        other consistent coefficients.
+        """
+        omega = np.atleast_1d(np.asarray(omega, dtype=float))
+        angles = omega * self.problem.dt
+        K, rho = self.prior.gain_bound, self.prior.decay_rate
+        centre, radius = self._family[1].weyl_disc(np.exp(-1j * angles) / rho)
+        centre = K * centre
+        if self.problem.parametric is not None:
+            centre = centre + self.problem.parametric.response(angles) @ self.parameters
+        return centre, K * radius
+
+    def conflicting_samples(self, share: float = 0.01) -> list[tuple[str, int, float, float]]:
+        """Samples that carry the proof: (kind, experiment, rad/s or s, share), largest first.
+
+        The shares are the weights |l_k| of the certificate, which sum to one. For inconsistent data these samples alone
+        contradict the class; for consistent ones they are what keeps the margin from being smaller.
+        """
+        labels = [(r.kind, r.index, float(at)) for r in self.residuals for at in r.axis]
+        weights = self.certificate.shares
+        order = np.argsort(-weights)
+        return [(*labels[k], float(weights[k])) for k in order if weights[k] >= share]
+
+    def require(self) -> Identification:
+        """The result itself if the data are consistent and every check holds; an exception otherwise."""
+        if not self.consistent:
+            raise InconsistentDataError(f"{self.status.value} (margin {self.margin:.6g} > 1)")
+        if not self.verification.passed:
+            failed = ", ".join(c.name for c in self.verification.checks if not c.holds)
+            raise InconsistentDataError(f"the model failed its verification: {failed}")
+        return self
+
+    def summary(self) -> str:
+        """The result in a dozen lines of plain text."""
+        problem, prior = self.problem, self.problem.prior
+        frequency = sum(f.omega.size for f in problem.frequency)
+        lines = [
+            f"status     {self.status.value}",
+            f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
+            f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
+            f"class      |G| <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
+            + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else ""),
+            f"model      order {self.order}, {self.objective}"
+            + (f", |G| <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),
+        ]
+        lines += [
+            f"{'verified' if check.holds else 'FAILED':<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})"
+            for check in self.verification.checks
+        ]
+        for kind, index, at, share in self.conflicting_samples(0.02)[:6]:
+            place = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
+            lines.append(f"limited by {kind} experiment {index + 1} at {place}: {100 * share:.0f} % of the proof")
+        lines.append("assumed    gain bound, decay rate and parametric poles: data can refute them, never prove them")
+        return "\n".join(lines)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle."""
+        from robustid.identification.storage import save_identification
+
+        save_identification(self, path)

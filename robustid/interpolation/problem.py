@@ -1,0 +1,178 @@
+"""The statement: measurements with bounds, a prior, and a parametric basis."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.bases import as_basis
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError
+from robustid.interpolation.prior import Prior
+
+# Angles closer than this, relatively, are one node with several discs on one value.
+_SAME_ANGLE = 1e-12
+# Lines of a periodic input below this fraction of the largest are rounding noise of the FFT.
+_EXCITED = 1e-12
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class MixedProblem(Frozen):
+    """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
+
+    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` and time samples
+    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound.
+
+    Parameters
+    ----------
+    frequency : FrequencyResponse or sequence of them, optional
+    time : TimeRecord or sequence of them, optional
+        At least one of the two; one input and one output each; one common dt.
+    prior : Prior
+        The class of the non-parametric part.
+    parametric : ParametricBasis, control.StateSpace, or a sequence of them, optional
+        Known functions with free real coefficients (`kautz`); integrators at z = 1 are allowed where no
+        frequency line lies on them.
+
+    Raises
+    ------
+    InputError
+        Missing bounds, different dt, several channels, a line on an integrator, functions that the data
+        cannot tell apart.
+
+    Notes
+    -----
+    Source: `inanc2001` Problem 1.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(3), [1.0, 1.5, 1.75], dt=0.1, bound=0.01)
+    >>> problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2))
+    >>> problem.coefficients
+    3
+    """
+
+    frequency: Any = None
+    time: Any = None
+    prior: Prior
+    parametric: Any = None
+
+    angles: np.ndarray = dataclasses.field(init=False, repr=False)
+    taylor: int = dataclasses.field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        frequency = _experiments("frequency", self.frequency, FrequencyResponse)
+        time = _experiments("time", self.time, TimeRecord)
+        if not frequency and not time:
+            raise InputError("`frequency` and `time` are both missing; give at least one experiment")
+        if not isinstance(self.prior, Prior):
+            raise InputTypeError(f"`prior` must be a Prior; got {type(self.prior).__name__}")
+        _check_same_dt((*frequency, *time))
+        self._set(frequency=frequency, time=time)
+        if self.parametric is not None:
+            self._set(parametric=as_basis(self.parametric, self.dt))
+        self._set(angles=freeze(_merge(self._all_angles())), taylor=self._taylor())
+        self._check_integrators()
+
+    @property
+    def dt(self) -> float:
+        """Sample time in s, common to all experiments."""
+        return float((*self.frequency, *self.time)[0].dt)
+
+    @property
+    def coefficients(self) -> int:
+        """Number n of real coefficients of the non-parametric part: order of the exact form."""
+        return self.taylor + sum(1 if angle in (0.0, np.pi) else 2 for angle in self.angles)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples: one per frequency line and per used time sample."""
+        return sum(f.omega.size for f in self.frequency) + sum(int(np.isfinite(t.bound).sum()) for t in self.time)
+
+    @property
+    def channel(self) -> tuple[Any, Any]:
+        """The (output, input) channels, names and units."""
+        first = (*self.frequency, *self.time)[0]
+        return first.outputs[0], first.inputs[0]
+
+    def with_prior(self, **changes: float) -> MixedProblem:
+        """The same data with another gain bound or decay rate."""
+        return dataclasses.replace(self, prior=dataclasses.replace(self.prior, **changes))
+
+    def node_index(self, angles: np.ndarray) -> np.ndarray:
+        """Index of the node of each angle."""
+        return np.argmin(np.abs(self.angles[None, :] - np.asarray(angles)[:, None]), axis=1)
+
+    def _all_angles(self) -> np.ndarray:
+        angles = [f.omega * self.dt for f in self.frequency]
+        angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
+        return np.concatenate(angles) if angles else np.zeros(0)
+
+    def _taylor(self) -> int:
+        last = [np.flatnonzero(np.isfinite(t.bound[:, 0]))[-1] + 1 for t in self.time if t.initial != "periodic"]
+        return int(max(last, default=0))
+
+    def _check_integrators(self) -> None:
+        if self.parametric is None or not self.parametric.has_integrator:
+            return
+        if np.any(self.angles == 0):
+            raise InputError(
+                "`frequency` has a line at omega = 0, where the integrator of `parametric` is infinite; leave that line out"
+            )
+        if any(t.initial == "periodic" for t in self.time):
+            raise InputError(
+                "`time`: a record in periodic steady state leaves the state of an integrator undetermined;"
+                ' use initial="free", or `estimate_frf` and its lines'
+            )
+
+
+def excited_lines(record: TimeRecord) -> np.ndarray:
+    """DFT lines of the record at which its input is not zero."""
+    spectrum = np.abs(np.fft.rfft(record.u[:, 0]))
+    return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
+
+
+def _experiments(name: str, value: Any, kind: type) -> tuple:
+    if value is None:
+        return ()
+    items = tuple(value) if isinstance(value, Sequence) else (value,)
+    for item in items:
+        if not isinstance(item, kind):
+            raise InputTypeError(f"`{name}` must be a {kind.__name__} or a sequence of them; got {type(item).__name__}")
+        if item.dt is None:
+            raise InputError(
+                f"`{name}` must be discrete-time: give the FrequencyResponse the sample time `dt` of its plant"
+            )
+        _check_single(name, item)
+        if item.bound is None:
+            raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
+        if kind is TimeRecord and not np.any(np.isfinite(item.bound)):
+            raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
+    return items
+
+
+def _check_single(name: str, item: Any) -> None:
+    inputs, outputs = len(item.inputs), len(item.outputs)
+    if (inputs, outputs) != (1, 1):
+        raise InputError(
+            f"`{name}` must have one input and one output; got {outputs} outputs and {inputs} inputs."
+            " Pick one entry with .channel(output, input)"
+        )
+
+
+def _merge(angles: np.ndarray) -> np.ndarray:
+    angles = np.sort(np.where(angles >= np.pi * (1 - _SAME_ANGLE), np.pi, angles))
+    keep = np.ones(angles.size, bool)
+    keep[1:] = np.diff(angles) > _SAME_ANGLE * angles[1:]
+    return angles[keep]
+
+
+def _check_same_dt(items: Sequence[Any]) -> None:
+    steps = [item.dt for item in items]
+    if max(steps) - min(steps) > 1e-9 * max(steps):
+        raise InputError(f"`dt` differs between experiments: {sorted(set(steps))} s; resample to one sample time")

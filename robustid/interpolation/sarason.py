@@ -1,0 +1,58 @@
+"""The convex condition: a function of the unit ball has the data x iff X(x) = g(A) is a contraction."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.bases import InputNormalPair, solve_stein
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SarasonMap(Frozen):
+    """x -> X(x) = g(A), the solution of X - A'XA = c'x, and its symmetric form H = T X.
+
+    A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1. For one channel
+    T X is symmetric, hence the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n.
+
+    Notes
+    -----
+    Source: Sarason; Caratheodory-Fejer for A a shift, Nevanlinna-Pick for distinct nodes. `inanc2001` Theorem 1 is
+    the same condition in a non-orthonormal basis.
+    """
+
+    pair: InputNormalPair
+
+    @functools.cached_property
+    def basis(self) -> np.ndarray:
+        """X(e_j) for every unit vector, shape (n, n, n)."""
+        n = self.pair.order
+        unit = np.zeros((n, n, n))
+        unit[np.arange(n), :, np.arange(n)] = self.pair.c[0]
+        return freeze(solve_stein(self.pair.A.T, self.pair.A, unit))
+
+    @functools.cached_property
+    def symmetry(self) -> np.ndarray:
+        """The T of `InputNormalPair.symmetry`."""
+        return freeze(self.pair.symmetry())
+
+    @functools.cached_property
+    def symmetric_basis(self) -> np.ndarray:
+        """H(e_j) = T X(e_j), symmetrised, shape (n, n, n)."""
+        H = self.symmetry @ self.basis
+        return freeze((H + H.transpose(0, 2, 1)) / 2)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """X(x), directly from its Stein equation."""
+        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """The row v with <v, x> = <Y, X(x)> for all x: v = c S with S - A S A' = Y."""
+        return (self.pair.c @ solve_stein(self.pair.A, self.pair.A.T, Y))[0]
+
+    def norm(self, x: np.ndarray) -> float:
+        """||X(x)||, the smallest gain of any function with these data."""
+        return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0

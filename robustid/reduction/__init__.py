@@ -1,0 +1,21 @@
+"""Smaller models: balanced truncation with its bound, and the continuous model behind a sampled one."""
+
+from robustid.reduction.balanced import (
+    Reduction,
+    ReductionStatus,
+    balanced_truncation,
+    hankel_singular_values,
+)
+from robustid.reduction.continuous import ContinuousModel, to_continuous
+from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
+
+__all__ = [
+    "ContinuousModel",
+    "Reduction",
+    "ReductionStatus",
+    "SearchStatus",
+    "balanced_truncation",
+    "hankel_singular_values",
+    "reduce_within_bounds",
+    "to_continuous",
+]

@@ -1,0 +1,24 @@
+"""What people see: plots, a summary at the terminal, and a report as one HTML page."""
+
+from robustid.report.facts import PoleRow, pole_table
+from robustid.report.html import write_report
+from robustid.report.plots import (
+    plot_frequency_response,
+    plot_hankel,
+    plot_poles,
+    plot_residuals,
+    plot_time_response,
+)
+from robustid.report.text import render_summary
+
+__all__ = [
+    "PoleRow",
+    "plot_frequency_response",
+    "plot_hankel",
+    "plot_poles",
+    "plot_residuals",
+    "plot_time_response",
+    "pole_table",
+    "render_summary",
+    "write_report",
+]

@@ -1,0 +1,15 @@
+"""Who answers the convex question; nothing of what they say is believed without a check of the numbers."""
+
+from robustid.solve.barrier import analytic_center, gain_path, margin_path
+from robustid.solve.conic import Candidate, ConvexData
+from robustid.solve.cvxpy_backend import available_solvers, solve_conic
+
+__all__ = [
+    "Candidate",
+    "ConvexData",
+    "analytic_center",
+    "available_solvers",
+    "gain_path",
+    "margin_path",
+    "solve_conic",
+]

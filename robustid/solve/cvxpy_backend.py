@@ -1,0 +1,153 @@
+"""Semidefinite programs through cvxpy: the only module that knows it."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import InputError, SolverError
+from robustid.interpolation import ClassicalForm
+from robustid.solve.conic import Candidate, ConvexData
+
+_log = logging.getLogger("robustid.solve")
+
+_CLARABEL = {"tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9, "tol_feas": 1e-9, "accept_unknown": True}
+# Settings that ask each solver for more digits than its default, tried in turn. The data are scaled already:
+# Clarabel's own equilibration makes its first step fail on some of these problems.
+_SETTINGS: dict[str, list[dict[str, Any]]] = {
+    "CLARABEL": [_CLARABEL | {"equilibrate_enable": False}, _CLARABEL],
+    "CVXOPT": [{"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}, {}],
+    "SCS": [{"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 50000}],
+}
+_SEMIDEFINITE = ("CLARABEL", "SCS", "CVXOPT", "MOSEK", "SDPA", "COPT")
+_NAMES = {"auto": "CLARABEL", "cvxpy": "CLARABEL"}
+
+
+def available_solvers() -> list[str]:
+    """Installed cvxpy solvers that take semidefinite programs."""
+    import cvxpy as cp
+
+    return [name for name in _SEMIDEFINITE if name in cp.installed_solvers()]
+
+
+def solver_name(solver: str) -> str:
+    """The cvxpy name of a solver, checked."""
+    if not isinstance(solver, str):
+        raise InputError(f'`solver` must be "auto", "cvxpy" or the name of a cvxpy solver; got {solver!r}')
+    name = _NAMES.get(solver, solver.upper())
+    if name not in available_solvers():
+        raise InputError(
+            f'`solver` must be "auto", "cvxpy" or an installed SDP solver {available_solvers()}; got {solver!r}'
+        )
+    return name
+
+
+def solve_conic(
+    data: ConvexData,
+    objective: str,
+    *,
+    solver: str,
+    factor: float = 1.0,
+    classical: ClassicalForm | None = None,
+) -> Candidate:
+    """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
+
+    "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa, |e_k| <= factor * (the bound at K kappa),
+    ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the off-diagonal block of X, a
+    Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
+
+    The status of the solver is not looked at: the caller evaluates the numbers.
+    """
+    import cvxpy as cp
+
+    name = solver_name(solver)
+    y, E, Q, _ = data.stacked
+    n, samples, discs = data.sarason.pair.order, data.rows.y.size, data.rows.discs
+    unknown, q, level = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
+    x = unknown if classical is None else classical.to_orthonormal @ unknown
+    residual = y - E @ x - (Q @ q if Q.shape[1] else 0)
+    if objective == "margin":
+        reach, ball = level * np.ones(samples), 1.0
+    elif objective == "gain":
+        reach, ball = factor * (data.rows.fixed + level * (1 - data.rows.fixed)), level
+    else:
+        reach, ball = factor * np.ones(samples), 1.0
+    limits, cones = [], []
+    if discs:
+        pairs = cp.vstack([residual[:discs], residual[samples:]])
+        limits.append(cp.SOC(reach[:discs], pairs, axis=0))
+    if samples > discs:
+        limits += [residual[discs:samples] <= reach[discs:], -residual[discs:samples] <= reach[discs:]]
+    if n and classical is None:
+        H = cp.reshape(data.sarason.symmetric_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
+        cones = [ball * np.eye(n) - H >> 0, ball * np.eye(n) + H >> 0]
+    elif n and classical is not None:
+        Z = cp.reshape(classical.data_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
+        inverse = np.linalg.inv(classical.gram)
+        cones = [cp.bmat([[ball * inverse, Z], [Z.T, ball * classical.gram]]) >> 0]
+    cost: Any = level
+    if objective == "order":
+        half = n // 2
+        block = data.sarason.basis[:, half:, :half]
+        cost = (
+            cp.normNuc(cp.reshape(block.reshape(n, -1).T @ x, block.shape[1:], order="C")) if half else cp.Constant(0.0)
+        )
+    program = cp.Problem(cp.Minimize(cost), limits + cones)
+    _run(program, name)
+    if unknown.value is None and level.value is None:
+        raise SolverError(
+            f"{name} returned no numbers ({program.status}); try another `solver`, or rescale the problem"
+        )
+    coefficients = np.zeros(0) if not n else np.asarray(x.value)
+    parameters = data.scaled_parameters(np.zeros(0) if q.value is None else np.asarray(q.value))
+    multipliers = _sample_multipliers(limits, samples, discs)
+    return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, data, classical), name)
+
+
+def _run(program: Any, name: str) -> None:
+    from cvxpy.error import SolverError as CvxpyError
+
+    failure: Exception | None = None
+    for settings in _SETTINGS.get(name, [{}]):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # its doubts do not matter: the numbers are checked
+                program.solve(solver=name, **settings)
+        except (CvxpyError, ArithmeticError, ValueError) as error:
+            failure = error
+            continue
+        _log.debug("%s: %s", name, program.status)
+        return
+    raise SolverError(f"{name} failed: {failure}") from None
+
+
+def _sample_multipliers(limits: list, samples: int, discs: int) -> np.ndarray:
+    """Multipliers l with Re<l, e> <= s sum|l|, in the order of the samples."""
+    out = np.zeros(samples, complex)
+    rest = list(limits)
+    if discs:
+        cone = rest.pop(0).dual_value
+        if cone is not None:
+            vector = np.asarray(cone[1])
+            vector = vector if vector.shape == (2, discs) else vector.T
+            out[:discs] = -(vector[0] + 1j * vector[1])
+    if rest and rest[0].dual_value is not None:
+        out[discs:] = np.asarray(rest[0].dual_value) - np.asarray(rest[1].dual_value)
+    return out
+
+
+def _ball_multiplier(cones: list, data: ConvexData, classical: ClassicalForm | None) -> np.ndarray:
+    """Y with <Y, X> <= ||Y||_* on the ball, from the multipliers of the semidefinite blocks."""
+    n = data.sarason.pair.order
+    if not cones or any(c.dual_value is None for c in cones):
+        return np.zeros((n, n))
+    if classical is None:
+        # <Z1, I - H> + <Z2, I + H> >= 0 with H = T X.
+        return data.sarason.symmetry @ (np.asarray(cones[0].dual_value) - np.asarray(cones[1].dual_value))
+    # [M0^{-1} Z; Z' M0] = F [I X; X' I] F' with F = diag(V^{-1}, V'): move the multiplier to the orthonormal basis.
+    inverse = np.linalg.inv(classical.V)
+    upper = np.asarray(cones[0].dual_value)[:n, n:]
+    return -2 * inverse.T @ upper @ classical.V.T

@@ -1,0 +1,17 @@
+import os
+import pathlib
+import sys
+
+import pytest
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+
+
+def pytest_collection_modifyitems(items):
+    if os.environ.get("ROBUSTID_DATA"):
+        return
+    missing = pytest.mark.skip(reason="ROBUSTID_DATA is not set: measured data are not part of this repository")
+    for item in items:
+        if "realdata" in item.keywords:
+            item.add_marker(missing)

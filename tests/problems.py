@@ -1,0 +1,116 @@
+"""Random problems with a known truth, and a judge that shares no formula with the library."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+
+import robustid as rid
+
+CASES = ("time", "frequency", "mixed", "parametric")
+
+
+def small_part(rng, gain: float, decay_rate: float):
+    """A random G of the class as (numerator, denominator) in the delay: poles outside |z| < rho, |G| <= K there."""
+    poles = decay_rate * rng.uniform(1.15, 2.0, 2) * np.exp(1j * rng.uniform(0.2, 3.0, 2))
+    denominator = np.real(np.poly(np.concatenate([poles, poles.conj()])))[::-1]  # rising powers of z
+    denominator /= denominator[0]
+    numerator = rng.standard_normal(4)
+    z = decay_rate * np.exp(1j * np.linspace(0, np.pi, 4000))
+    peak = np.abs(np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)).max()
+    return numerator * gain * rng.uniform(0.3, 0.9) / (peak * 1.001), denominator
+
+
+def random_problem(
+    seed: int, case: str, coefficients: int, *, noise: float = 0.9, gain: float = 1.0, spread: float = 1.0
+):
+    """A problem of about so many coefficients; `noise` <= 1 keeps the truth inside the bounds (`spread` scales them)."""
+    rng = np.random.default_rng([seed, CASES.index(case)])
+    dt, rho = 0.01, rng.uniform(1.02, 1.3)
+    numerator, denominator = small_part(rng, gain, rho)
+    basis = weights = None
+    if case == "parametric":
+        basis = rid.kautz(2 * np.pi * rng.uniform(5, 30), rng.uniform(0.003, 0.05), dt=dt, delay=1)
+        weights = rng.standard_normal(2) * gain * 3
+    lines = {"time": 0, "frequency": coefficients // 2}.get(case, coefficients // 4)
+    samples = coefficients - 2 * lines
+    frequency = time = None
+    if lines:
+        angle = np.sort(rng.uniform(0.05, 3.0, lines))
+        z = np.exp(-1j * angle)
+        F = np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)
+        if basis is not None:
+            F = F + basis.response(angle) @ weights
+        bound = spread * gain * rng.uniform(0.01, 0.1, lines)
+        error = noise * bound * np.sqrt(rng.uniform(0, 1, lines)) * np.exp(2j * np.pi * rng.uniform(0, 1, lines))
+        frequency = rid.FrequencyResponse(angle / dt, F + error, bound=bound, dt=dt)
+    if samples:
+        from scipy.signal import lfilter
+
+        u = np.sign(rng.standard_normal(samples)) + 0.3 * rng.standard_normal(samples)
+        f = lfilter(numerator, denominator, np.eye(1, samples)[0])
+        if basis is not None:
+            f = f + basis.impulse(samples) @ weights
+        bound = spread * gain * rng.uniform(0.02, 0.2, samples)
+        y = np.convolve(u, f)[:samples] + noise * bound * rng.uniform(-1, 1, samples)
+        time = rid.TimeRecord(u, y, dt=dt, bound=bound)
+    prior = rid.Prior(gain_bound=gain, decay_rate=rho)
+    return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis)
+
+
+def judge_margin(problem: rid.MixedProblem) -> float:
+    """The margin from Theorem 1 of Inanc et al. as printed: complex nodes with their conjugates, M0, and Clarabel.
+
+    Shares neither basis nor reduction to real form with the library; one frequency and one time experiment at most.
+    """
+    import cvxpy as cp
+
+    K, rho, dt = problem.prior.gain_bound, problem.prior.decay_rate, problem.dt
+    frf = problem.frequency[0] if problem.frequency else None
+    record = problem.time[0] if problem.time else None
+    z = np.exp(-1j * frf.omega * dt) if frf else np.zeros(0)
+    z, lines = np.concatenate([z, z.conj()]), z.size
+    samples = record.u.shape[0] if record else 0
+    k = np.arange(samples)
+    Q = 1 / (1 - np.outer(z.conj(), z) * rho**-2.0)
+    S = z.conj()[:, None] ** k * rho ** (-2.0 * k)
+    M0 = np.block([[Q, S], [S.conj().T, np.diag(rho ** (-2.0 * k))]])
+    root = np.linalg.cholesky(M0).conj().T  # M0 = root^H root
+    back = np.linalg.inv(root)
+    s, p = cp.Variable(), cp.Variable(0 if problem.parametric is None else problem.parametric.size)
+    limits, terms = [], []
+    size = 2 * lines + samples
+    if lines:
+        re, im = cp.Variable(lines), cp.Variable(lines)
+        unit = np.eye(size)
+        for i in range(lines):
+            a, b = np.outer(unit[i], unit[i]), np.outer(unit[lines + i], unit[lines + i])
+            terms += [(re[i], a + b), (im[i], 1j * a - 1j * b)]
+        F = [re, im]
+        if problem.parametric is not None:
+            P = problem.parametric.response(frf.omega * dt)
+            F = [re + P.real @ p, im + P.imag @ p]
+        y, bound = frf.values[:, 0, 0], frf.bound[:, 0, 0]
+        limits.append(cp.norm(cp.vstack([(y.real - F[0]) / bound, (y.imag - F[1]) / bound]), 2, axis=0) <= s)
+    if samples:
+        g = cp.Variable(samples)
+        for j in range(samples):
+            shift = np.zeros((size, size))
+            shift[2 * lines :, 2 * lines :] = np.eye(samples, k=j)
+            terms.append((g[j], shift))
+        U = np.array([[record.u[i - j, 0] if i >= j else 0.0 for j in range(samples)] for i in range(samples)])
+        f = g if problem.parametric is None else g + problem.parametric.impulse(samples) @ p
+        limits.append(cp.abs((record.y[:, 0] - U @ f) / record.bound[:, 0]) <= s)
+    # ||root X back|| <= K, in real form.
+    X = 0
+    for unknown, pattern in terms:
+        full = root @ pattern @ back
+        X = X + unknown * np.block([[full.real, -full.imag], [full.imag, full.real]])
+    limits.append(cp.sigma_max(X) <= K)
+    program = cp.Problem(cp.Minimize(s), limits)
+    program.solve(solver="CLARABEL", tol_gap_abs=1e-9, tol_gap_rel=1e-9, tol_feas=1e-9, accept_unknown=True)
+    return float(s.value)
+
+
+def truth_response(model: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    return model(np.exp(1j * omega * model.dt))

@@ -1,0 +1,128 @@
+"""One thing broken per test: a sentence that names the argument and says what to do."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+
+PRIOR = rid.Prior(gain_bound=1.0, decay_rate=1.1)
+FRF = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
+RECORD = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
+
+
+def problem(**changes):
+    return rid.MixedProblem(**({"frequency": FRF, "prior": PRIOR} | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"decay_rate": 1.0}, "decay_rate.*exceed 1"),
+        ({"decay_rate": 0.9}, "decay_rate.*exceed 1"),
+        ({"gain_bound": 0.0}, "gain_bound.*positive"),
+        ({"gain_bound": -1.0}, "gain_bound.*positive"),
+        ({"gain_bound": np.nan}, "gain_bound.*finite"),
+        ({"gain_bound": np.inf}, "gain_bound.*finite"),
+    ],
+)
+def test_prior(changes, words):
+    with pytest.raises(rid.InputError, match=words):
+        rid.Prior(**({"gain_bound": 1.0, "decay_rate": 1.1} | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"frequency": None}, rid.InputError, "both missing"),
+        ({"frequency": []}, rid.InputError, "both missing"),
+        ({"frequency": np.ones(3)}, rid.InputTypeError, "FrequencyResponse"),
+        ({"frequency": RECORD}, rid.InputTypeError, "FrequencyResponse"),
+        ({"frequency": rid.FrequencyResponse([1.0], [1.0], dt=0.1)}, rid.InputError, "bound"),
+        ({"frequency": rid.FrequencyResponse([1.0], [1.0], bound=1.0)}, rid.InputError, "dt"),
+        (
+            {"frequency": rid.FrequencyResponse([1.0], np.ones((1, 2, 2)), bound=1.0, dt=0.1)},
+            rid.InputError,
+            "channel",
+        ),
+        ({"time": rid.TimeRecord([1.0], [1.0], dt=0.1)}, rid.InputError, "time.*bound"),
+        ({"time": rid.TimeRecord([1.0], [1.0], dt=0.2, bound=1.0)}, rid.InputError, "dt.*differs"),
+        ({"time": rid.TimeRecord([1.0], [1.0], dt=0.1, bound=np.inf)}, rid.InputError, "no sample"),
+        ({"prior": 1.1}, rid.InputTypeError, "prior"),
+        ({"parametric": rid.kautz(1.0, 0.1, dt=0.2)}, rid.InputError, "dt"),
+    ],
+)
+def test_problem(changes, error, words):
+    with pytest.raises(error, match=words):
+        problem(**changes)
+
+
+def test_linearly_dependent_basis_is_named():
+    pair = rid.kautz(10.0, 0.1, dt=0.1)
+    with pytest.raises(rid.InputError, match=r"apart.*Re 1\.592 Hz"):
+        rid.identify(problem(parametric=[pair, pair], time=RECORD))
+
+
+def test_more_functions_than_samples_is_the_same_mistake():
+    with pytest.raises(rid.InputError, match="parametric"):
+        rid.identify(problem(parametric=rid.kautz([1.0, 3.0, 5.0], 0.1, dt=0.1)))
+
+
+def test_a_function_that_no_sample_sees():
+    late = rid.kautz(10.0, 0.1, dt=0.1, delay=9)
+    with pytest.raises(rid.InputError, match="does not act"):
+        rid.identify(problem(frequency=None, time=RECORD, parametric=late))
+
+
+def test_ten_thousand_samples_are_refused_at_once():
+    record = rid.TimeRecord(np.ones(10_000), np.ones(10_000), dt=0.1, bound=0.1)
+    with pytest.raises(rid.SizeError, match=r"10000 coefficients.*[Tt]hin"):
+        rid.identify(problem(frequency=None, time=record))
+
+
+def test_a_general_solver_is_refused_where_it_would_take_hours():
+    record = rid.TimeRecord(np.ones(150), np.ones(150), dt=0.1, bound=0.1)
+    with pytest.raises(rid.SizeError, match="auto"):
+        rid.identify(problem(frequency=None, time=record), solver="cvxpy")
+
+
+def test_one_sample_is_enough():
+    one = rid.FrequencyResponse([1.0], [0.5 - 0.1j], bound=0.1, dt=0.1)
+    assert rid.identify(problem(frequency=one)).consistent
+    first = rid.TimeRecord([1.0], [0.5], dt=0.1, bound=0.1)
+    result = rid.identify(problem(frequency=None, time=first))
+    assert result.consistent
+    assert result.model.nstates == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"objective": "best"}, rid.InputError, "objective"),
+        ({"solver": "NO_SUCH"}, rid.InputError, "installed SDP solver"),
+        ({"solver": 3}, rid.InputError, "solver"),
+        ({"accuracy": 0.0}, rid.InputError, "accuracy"),
+        ({"form": "pick"}, rid.InputError, "form"),
+    ],
+)
+def test_identify(changes, error, words):
+    with pytest.raises(error, match=words):
+        rid.identify(problem(), **changes)
+
+
+def test_identify_wants_a_problem():
+    with pytest.raises(rid.InputTypeError, match="MixedProblem"):
+        rid.identify(FRF)
+
+
+@pytest.mark.parametrize("E", [1.5, np.nan, "central"])
+def test_free_parameter(E):
+    with pytest.raises((rid.InputError, rid.InputTypeError), match="E"):
+        rid.identify(problem()).solution(E)
+
+
+def test_absurd_bounds_have_a_clear_outcome():
+    tight = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=1e-300, dt=0.1)
+    with pytest.raises(rid.InputError, match="bound"):
+        rid.identify(problem(frequency=tight, parametric=rid.kautz(3.0, 0.1, dt=0.1, delay=1)))
+    loose = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=1e12, dt=0.1)
+    assert rid.identify(problem(frequency=loose)).consistent

@@ -1,0 +1,208 @@
+"""The simulated structure against its stated properties, and the measured data that others published."""
+
+import copy
+import hashlib
+import os
+import pathlib
+
+import control
+import numpy as np
+import pytest
+
+from robustid.data import TimeRecord, datasets, estimate_frf, flexible_structure
+from robustid.errors import DatasetNotFoundError, FileFormatError, InputError, InputTypeError, RobustIdError
+
+TWO_MASS = "two_mass/MultisineTypeA.mat"
+realdata = [
+    pytest.mark.realdata,
+    pytest.mark.skipif(not os.environ.get("ROBUSTID_DATA"), reason="ROBUSTID_DATA names no folder of measured data"),
+]
+
+
+def continuous_response(omega):
+    """The two modes in s, written out."""
+    s, total = 1j * omega, 0
+    for hz, damping, gain in ((9.0, 0.1, 0.9), (17.67, 0.004, 0.0594)):
+        w = 2 * np.pi * hz
+        total = total + gain * w**2 / (s**2 + 2 * damping * w * s + w**2)
+    return total
+
+
+def test_truth_is_the_zero_order_hold_of_the_stated_modes():
+    dt, truth = 0.01, flexible_structure().truth
+    assert truth.dt == dt
+    for hz in (0.5, 9.0, 17.67, 30.0):
+        w = 2 * np.pi * hz
+        # the hold's sum over its aliases: (1 - 1/z) sum_k G(s_k) / (s_k dt), s_k = j(w + 2 pi k/dt)
+        aliases = w + 2 * np.pi * np.arange(-20000, 20001) / dt
+        sampled = (1 - np.exp(-1j * w * dt)) * np.sum(continuous_response(aliases) / (1j * aliases * dt))
+        assert complex(truth(np.exp(1j * w * dt))) == pytest.approx(sampled, rel=1e-9)
+
+
+def test_modes_peak_and_static_gain():
+    experiment = flexible_structure()
+    poles = np.log(np.linalg.eigvals(experiment.truth.A)) / 0.01
+    found = sorted({(round(abs(p), 9), round(-p.real / abs(p), 9)) for p in poles})
+    np.testing.assert_allclose(found, experiment.modes, rtol=1e-6)
+    np.testing.assert_allclose(experiment.modes, [[2 * np.pi * 9, 0.1], [2 * np.pi * 17.67, 0.004]])
+    omega = 2 * np.pi * np.linspace(17.4, 17.9, 2001)
+    assert np.max(control.frequency_response(experiment.truth, omega).magnitude) == pytest.approx(7.1, abs=0.01)
+    assert control.dcgain(experiment.truth) == pytest.approx(0.9594)
+
+
+@pytest.mark.parametrize("bound", [0.03, 0.03 * 2.0**30])
+def test_every_sample_lies_within_its_bound_of_the_truth(bound):
+    """And the errors fill the bounds: 100 seeds, 1100 lines and 2000 samples."""
+    truth, disc, interval = flexible_structure().truth, [], []
+    step, x = [], np.zeros((4, 1))
+    for _ in range(20):
+        step.append((truth.C @ x)[0, 0])
+        x = truth.A @ x + truth.B
+    for seed in range(100):
+        experiment = flexible_structure(seed=seed, bound=bound)
+        frf, record = experiment.frequency, experiment.time
+        values = control.frequency_response(truth, frf.omega).frdata[0, 0]
+        disc.append(np.abs(frf.values[:, 0, 0] - values) / bound)
+        interval.append((record.y[:, 0] - step) / bound)
+    rounding = 1e-13 / bound
+    assert np.max(disc) <= 1 + rounding
+    assert np.max(np.abs(interval)) <= 1 + rounding
+    if bound == 0.03:
+        # uniform in the disc: P(|e| < r) = r^2; in the interval: P(|e| < r) = r; 4 sigma
+        assert np.mean(np.array(disc) < 0.5) == pytest.approx(0.25, abs=4 * np.sqrt(0.25 * 0.75 / 1100))
+        assert np.mean(np.abs(interval) < 0.5) == pytest.approx(0.5, abs=4 * np.sqrt(0.25 / 2000))
+
+
+def test_default_data():
+    experiment = flexible_structure()
+    np.testing.assert_allclose(experiment.frequency.freq_hz, np.arange(1, 22, 2))
+    assert np.all(experiment.frequency.bound == 0.03)
+    assert np.all(experiment.time.bound == 0.03)
+    assert experiment.time.u.ravel().tolist() == [1.0] * 20
+    assert experiment.time.initial == "rest"
+    assert str(experiment.time.outputs[0]) == "displacement [mm]"
+    assert str(experiment.frequency.inputs[0]) == "force [N]"
+
+
+def test_more_lines_leave_the_other_data_as_they_are():
+    few, many = flexible_structure(seed=4), flexible_structure(seed=4, extra_hz=[17.2, 17.67])
+    np.testing.assert_array_equal(few.time.y, many.time.y)
+    kept = np.isin(many.frequency.omega, few.frequency.omega)
+    np.testing.assert_array_equal(many.frequency.values[kept], few.frequency.values)
+    assert many.frequency.omega.size == 13
+    assert not np.array_equal(few.time.y, flexible_structure(seed=5).time.y)
+
+
+def test_a_copy_of_the_experiment_is_equal_and_read_only():
+    experiment = flexible_structure(samples=1, lines=1)
+    again = copy.deepcopy(experiment)
+    np.testing.assert_array_equal(again.frequency.values, experiment.frequency.values)
+    np.testing.assert_array_equal(again.truth.A, experiment.truth.A)
+    with pytest.raises(ValueError, match="read-only"):
+        again.modes[0, 0] = 0
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "sentence"),
+    [
+        ({"lines": 0}, InputError, "`lines` must be at least 1; got 0"),
+        ({"samples": 0}, InputError, "`samples` must be at least 1; got 0"),
+        ({"samples": 2.5}, InputTypeError, "`samples` must be an integer"),
+        ({"bound": 0}, InputError, "`bound` must be positive; got 0"),
+        ({"dt": -1}, InputError, "`dt` must be positive; got -1"),
+        ({"dt": 0.03}, InputError, r"`dt` = 0\.03 s allows frequencies up to 16\.6667 Hz; got 21 Hz"),
+        ({"extra_hz": [51]}, InputError, "allows frequencies up to 50 Hz; got 51 Hz"),
+        ({"extra_hz": 17.0}, InputError, "`extra_hz` must have 1 dimension"),
+    ],
+)
+def test_flexible_structure_refuses(options, error, sentence):
+    with pytest.raises(error, match=sentence):
+        flexible_structure(**options)
+
+
+# --- published data
+
+
+def test_every_known_file_has_an_origin_a_licence_and_a_checksum():
+    assert TWO_MASS in datasets.DATASETS
+    for name, known in datasets.DATASETS.items():
+        assert "@" in known.origin, name
+        assert known.licence
+        assert len(bytes.fromhex(known.sha256)) == 32
+    assert len({known.sha256 for known in datasets.DATASETS.values()}) == len(datasets.DATASETS)
+
+
+def test_absent_files_say_where_to_get_them(monkeypatch, tmp_path):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    sentence = r"names, not set now: get it from .*HoriFujimotoLab/FdiTools @5925fae7.*\(MIT\).*set ROBUSTID"
+    with pytest.raises(DatasetNotFoundError, match=sentence) as caught:
+        datasets.find(TWO_MASS)
+    assert isinstance(caught.value, RobustIdError)
+    assert isinstance(caught.value, FileNotFoundError)
+    monkeypatch.setenv("ROBUSTID_DATA", str(tmp_path))
+    with pytest.raises(DatasetNotFoundError, match=r"is not in .*: get it from"):
+        datasets.load(TWO_MASS)
+    with pytest.raises(InputError, match=r"`name` must be one of .* got 'two_mass'"):
+        datasets.find("two_mass")
+
+
+def test_a_changed_file_is_found_out(monkeypatch, tmp_path):
+    monkeypatch.setenv("ROBUSTID_DATA", str(tmp_path))
+    path = tmp_path / TWO_MASS
+    path.parent.mkdir()
+    path.write_bytes(b"something else")
+    assert datasets.find(TWO_MASS) == path
+    with pytest.raises(FileFormatError, match=r"differs from the published file \(SHA-256\)"):
+        datasets.find(TWO_MASS, verify=True)
+    monkeypatch.setitem(
+        datasets.DATASETS,
+        TWO_MASS,
+        datasets.Dataset("", "", "", hashlib.sha256(b"something else").hexdigest()),
+    )
+    assert datasets.find(TWO_MASS, verify=True) == path
+
+
+class TestMeasured:
+    pytestmark = realdata
+
+    @pytest.mark.parametrize("name", sorted(datasets.DATASETS))
+    def test_checksums(self, name):
+        if not pathlib.Path(os.environ["ROBUSTID_DATA"], name).is_file():
+            pytest.skip(f"{name} is not in the folder that ROBUSTID_DATA names")
+        assert datasets.find(name, verify=True).name == pathlib.Path(name).name
+
+    def test_torsion_of_the_two_mass_bench(self):
+        """Read from the file: a peak of 0.026 at 77 Hz, 0.001 at 11 Hz, 240 lines from 11 to 250 Hz."""
+        record = datasets.load(TWO_MASS)
+        assert record.u.shape == (50000, 1)
+        assert [c.name for c in record.outputs] == ["theta_mx", "theta_my"]
+        torsion = TimeRecord(
+            record.u,
+            record.y.sum(axis=1),
+            dt=record.dt,
+            reference=record.reference,
+            initial=record.initial,
+            outputs=["torsion [rad]"],
+        )
+        frf = estimate_frf(torsion, period=2500)
+        np.testing.assert_allclose(frf.freq_hz, np.arange(11, 251))
+        gain = np.abs(frf.values[:, 0, 0])
+        assert frf.freq_hz[np.argmax(gain)] == 77
+        assert gain.max() == pytest.approx(0.026, rel=0.01)
+        assert gain[0] == pytest.approx(0.001, rel=0.02)
+        assert "20 periods" in frf.note
+        # The first period holds a transient: without it the bound is less than half as wide.
+        settled = TimeRecord(torsion.u[2500:], torsion.y[2500:], dt=record.dt, initial="periodic")
+        after = estimate_frf(settled, period=2500)
+        assert np.median(after.bound / np.abs(after.values)) < 0.5 * np.median(frf.bound[:, 0, 0] / gain)
+        np.testing.assert_allclose(after.freq_hz, frf.freq_hz)
+
+    @pytest.mark.parametrize("name", ["beam_ring/symexc_1.mat", "beam_ring/asymexc_1.mat"])
+    def test_beam_records(self, name):
+        record = datasets.load(name)
+        assert record.u.shape == record.y.shape == (120001, 2)
+        assert record.dt == 1e-3
+
+    def test_models_are_no_records(self):
+        with pytest.raises(InputError, match="is no record of one experiment"):
+            datasets.load("slicot/build.mat")

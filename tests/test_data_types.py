@@ -1,0 +1,296 @@
+"""The two data classes: what they accept, what they refuse in which words, and that nothing changes them."""
+
+import copy
+import pickle
+
+import control
+import numpy as np
+import pytest
+
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError, RobustIdError
+
+OMEGA = np.array([1.0, 2.0, 5.0])
+
+
+def mimo(**options):
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((3, 2, 3)) + 1j * rng.standard_normal((3, 2, 3))
+    root = rng.standard_normal((3, 6, 6)) + 1j * rng.standard_normal((3, 6, 6))
+    given = {
+        "bound": rng.uniform(0.1, 1, (3, 2, 3)),
+        "covariance": root @ root.conj().swapaxes(1, 2),
+        "dt": 0.1,
+        "inputs": ["a [N]", "b [V]", "c"],
+        "outputs": ["x [mm]", ("y", "rad")],
+        "note": "made up",
+    }
+    return FrequencyResponse(OMEGA, values, **{**given, **options})
+
+
+def two_by_two(**options):
+    rng = np.random.default_rng(2)
+    given = {"dt": 0.5, "bound": rng.uniform(0.1, 1, (5, 2)), "inputs": ["a", "b"], "outputs": ["x", "y"]}
+    return TimeRecord(np.outer(np.arange(5), [1, 0]), rng.standard_normal((5, 2)), **{**given, **options})
+
+
+# --- FrequencyResponse
+
+
+@pytest.mark.parametrize(
+    ("omega", "values", "options", "error", "sentence"),
+    [
+        ([], [], {}, InputError, "`omega` is empty"),
+        (None, [1], {}, InputTypeError, "`omega` is required"),
+        ([[1.0]], [1], {}, InputError, r"`omega` must have 1 dimension; got shape \(1, 1\)"),
+        ([1.0, np.nan], [1, 1], {}, InputError, r"`omega` must be finite; got nan at index \(1,\)"),
+        ([-1.0, 1.0], [1, 1], {}, InputError, "`omega` must be >= 0"),
+        ([1 + 1j], [1], {}, InputTypeError, "`omega` must be real"),
+        (["one"], [1], {}, InputTypeError, "`omega` must be an array of numbers"),
+        ([1.0, 32.0], [1, 1], {"dt": 0.1}, InputError, "must not exceed pi/dt = 31.4159 rad/s; got 32 rad/s"),
+        ([1.0, 2.0], [1], {}, InputError, r"with F = 2 from `omega`; got \(1,\)"),
+        ([1.0, 2.0], np.ones((2, 2)), {}, InputError, r"got \(2, 2\)"),
+        ([1.0, 2.0, 3.0], np.ones((2, 2, 3)), {}, InputError, r"got \(2, 2, 3\)"),
+        ([1.0], np.ones((1, 0, 1)), {}, InputError, r"got \(1, 0, 1\)"),
+        ([1.0], [np.inf], {}, InputError, "`values` must be finite"),
+        ([1.0], [[1, 2], [3]], {}, InputTypeError, "`values` must be an array of numbers; got list"),
+        ([1.0], [1], {"dt": 0}, InputError, "`dt` must be positive; got 0"),
+        ([1.0], [1], {"dt": np.nan}, InputError, "`dt` must be finite"),
+        ([1.0], [1], {"dt": [0.1, 0.2]}, InputTypeError, "`dt` must be one number"),
+        ([1.0], [1], {"bound": 0}, InputError, "`bound` must be positive"),
+        ([1.0], [1], {"bound": -1}, InputError, "`bound` must be positive"),
+        ([1.0], [1], {"bound": np.nan}, InputError, "`bound` must be finite"),
+        ([1.0], [1], {"bound": np.inf}, InputError, "`bound` must be finite"),
+        ([1.0, 2.0], [1, 1], {"bound": [1, 1, 1]}, InputError, r"`bound` must be a scalar or have shape"),
+        ([1.0], [1], {"covariance": [1.0]}, InputError, r"`covariance` must have shape .* = \(1, 1, 1\)"),
+        ([1.0], [1], {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 channel;"),
+        ([1.0], [1], {"outputs": [3]}, InputTypeError, "`outputs` must hold names"),
+        ([1.0], [1], {"note": 3}, InputTypeError, "`note` must be text; got int"),
+    ],
+)
+def test_frequency_response_refuses(omega, values, options, error, sentence):
+    with pytest.raises(error, match=sentence) as caught:
+        FrequencyResponse(omega, values, **options)
+    assert isinstance(caught.value, RobustIdError)
+
+
+def test_frequency_response_sorts_everything_together():
+    frf, order = mimo(), [2, 0, 1]
+    shuffled = FrequencyResponse(
+        frf.omega[order],
+        frf.values[order],
+        bound=frf.bound[order],
+        covariance=frf.covariance[order],
+        dt=0.1,
+    )
+    for name in ("omega", "values", "bound", "covariance"):
+        np.testing.assert_array_equal(getattr(shuffled, name), getattr(frf, name))
+
+
+def test_a_frequency_may_come_twice_and_nyquist_is_allowed():
+    frf = FrequencyResponse([np.pi / 0.1, 1.0, 1.0], [3, 1, 2], dt=0.1)
+    np.testing.assert_array_equal(frf.values.ravel(), [1, 2, 3])
+
+
+def test_bound_per_line_spreads_over_entries():
+    frf = mimo(bound=[1, 2, 3])
+    np.testing.assert_array_equal(frf.bound, np.broadcast_to(np.array([1, 2, 3])[:, None, None], (3, 2, 3)))
+
+
+def test_channel_picks_value_bound_covariance_and_names():
+    frf = mimo()
+    entry = frf.channel("y", 1)
+    assert entry.values.shape == (3, 1, 1)
+    np.testing.assert_array_equal(entry.values[:, 0, 0], frf.values[:, 1, 1])
+    np.testing.assert_array_equal(entry.bound[:, 0, 0], frf.bound[:, 1, 1])
+    # vec stacks columns: entry (1, 1) of a 2 x 3 matrix is number 3
+    np.testing.assert_array_equal(entry.covariance[:, 0, 0], frf.covariance[:, 3, 3])
+    assert [str(c) for c in entry.inputs + entry.outputs] == ["b [V]", "y [rad]"]
+    assert (entry.dt, entry.note) == (0.1, "made up")
+    np.testing.assert_array_equal(frf.channel(-1, -2).values, entry.values)
+
+
+@pytest.mark.parametrize(
+    ("output", "error", "sentence"),
+    [
+        ("z", InputError, r"`output` must be one of \['x', 'y'\]; got 'z'"),
+        (2, InputError, "`output` must be below 2; got 2"),
+        (-3, InputError, "`output` must be below 2; got -3"),
+        (0.5, InputTypeError, "`output` must be a channel's number or name; got 0.5"),
+        (None, InputTypeError, "`output` must be a channel's number or name; got None"),
+    ],
+)
+def test_channel_refuses(output, error, sentence):
+    with pytest.raises(error, match=sentence):
+        mimo().channel(output, 0)
+    with pytest.raises(error, match=sentence):
+        two_by_two().channel(output, 0)
+
+
+@pytest.mark.parametrize("lines", [[0, 2], [True, False, True], slice(None, None, 2), np.array([2, 0])])
+def test_select(lines):
+    frf = mimo()
+    some = frf.select(lines)
+    for name in ("omega", "values", "bound", "covariance"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(frf, name)[[0, 2]])
+    assert (some.inputs, some.outputs, some.dt) == (frf.inputs, frf.outputs, frf.dt)
+
+
+def test_select_one_line_by_its_number():
+    assert mimo().select(1).omega.tolist() == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        (7, "doesn't select from 3 lines"),
+        ([True, False], "doesn't select from 3"),
+        ([], "selects none"),
+        ("x", "doesn't select"),
+    ],
+)
+def test_select_refuses(lines, sentence):
+    with pytest.raises(InputError, match=sentence):
+        mimo().select(lines)
+
+
+def test_band_is_in_hz_and_includes_its_ends():
+    frf = FrequencyResponse(2 * np.pi * np.arange(1.0, 6.0), np.arange(5))
+    assert frf.band(2, 4).values.real.ravel().tolist() == [1, 2, 3]
+    with pytest.raises(InputError, match=r"no line lies between `low_hz` = 7 and `high_hz` = 9 Hz"):
+        frf.band(7, 9)
+
+
+def test_with_bound_keeps_the_rest():
+    frf = mimo()
+    wider = frf.with_bound(9.0)
+    assert np.all(wider.bound == 9)
+    assert wider.note == "made up"
+    assert frf.with_bound(9.0, "guessed").note == "guessed"
+    np.testing.assert_array_equal(wider.values, frf.values)
+
+
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_control_round_trip(dt):
+    frf = mimo(dt=dt)
+    frd = frf.to_control()
+    assert (frd.noutputs, frd.ninputs) == (2, 3)
+    assert frd.isctime(strict=True) == (dt is None)
+    again = FrequencyResponse.from_control(frd, bound=frf.bound)
+    np.testing.assert_array_equal(again.values, frf.values)
+    np.testing.assert_array_equal(again.omega, frf.omega)
+    np.testing.assert_array_equal(again.bound, frf.bound)
+    assert again.dt == dt
+
+
+def test_from_control_agrees_with_the_model_at_each_frequency():
+    model = control.ss([[0.5, 0.1], [0, 0.3]], np.eye(2), [[1, 2]], [[0, 1]], 0.1)
+    frf = FrequencyResponse.from_control(control.frequency_response(model, OMEGA))
+    for k, w in enumerate(OMEGA):
+        np.testing.assert_allclose(frf.values[k], model(np.exp(0.1j * w)).reshape(1, 2), rtol=1e-13)
+
+
+def test_from_control_refuses_what_it_would_have_to_guess():
+    unspecified = control.FRD(np.ones((1, 1, 1)), [1.0], dt=True)
+    with pytest.raises(InputError, match="without a sample time; give `dt`"):
+        FrequencyResponse.from_control(unspecified)
+    assert FrequencyResponse.from_control(unspecified, dt=0.2).dt == 0.2
+    with pytest.raises(InputTypeError, match=r"`frd` must be a control\.FrequencyResponseData; got int"):
+        FrequencyResponse.from_control(3)
+
+
+# --- TimeRecord
+
+ONES = np.ones(4)
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "options", "error", "sentence"),
+    [
+        ([], [], {}, InputError, "`u` is empty"),
+        (ONES, None, {}, InputTypeError, "`y` is required"),
+        (ONES, np.ones(3), {}, InputError, "same number of samples; got 4 and 3"),
+        (ONES, [1, 2, np.nan, 3], {}, InputError, r"`y` must be finite; got nan at index \(2,\)"),
+        (ONES, 1j * ONES, {}, InputTypeError, "`y` must be real"),
+        (ONES, np.ones((2, 4)), {}, InputError, r"`y` has shape \(2, 4\).*transpose"),
+        (np.ones((1, 4)), np.ones((1, 4)), {}, InputError, r"`u` has shape \(1, 4\).*transpose"),
+        (ONES, np.ones((4, 1, 1)), {}, InputError, r"`y` must have shape \(T,\) or \(T, channels\)"),
+        (ONES, ONES, {"dt": -0.1}, InputError, "`dt` must be positive; got -0.1"),
+        (ONES, ONES, {"bound": 0}, InputError, "`bound` must be positive"),
+        (ONES, ONES, {"bound": [1, 1, 1]}, InputError, "`bound` must be a scalar or have shape"),
+        (ONES, ONES, {"bound": [1, 1, 1, np.nan]}, InputError, "`bound` must not contain NaN; got 1"),
+        (ONES, ONES, {"initial": "unknown"}, InputError, "`initial` must be one of .* got 'unknown'"),
+        (ONES, ONES, {"reference": np.ones(3)}, InputError, "`reference` must have T = 4 samples; got 3"),
+        (ONES, ONES, {"past_input_bound": -1}, InputError, "`past_input_bound` must be >= 0; got -1"),
+        (ONES, ONES, {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 channel"),
+        (ONES, ONES, {"note": None}, InputTypeError, "`note` must be text; got NoneType"),
+    ],
+)
+def test_time_record_refuses(u, y, options, error, sentence):
+    with pytest.raises(error, match=sentence):
+        TimeRecord(u, y, **{"dt": 0.1, **options})
+
+
+def test_time_record_makes_columns_and_a_time_axis():
+    record = TimeRecord(ONES, ONES, dt=0.5, bound=[1, 2, 3, np.inf], reference=ONES, past_input_bound=2)
+    assert record.u.shape == record.y.shape == record.bound.shape == record.reference.shape == (4, 1)
+    np.testing.assert_array_equal(record.time, [0, 0.5, 1, 1.5])
+    assert record.past_input_bound == 2.0
+
+
+def test_time_record_channel():
+    record = two_by_two()
+    one = record.channel("y", "a")
+    np.testing.assert_array_equal(one.y[:, 0], record.y[:, 1])
+    np.testing.assert_array_equal(one.u[:, 0], record.u[:, 0])
+    np.testing.assert_array_equal(one.bound[:, 0], record.bound[:, 1])
+    assert (one.inputs[0].name, one.outputs[0].name) == ("a", "y")
+    with pytest.raises(InputError, match="`input` = 'b': the other inputs of the record are not zero"):
+        record.channel("y", "b")
+
+
+# --- both
+
+
+@pytest.mark.parametrize("make", [mimo, two_by_two])
+@pytest.mark.parametrize("clone", [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)), lambda x: x])
+def test_copies_are_equal_and_nothing_can_be_written(make, clone):
+    first = make()
+    second = clone(first)
+    for name in set(first.__dataclass_fields__) - {"_"}:
+        one, two = getattr(first, name), getattr(second, name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, two)
+            with pytest.raises(ValueError, match="read-only"):
+                two[...] = 0
+        else:
+            assert one == two
+        with pytest.raises(AttributeError):
+            setattr(second, name, one)
+
+
+def test_the_callers_arrays_stay_writable_and_apart():
+    omega, values = np.array([1.0, 2.0]), np.array([1.0, 2.0])
+    frf, record = FrequencyResponse(omega, values), TimeRecord(omega, values, dt=1)
+    omega[:] = values[:] = 7
+    assert frf.omega.tolist() == [1, 2]
+    assert record.y.ravel().tolist() == [1, 2]
+
+
+def test_channel_names_and_units():
+    frf = mimo()
+    assert [tuple(c) for c in frf.inputs] == [("a", "N"), ("b", "V"), ("c", "")]
+    assert [str(c) for c in frf.outputs] == ["x [mm]", "y [rad]"]
+    assert [c.name for c in mimo(inputs=None).inputs] == ["u1", "u2", "u3"]
+    assert TimeRecord(ONES, ONES, dt=1, inputs="force [N]").inputs[0] == ("force", "N")
+
+
+@pytest.mark.parametrize("power", [-60, 60])
+def test_scaling_by_powers_of_two_is_exact(power):
+    scale, frf, record = 2.0**power, mimo(), two_by_two()
+    scaled = FrequencyResponse(frf.omega / scale, frf.values * scale, bound=frf.bound * scale, dt=0.1 * scale)
+    np.testing.assert_array_equal(scaled.bound / scale, frf.bound)
+    np.testing.assert_array_equal(scaled.freq_hz * scale, frf.freq_hz)
+    scaled = TimeRecord(record.u, record.y * scale, bound=record.bound * scale, dt=record.dt * scale)
+    np.testing.assert_array_equal(scaled.time / scale, record.time)
+    np.testing.assert_array_equal(scaled.bound / scale, record.bound)
