@@ -1,7 +1,8 @@
 """How fast the paper's form of the consistency condition loses its digits, and that the orthonormal form keeps them.
 
-Theorem 1 of T. Inanc et al. (IEEE Transactions on Control Systems Technology 9(4), 2001) inverts the Gram matrix M0 of its basis. For N
-nodes at the N-th roots of unity, the best layout there is, cond(M0) = rho^(2(N-1)) (Lemma 1). In the orthonormal basis M0 = I.
+Theorem 1 of T. Inanc et al. (IEEE Transactions on Control Systems Technology 9(4), 2001) inverts the Gram matrix
+M0 of its basis. For N nodes at the N-th roots of unity, the best layout there is, cond(M0) = rho^(2(N-1)) (Lemma 1).
+In the orthonormal basis M0 = I.
 Run: python conditioning.py --out folder
 """
 
@@ -28,7 +29,7 @@ def conditions(angles, rho):
 
 def roots_of_unity(count):
     """Angles of the upper half of the N-th roots of unity; conjugates are implied."""
-    return 2 * np.pi * np.arange(count // 2 + 1) / count
+    return np.linspace(0, np.pi, count // 2 + 1)
 
 
 def measured_band(count):
@@ -56,7 +57,9 @@ def main(argv=None):
         axes.semilogy(COUNTS, lemma, "--", color="tab:blue", label=r"Lemma 1: $\rho^{2(N-1)}$")
         axes.semilogy(COUNTS, [c[1] for c in band], "d-", color="tab:green", label="orthonormal form, lines 1-21 Hz")
         axes.axhline(1 / np.finfo(float).eps, color="0.6", lw=1, ls=":")
-        axes.annotate("no digit left", (COUNTS[0], 1 / np.finfo(float).eps), (0, 4), textcoords="offset points", color="0.4")
+        axes.annotate(
+            "no digit left", (COUNTS[0], 1 / np.finfo(float).eps), (0, -13), textcoords="offset points", color="0.4"
+        )
         axes.set(title=rf"$\rho$ = {rho}", xlabel="nodes N, conjugates counted")
         axes.grid(alpha=0.3)
     figure.axes[0].set_ylabel("condition number of the Gram matrix")

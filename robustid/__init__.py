@@ -2,6 +2,7 @@
 
 from robustid._arrays import Channel
 from robustid._version import __version__
+from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.bases import ParametricBasis, kautz
 from robustid.data import (
     FrequencyResponse,
@@ -26,6 +27,7 @@ from robustid.errors import (
 from robustid.identification import Identification, identify, load_identification, validate
 from robustid.interpolation import MixedProblem, Prior
 from robustid.reduction import balanced_truncation, reduce_within_bounds, to_continuous
+from robustid.report import write_report
 
 __all__ = [
     "Channel",
@@ -47,6 +49,7 @@ __all__ = [
     "__version__",
     "balanced_truncation",
     "datasets",
+    "diagnose",
     "estimate_frf",
     "flexible_structure",
     "identify",
@@ -55,6 +58,9 @@ __all__ = [
     "load_identification",
     "reduce_within_bounds",
     "save",
+    "suggest_kautz",
+    "suggest_prior",
     "to_continuous",
     "validate",
+    "write_report",
 ]

@@ -56,7 +56,7 @@ def demo(
 
     from robustid.data import flexible_structure, save
 
-    data = flexible_structure(seed=seed, extra_hz=np.linspace(17.2, 18.1, 10))
+    data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
     output.mkdir(parents=True, exist_ok=True)
     for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
         save(output / name, item)
@@ -85,7 +85,8 @@ def identify(
     ] = None,
     frequency_unit: Annotated[str, typer.Option(help='Unit of an omega column: "rad/s" or "Hz".')] = "rad/s",
     frequency_field: Annotated[
-        list[str] | None, typer.Option(help="ROLE=NAME in the file: omega=w, real=Re, imag=Im, values=G.data, bound=eps.")
+        list[str] | None,
+        typer.Option(help="ROLE=NAME in the file: omega=w, real=Re, imag=Im, values=G.data, bound=eps."),
     ] = None,
     time_field: Annotated[
         list[str] | None, typer.Option(help="ROLE=NAME in the file: time=t, u=current, y=angle, bound=eps.")
@@ -136,11 +137,17 @@ def identify(
 
 @app.command()
 def reduce(
-    source: Annotated[Path, typer.Argument(help="A saved identification, or a model: .npz or .mat with A, B, C, D, dt.")],
+    source: Annotated[
+        Path, typer.Argument(help="A saved identification, or a model: .npz or .mat with A, B, C, D, dt.")
+    ],
     order: Annotated[int | None, typer.Option(help="Number of states to keep.")] = None,
-    tol: Annotated[float | None, typer.Option(help="Error bound, relative to the largest Hankel singular value.")] = None,
+    tol: Annotated[
+        float | None, typer.Option(help="Error bound, relative to the largest Hankel singular value.")
+    ] = None,
     keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path("reduced.npz"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path(
+        "reduced.npz"
+    ),
     force: Force = False,
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.

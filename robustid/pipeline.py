@@ -17,7 +17,6 @@ from robustid.identification import Identification, identify
 from robustid.interpolation import MixedProblem, Prior
 from robustid.reduction import Reduction, reduce_within_bounds
 
-
 # The nuclear norm goes to a general semidefinite solver: half a minute at this size.
 _LARGEST_NUCLEAR = 64
 

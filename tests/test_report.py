@@ -15,6 +15,7 @@ import pytest
 import robustid as rid
 from robustid.report import (
     charts,
+    evidence,
     facts,
     plot_frequency_response,
     plot_hankel,
@@ -25,7 +26,7 @@ from robustid.report import (
     render_summary,
     write_report,
 )
-from robustid.report.html import plotly_figure, render_report
+from robustid.report.html import _json, plotly_figure, render_report
 from robustid.report.style import number
 
 NASTY = "<script>alert(1)</script>"
@@ -172,6 +173,20 @@ def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consiste
     assert np.max(np.abs(np.diff(plant.y[near]))) < 0.15 * peak
 
 
+def test_phase_is_continuous_where_it_stays_within_two_turns() -> None:
+    experiment = rid.flexible_structure()
+    prior = rid.Prior(gain_bound=1e-6, decay_rate=1.04)  # next to nothing beside the true modes
+    pairs = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
+    result = rid.identify(rid.MixedProblem(frequency=experiment.frequency, prior=prior, parametric=pairs))
+    panel = charts.frequency_chart(result).panels[1]
+    curve = panel.layers[0]
+    assert np.all(np.isfinite(curve.y))
+    assert np.max(np.abs(np.diff(curve.y))) < 90  # a wrapped curve jumps by 360
+    assert curve.y.min() < -180  # past the second mode
+    assert panel.y.range[0] < curve.y.min()
+    assert panel.y.range[1] > curve.y.max()
+
+
 def test_bars_are_the_discs_of_the_samples(consistent: rid.Identification) -> None:
     frf = consistent.problem.frequency[0]
     chart = charts.frequency_chart(consistent)
@@ -197,7 +212,7 @@ def test_disc_around_zero_and_sample_at_zero_hertz() -> None:
     assert magnitude.low[1] == chart.panels[0].y.range[0]
     assert magnitude.x[0] == chart.panels[0].x.range[0] > 0
     assert "0 Hz" in chart.panels[1].x.label
-    assert "0 Hz" in charts.residual_chart(result).panels[0].x.label
+    assert "0 Hz" in evidence.residual_chart(result).panels[0].x.label
 
 
 def test_records_and_step_response(consistent: rid.Identification) -> None:
@@ -246,7 +261,7 @@ def test_free_and_periodic_records_and_unused_samples() -> None:
 
 
 def test_residual_chart_marks_exactly_who_touches(inconsistent: rid.Identification) -> None:
-    chart = charts.residual_chart(inconsistent)
+    chart = evidence.residual_chart(inconsistent)
     ratios = [r.ratio for r in inconsistent.residuals]
     margin = inconsistent.margin
     assert margin > 10
@@ -264,24 +279,24 @@ def test_residual_chart_marks_exactly_who_touches(inconsistent: rid.Identificati
 def test_residual_chart_of_consistent_data(simple: rid.Identification, consistent: rid.Identification) -> None:
     # |1.5 - x0| = s 0.2 with |x0| <= 1 at best: margin 2.5.
     assert simple.margin == pytest.approx(2.5, rel=1e-3)
-    drawn = layers(charts.residual_chart(simple), 0)
+    drawn = layers(evidence.residual_chart(simple), 0)
     np.testing.assert_allclose(drawn["touches margin × bound"].x[0], 0.0)
-    assert not charts.residual_chart(simple).panels[0].y.log
+    assert not evidence.residual_chart(simple).panels[0].y.log
     assert facts.limiting(simple)[0].place == "0 s"
     assert facts.limiting(simple)[0].share > 0.9
-    assert not any("touches" in name or "outside" in name for name in layers(charts.residual_chart(consistent), 0))
+    assert not any("touches" in name or "outside" in name for name in layers(evidence.residual_chart(consistent), 0))
     assert facts.limiting(consistent) == []
 
 
 def test_hankel_chart_marks_the_order(consistent: rid.Identification, reduction: Any) -> None:
     from robustid.reduction import hankel_singular_values
 
-    drawn = layers(charts.hankel_chart(consistent, reduction), 0)
+    drawn = layers(evidence.hankel_chart(consistent, reduction), 0)
     values = hankel_singular_values(consistent.model)
     assert drawn["kept"].x.size == reduction.order
     np.testing.assert_allclose(np.concatenate([drawn["kept"].y, drawn["truncated"].y]), values, rtol=1e-6)
     assert np.all(drawn[f"chosen order {reduction.order}"].x == reduction.order + 0.5)
-    assert list(layers(charts.hankel_chart(consistent), 0)) == ["of the nominal model"]
+    assert list(layers(evidence.hankel_chart(consistent), 0)) == ["of the nominal model"]
 
 
 def test_integrators_are_kept_aside() -> None:
@@ -291,7 +306,7 @@ def test_integrators_are_kept_aside() -> None:
     record = rid.TimeRecord(np.ones(8), np.arange(8.0), dt=0.1, bound=0.1)
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.2)
     result = rid.identify(rid.MixedProblem(time=record, prior=prior, parametric=integrator))
-    chart = charts.hankel_chart(result)
+    chart = evidence.hankel_chart(result)
     assert "1 state on the stability boundary" in chart.panels[0].title
     assert layers(chart, 0)["of the nominal model"].x.size == result.order - 1
     assert "integrator" in dict(facts.assumptions(result))["Parametric part"]
@@ -299,7 +314,7 @@ def test_integrators_are_kept_aside() -> None:
 
 
 def test_pole_chart(consistent: rid.Identification) -> None:
-    chart = charts.pole_chart(consistent)
+    chart = evidence.pole_chart(consistent)
     drawn = layers(chart, 0)
     circle = drawn["|z| = 1/ρ = 0.9615"]
     np.testing.assert_allclose(np.hypot(circle.x, circle.y), 1 / 1.04)
@@ -328,7 +343,7 @@ def test_units_of_time_and_amplitude_scale_what_is_drawn() -> None:
         for chart, x, y in (
             (charts.frequency_chart, 1 / t, a),
             (charts.time_chart, t, a),
-            (charts.residual_chart, None, 1),
+            (evidence.residual_chart, None, 1),
         ):
             for one, two in zip(chart(first).panels, chart(second).panels, strict=True):
                 step = x if x is not None else (1 / t if "[Hz]" in one.x.label else t)
@@ -340,7 +355,7 @@ def test_units_of_time_and_amplitude_scale_what_is_drawn() -> None:
                     np.testing.assert_allclose(q.x, step * p.x, rtol=1e-9)
         plot_frequency_response(second).canvas.draw()
         render_report(second)
-    assert worst < 1e-9  # measured over the four scalings
+    assert worst < 1e-9
 
 
 # ---------------------------------------------------------------- matplotlib
@@ -394,9 +409,11 @@ def test_plots_leave_no_global_state(simple: rid.Identification) -> None:
     import matplotlib
     import matplotlib._pylab_helpers as helpers
 
-    before, open_figures = dict(matplotlib.rcParams), len(helpers.Gcf.figs)
-    all_plots(simple)
-    assert dict(matplotlib.rcParams) == before
+    open_figures = len(helpers.Gcf.figs)
+    with matplotlib.rc_context({"font.size": 5.0, "axes.grid": False}):
+        all_plots(simple)
+        assert matplotlib.rcParams["font.size"] == 5.0
+        assert not matplotlib.rcParams["axes.grid"]
     assert len(helpers.Gcf.figs) == open_figures
 
 
@@ -414,7 +431,11 @@ def test_text_of_the_user_is_not_mathematics() -> None:
 def test_plotly_accepts_and_holds_the_numbers_of_the_chart(consistent: rid.Identification) -> None:
     import plotly.graph_objects as go
 
-    for chart in (charts.frequency_chart(consistent), charts.residual_chart(consistent), charts.pole_chart(consistent)):
+    for chart in (
+        charts.frequency_chart(consistent),
+        evidence.residual_chart(consistent),
+        evidence.pole_chart(consistent),
+    ):
         figure = plotly_figure(chart.panels[:1], 400)
         go.Figure(figure)  # refuses unknown or malformed properties
         for trace, layer in zip(figure["data"], chart.panels[0].layers, strict=True):
@@ -504,6 +525,12 @@ def test_text_of_strangers_is_escaped() -> None:
     # In plotly's labels, which read a subset of HTML, no tag is left but our own line break.
     for label in _labels(page.figures):
         assert not re.search(r"<(?!br>)", label), label
+
+
+def test_json_can_not_end_its_script_element() -> None:
+    value = {"</script>": "<!-- & </SCRIPT>"}
+    assert not set("<>&") & set(_json(value))
+    assert json.loads(_json(value)) == value
 
 
 def _labels(value: Any) -> list[str]:

@@ -33,7 +33,7 @@ def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
 def plots(dom: str) -> dict[str, str]:
     """The markup of each plot by its id."""
     parts = re.split(r'<figure class="plot[^"]*" id="([^"]+)"', dom)
-    return dict(zip(parts[1::2], parts[2::2], strict=True))
+    return {name: part.split("</figure>")[0] for name, part in zip(parts[1::2], parts[2::2], strict=True)}
 
 
 def identified(**names: Any) -> rid.Identification:

@@ -62,14 +62,19 @@ class Diagnosis(Frozen):
             else f"The data contradict the class: they are consistent once every bound is {self.inflation:.4g} times as large."
         )
         names = [
-            f"{at / (2 * np.pi):.5g} Hz ({100 * share:.0f} %)" if kind == "frequency" else f"{at:.5g} s ({100 * share:.0f} %)"
+            f"{at / (2 * np.pi):.5g} Hz ({100 * share:.0f} %)"
+            if kind == "frequency"
+            else f"{at:.5g} s ({100 * share:.0f} %)"
             for kind, _, at, share in self.limiting[:8]
         ]
         lines = [head]
         if names:
             lines.append("The samples that limit it, with their share of the proof: " + ", ".join(names) + ".")
         lines.append("What other classes would bring, all else equal (margin = factor on the bounds):")
-        lines += [f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}" for trial in self.trials]
+        lines += [
+            f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
+            for trial in self.trials
+        ]
         lines.append(
             "More pairs add assumptions that the data can test; a larger K or a smaller rho only asks less, and its guarantee"
             " between the samples is weaker."
@@ -161,8 +166,8 @@ def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProbl
 
 def _mode_of(poles: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Natural frequency in rad/s and damping ratio of complex poles."""
-    logs = np.log(poles)
-    return np.abs(logs) / dt, -logs.real / np.abs(logs)
+    size = np.abs(np.log(poles))
+    return size / dt, -np.log(np.abs(poles)) / size
 
 
 def _modes(problem: MixedProblem) -> list[tuple[np.ndarray, int]]:

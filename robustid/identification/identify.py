@@ -92,7 +92,7 @@ def identify(
     >>> prior = rid.Prior(gain_bound=1.0, decay_rate=1.01)
     >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
     >>> result.consistent, result.model.nstates
-    (True, 2)
+    (True, 1)
     """
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
@@ -108,7 +108,7 @@ def identify(
     family = interpolants(used.data.sarason, point.x)
     realised = join_model(used.problem, used.data.rows, family.realise(), point.p)
     status = _status(margin[0], certificate.value, accuracy)
-    checks = verify(used.problem, used.data, point, realised, certificate, exact.data, level)
+    checks = verify(used.problem, used.data, point, realised, certificate, exact.data, level, (margin[0], accuracy))
     clock.lap("verification")
     return Identification(
         problem=problem,

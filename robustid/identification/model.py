@@ -33,7 +33,13 @@ def join_model(
         A, B = scipy.linalg.block_diag(A, basis.A), np.vstack([B, basis.B])
         C, D = np.hstack([C, weights @ basis.C]), D + weights @ basis.D
     output, input_ = problem.channel
-    return control.ss(A, B, C, D, problem.dt, inputs=[input_.name], outputs=[output.name], name="identified")
+    names = {"inputs": [_label(input_.name, "u")], "outputs": [_label(output.name, "y")], "name": "identified"}
+    return control.ss(A, B, C, D, problem.dt, **names)
+
+
+def _label(name: str, default: str) -> str:
+    """A signal name as `control` takes it: not empty, and without dots."""
+    return name.replace(".", "_") or default
 
 
 def physical_parameters(rows: Rows, p: np.ndarray) -> np.ndarray:

@@ -169,7 +169,9 @@ def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identific
         scaled_parameters=p,
         certificate=certificate,
         model=model,
-        verification=verify(posed, used, point, model, certificate, data, level_of(objective, margin, accuracy)),
+        verification=verify(
+            posed, used, point, model, certificate, data, level_of(objective, margin, accuracy), (margin, accuracy)
+        ),
         solver=record["solver"],
         timing=record["timing_s"],
     )

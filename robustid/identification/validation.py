@@ -12,6 +12,7 @@ from robustid._arrays import Frozen, freeze
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.identification.simulation import simulate
 
 if TYPE_CHECKING:
     import control
@@ -216,7 +217,7 @@ def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
     start = np.zeros(model.nstates)
     if data.initial == "periodic":
         start = _periodic_state(model, data)
-    predicted, _ = _simulate(model, data.u, start)
+    predicted, _ = simulate(model, data.u, start)
     if data.initial == "free" and model.nstates:
         predicted = predicted + _free_response(model, data, data.y - predicted)
     if not np.all(np.isfinite(predicted)):
@@ -228,18 +229,6 @@ def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
     return predicted
 
 
-def _simulate(model: Any, u: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Output (T, ny) from the state `start`, and the state after the record."""
-    a, drive = model.A, u @ model.B.T
-    states = np.empty((u.shape[0], model.nstates))
-    state = start
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k, push in enumerate(drive):
-            states[k] = state
-            state = a @ state + push
-        return states @ model.C.T + u @ model.D.T, state
-
-
 def _periodic_state(model: Any, data: TimeRecord) -> np.ndarray:
     """The state to which one period returns: x = A^T x + (state after one period from rest)."""
     poles = model.poles()
@@ -249,7 +238,7 @@ def _periodic_state(model: Any, data: TimeRecord) -> np.ndarray:
             "`model` must be stable to have a periodic steady state; it has"
             f' {describe_poles(poles[outside], model.dt)}. Pass the record with initial="free" instead'
         )
-    _, after = _simulate(model, data.u, np.zeros(model.nstates))
+    _, after = simulate(model, data.u, np.zeros(model.nstates))
     return np.linalg.solve(np.eye(model.nstates) - np.linalg.matrix_power(model.A, data.u.shape[0]), after)
 
 

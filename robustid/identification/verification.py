@@ -6,11 +6,11 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification.model import physical_parameters
+from robustid.identification.simulation import response, simulate
 from robustid.interpolation import MarginCertificate, MixedProblem
 from robustid.interpolation.problem import excited_lines
 from robustid.interpolation.rows import initial_state
@@ -84,12 +84,14 @@ def verify(
     certificate: MarginCertificate,
     claimed: ConvexData,
     level: float,
+    interval: tuple[float, float],
 ) -> Verification:
     """Evaluate every claim of an identification from its numbers.
 
     The residuals come from the state-space model: its frequency response at the lines and its simulated response to the
-    recorded inputs, not from the coefficients that were solved for.
+    recorded inputs, not from the coefficients that were solved for. `interval` is (margin, accuracy).
     """
+    margin, accuracy = interval
     n = model.nstates - (0 if problem.parametric is None else problem.parametric.states)
     residuals = model_residuals(problem, model, data, point.p)
     worst = max(float(r.ratio.max()) for r in residuals)
@@ -106,6 +108,7 @@ def verify(
             spectral_radius(model.A[:n, :n], problem),
             1.0,
         ),
+        Check("width of the proven interval of the margin", (margin - certificate.value) / max(1.0, margin), accuracy),
         Check(
             "certificate: stated minus recomputed",
             0.0 if certificate.verify(claimed.rows, claimed.sarason) else np.inf,
@@ -135,34 +138,13 @@ def interpolation_error(problem: MixedProblem, data: ConvexData, point: Candidat
         if problem.parametric is not None:
             values = values + problem.parametric.impulse(problem.taylor) @ weights
         unit = np.eye(1, problem.taylor)[0]
-        worst = max(worst, _relative(simulate(model, unit) - values, values, K))
+        worst = max(worst, _relative(simulate(model, unit[:, None])[0][:, 0] - values, values, K))
     return worst
 
 
 def _relative(error: np.ndarray, values: np.ndarray, K: float) -> float:
     size = float(np.abs(values).max())
     return float(np.abs(error).max()) / max(size, 1e-6 * K)
-
-
-def response(model: Any, angles: np.ndarray) -> np.ndarray:
-    """Frequency response of a one-channel model at exp(j*angle), through its Hessenberg form."""
-    n = model.A.shape[0]
-    if not n:
-        return np.full(np.size(angles), complex(model.D[0, 0]))
-    H, Q = scipy.linalg.hessenberg(model.A, calc_q=True)
-    left = np.exp(1j * np.asarray(angles))[:, None, None] * np.eye(n) - H
-    state = np.linalg.solve(left, np.broadcast_to((Q.T @ model.B).astype(complex), (np.size(angles), n, 1)))
-    return ((model.C @ Q) @ state)[:, 0, 0] + model.D[0, 0]
-
-
-def simulate(model: Any, u: np.ndarray) -> np.ndarray:
-    """Response of a one-channel model at rest to the input u, sample by sample."""
-    state, y = np.zeros(model.A.shape[0]), np.empty(u.size)
-    A, B, C, D = model.A, model.B[:, 0], model.C[0], model.D[0, 0]
-    for k in range(u.size):
-        y[k] = C @ state + D * u[k]
-        state = A @ state + B * u[k]
-    return y
 
 
 def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None = None, p: Any = None) -> list[Residual]:
@@ -180,7 +162,7 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
         if record.initial == "periodic":
             predicted = _steady_state(record, model)[used]
         else:
-            predicted = simulate(model, record.u[:count, 0])[used]
+            predicted = simulate(model, record.u[:count])[0][used, 0]
         error = record.y[used, 0] - predicted
         columns, widen = initial_state(problem, record, used)
         bound = bound + widen
@@ -192,6 +174,11 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
         error = error - columns @ weights
         out.append(Residual("time", i, record.time[used], error, bound))
     return out
+
+
+def largest_ratio(problem: MixedProblem, model: Any) -> float:
+    """Largest |residual|/bound of a one-channel model at the samples of a problem."""
+    return max(float(r.ratio.max()) for r in model_residuals(problem, model))
 
 
 def _frequency_residual(index: int, frf: FrequencyResponse, model: Any, problem: MixedProblem) -> Residual:

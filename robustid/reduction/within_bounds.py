@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
-from robustid.identification.verification import model_residuals
+from robustid.identification.verification import largest_ratio
 from robustid.reduction.balanced import Reduction, balanced_truncation
 
 
@@ -64,7 +63,7 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     tried = []
     status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
     for order in range(full.nstates):
-        candidates = [(_margin(identification, r.model), r) for r in _candidates(identification, order)]
+        candidates = [(largest_ratio(identification.problem, r.model), r) for r in _candidates(identification, order)]
         if not candidates:
             continue
         margin, found = min(candidates, key=lambda pair: pair[0])
@@ -72,7 +71,7 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
         if margin <= limit:
             break
     else:
-        margin, found, status = _margin(identification, full), whole, SearchStatus.UNREDUCED
+        margin, found, status = largest_ratio(identification.problem, full), whole, SearchStatus.UNREDUCED
         tried.append((full.nstates, margin))
     return dataclasses.replace(
         found,
@@ -83,10 +82,6 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
         margin=margin,
         tried=tuple(tried),
     )
-
-
-def _margin(identification: Identification, model: Any) -> float:
-    return max(float(r.ratio.max()) for r in model_residuals(identification.problem, model))
 
 
 def _candidates(identification: Identification, order: int) -> list[Reduction]:
@@ -108,12 +103,10 @@ def _parametric_kept(identification: Identification, order: int) -> Reduction:
     full, rho = identification.model, identification.prior.decay_rate
     n = full.nstates - identification.problem.parametric.states
     A, B, C = full.A[:n, :n], full.B[:n], full.C[:, :n]
-    scaled = control.ss(A * rho, B, C * rho, full.D, full.dt)
+    scaled = control.StateSpace(A * rho, B, C * rho, full.D, full.dt)
     small = balanced_truncation(scaled, order=min(order, n))
-    states = small.model
-    A = scipy.linalg.block_diag(states.A / rho, full.A[n:, n:])
-    B, C = np.vstack([states.B, full.B[n:]]), np.hstack([states.C / rho, full.C[:, n:]])
+    a, b, c = (np.asarray(getattr(small.model, name)) for name in "ABC")
+    A = scipy.linalg.block_diag(a / rho, full.A[n:, n:])
+    B, C = np.vstack([b, full.B[n:]]), np.hstack([c / rho, full.C[:, n:]])
     model = control.ss(A, B, C, full.D, full.dt, inputs=full.input_labels, outputs=full.output_labels, name="reduced")
     return dataclasses.replace(small, model=model)
-
-

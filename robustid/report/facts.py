@@ -11,7 +11,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.identification import Identification
 from robustid.identification.validation import check_model
-from robustid.identification.verification import model_residuals
+from robustid.identification.verification import largest_ratio
 from robustid.report.style import number
 
 if TYPE_CHECKING:
@@ -271,17 +271,13 @@ def limiting(identification: Identification) -> list[Limiting]:
     return rows
 
 
-def largest_ratio(identification: Identification, model: Any) -> float:
-    """Largest |residual|/bound of any model at the samples of the problem."""
-    return max(float(r.ratio.max()) for r in model_residuals(identification.problem, model))
-
-
 def reduction_words(identification: Identification, reduction: Any) -> str:
     """How small, how near, and whether the samples are still kept."""
-    ratio = largest_ratio(identification, reduction.model)
+    ratio = largest_ratio(identification.problem, reduction.model)
     kept = "every sample stays within its bound" if ratio <= 1 else "not every sample stays within its bound"
     size = f"{number(reduction.bound, 3)} {unit(identification)}".rstrip()
+    near = f" The frequency responses differ by at most {size}." if np.isfinite(reduction.bound) else ""
     return (
-        f"Order {reduction.order} instead of {identification.order}. The frequency responses differ by at most {size};"
+        f"Order {reduction.order} instead of {identification.order}.{near} Samples:"
         f" {kept} (largest |residual|/bound {number(ratio)}). Status: {reduction.status.value}."
     )

@@ -17,7 +17,7 @@ from robustid._files import atomic_write
 from robustid._version import __version__
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
-from robustid.report import charts, facts
+from robustid.report import charts, evidence, facts
 from robustid.report.style import NOMINAL, number
 
 if TYPE_CHECKING:
@@ -100,9 +100,9 @@ def render_report(
         for chart in (
             charts.frequency_chart(identification, shown),
             charts.time_chart(identification, shown),
-            charts.residual_chart(identification, shown),
-            charts.hankel_chart(identification, reduction),
-            charts.pole_chart(identification, shown),
+            evidence.residual_chart(identification, shown),
+            evidence.hankel_chart(identification, reduction),
+            evidence.pole_chart(identification, shown),
         )
     }
     environment = jinja2.Environment(
@@ -203,10 +203,12 @@ def _axis(axis: charts.Axis) -> dict[str, Any]:
     if axis.log:
         out["minor"] = {"ticks": "outside"}
         decades = np.log10(axis.range[1] / axis.range[0]) if axis.range else 9
-        if decades < 4.3:
-            # 0.5, 1, 2, 5, … in full, where plotly would write small digits between powers of ten. With about this
-            # many ticks it chooses these; fixed ones would leave none after zooming in.
-            out |= {"tickformat": "~g", "nticks": max(3, round(decades / 0.4))}
+        # With about this many ticks plotly chooses 0.5, 1, 2, 5, …, or powers of ten only; fixed ticks would leave none
+        # after zooming in. The format has it write them in full, not as small digits between powers of ten.
+        full = decades < 4.3
+        out["nticks"] = max(3, round(decades / 0.4)) if full else int(decades / 0.75)
+        if full:
+            out["tickformat"] = "~g"
     if axis.range is not None:
         out["range"] = [float(v) for v in (np.log10(axis.range) if axis.log else axis.range)]
     if axis.tick is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.report import charts
+from robustid.report import charts, evidence
 from robustid.report.style import MATPLOTLIB, NOMINAL
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def plot_residuals(identification: Identification, models: Mapping[str, control.
     >>> plot_residuals(result).axes[0].get_ylabel()
     '|residual| / bound'
     """
-    return draw(charts.residual_chart(identification, models))
+    return draw(evidence.residual_chart(identification, models))
 
 
 def plot_hankel(identification: Identification, reduction: Reduction | None = None) -> Figure:
@@ -118,7 +118,7 @@ def plot_hankel(identification: Identification, reduction: Reduction | None = No
     >>> plot_hankel(result).axes[0].get_title(loc="left")
     'Hankel singular values'
     """
-    return draw(charts.hankel_chart(identification, reduction))
+    return draw(evidence.hankel_chart(identification, reduction))
 
 
 def plot_poles(identification: Identification, models: Mapping[str, control.StateSpace] | None = None) -> Figure:
@@ -135,7 +135,7 @@ def plot_poles(identification: Identification, models: Mapping[str, control.Stat
     >>> [axes.get_xlabel() for axes in plot_poles(result).axes]
     ['real part of z [–]', 'natural frequency [Hz]']
     """
-    return draw(charts.pole_chart(identification, models))
+    return draw(evidence.pole_chart(identification, models))
 
 
 def draw(chart: charts.Chart) -> Figure:

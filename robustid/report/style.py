@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 # Okabe and Ito's palette: told apart with every kind of colour blindness, and by their grey when printed.
 DATA = "#222222"
@@ -14,7 +15,7 @@ FURTHER = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("dash", "dashdot", "dot")
 MARKERS = ("square-open", "diamond-open", "triangle-up-open")
 
-MATPLOTLIB = {
+MATPLOTLIB: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",

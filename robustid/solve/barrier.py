@@ -15,7 +15,8 @@ from robustid.solve.conic import Candidate, ConvexData
 _log = logging.getLogger("robustid.solve")
 
 _GROWTH = 20.0  # of the weight of the objective per outer step
-_CENTERED = 1e-10  # squared Newton decrement at which a centre is accepted
+_CENTERED = 1e-14  # squared Newton decrement at which a centre is accepted
+_NEAR = 1e-2  # squared decrement of quadratic convergence
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 _STEPS = 60  # Newton steps per centre; self-concordance needs far fewer
 
@@ -184,26 +185,29 @@ def _center(barrier: _Barrier, v: np.ndarray, t: float, weight: float | None) ->
     """Damped Newton: min weight * t + f(v, t) over (v, t); over v alone where weight is None."""
     price = 0.0 if weight is None else weight
     free = v.size + (weight is not None)
-    current = price * t + barrier.value(v, t)
+    last = np.inf
     for _ in range(_STEPS):
         gradient, hessian = barrier.derivatives(v, t)
         gradient[-1] += price
         step = np.zeros(v.size + 1)
         step[:free] = _newton(hessian[:free, :free], -gradient[:free])
         decrement = float(-gradient[:free] @ step[:free])
-        if decrement < _CENTERED:
+        # Near the centre values differ by less than their rounding: there the decrement itself must fall.
+        near = decrement < _NEAR
+        if decrement < _CENTERED or (near and decrement > 0.5 * last):
             break
+        current = np.inf if near else price * t + barrier.value(v, t)
+        last = decrement if near else np.inf
         # The damped step of self-concordance always descends; longer ones are tried first.
         damped = 1 / (1 + np.sqrt(decrement))
         for trial in (1.0, 4 * damped, 2 * damped, damped, damped / 4, damped / 64):
             size = min(trial, 1.0)
             ahead_v, ahead_t = v + size * step[:-1], t + size * step[-1]
-            value = price * ahead_t + barrier.value(ahead_v, ahead_t)
-            if value < current:
+            if price * ahead_t + barrier.value(ahead_v, ahead_t) < current:
                 break
         else:
             break  # rounding level reached
-        v, t, current = ahead_v, float(ahead_t), value
+        v, t = ahead_v, float(ahead_t)
     return v, t
 
 

@@ -1,0 +1,176 @@
+"""Poles of a frequency response: separable least squares, one mode after another."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from typing import Any
+
+import numpy as np
+
+_log = logging.getLogger("robustid")
+
+SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth rest
+_MOST_MODES = 12
+_MOST_LINES = 1000  # for the search; the interval of a mode uses the lines around it
+# A further mode must remove this part of the sum of squares at the start, or this part of what is left.
+_WORTH, _WORTH_LEFT = 0.003, 0.75
+DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
+_START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
+_DELAYS = range(4)  # samples
+
+
+@dataclasses.dataclass(frozen=True)
+class LineData:
+    """Angles of the lines, values, bounds, sample time."""
+
+    angle: np.ndarray
+    value: np.ndarray
+    bound: np.ndarray
+    dt: float
+
+    def select(self, index: Any) -> LineData:
+        """Some of the lines."""
+        return LineData(self.angle[index], self.value[index], self.bound[index], self.dt)
+
+    @property
+    def room(self) -> int:
+        """How many modes (four numbers each) the lines can tell from a smooth rest, one spare equation left."""
+        return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
+
+    def scaled(self, columns: np.ndarray) -> np.ndarray:
+        """Complex columns as real rows in units of the bounds."""
+        weighted = columns / self.bound[:, None]
+        return np.concatenate([weighted.real, weighted.imag])
+
+
+def pole_pair(angle: np.ndarray, pole: np.ndarray, power: int = 1) -> np.ndarray:
+    """1 and z^-1 over (1 - 2 Re a z^-1 + |a|^2 z^-2)^power: the real span of a pole pair, (F, 2).
+
+    Delays need no columns: they move within the span of pair and smooth rest.
+    """
+    back = np.exp(-1j * angle)
+    turn, zeta = np.exp(pole)
+    a = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * turn)
+    first = 1 / (1 - 2 * a.real * back + abs(a) ** 2 * back**2) ** power
+    return np.stack([first, back * first], axis=1)
+
+
+def smooth_terms(angle: np.ndarray) -> np.ndarray:
+    """1, z^-1, z^-2 at the lines, (F, 3)."""
+    return np.exp(-1j * angle[:, None] * np.arange(SMOOTH))
+
+
+def design(data: LineData, poles: np.ndarray) -> np.ndarray:
+    """The pairs of all poles (log angle, log damping), then the smooth rest, as real rows in units of the bounds."""
+    columns = [pole_pair(data.angle, pole) for pole in poles] + [smooth_terms(data.angle)]
+    return data.scaled(np.hstack(columns))
+
+
+def residual_rows(poles: np.ndarray, data: LineData) -> np.ndarray:
+    """What least squares leaves at these poles, in units of the bounds, as real rows."""
+    columns = design(data, poles.reshape(-1, 2))
+    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    y = data.scaled(data.value[:, None])[:, 0]
+    return y - Q @ (Q.T @ y)
+
+
+def ratios(rows: np.ndarray) -> np.ndarray:
+    """|e_k|/bound_k from real rows."""
+    half = rows.size // 2
+    return np.hypot(rows[:half], rows[half:])
+
+
+def find_poles(data: LineData, wanted: int | None) -> tuple[np.ndarray, str]:
+    """Poles (log angle, log damping) one after the other, all refined together after each."""
+    data = data.select(slice(None, None, -(-data.angle.size // _MOST_LINES)))
+    poles = np.zeros((0, 2))
+    most = min(data.room, _MOST_MODES if wanted is None else wanted)
+    before = residual_rows(poles, data)
+    whole = float(before @ before)
+    while True:
+        largest = float(ratios(before).max())
+        _log.debug("%d modes: largest |residual|/bound %.3g", len(poles), largest)
+        fits = f"the largest residual of the fit is {largest:.3g} times its bound"
+        if wanted is None and largest <= 1:
+            return poles, f"{_count(poles)} and a smooth rest keep all lines within their bounds: {fits}"
+        if len(poles) >= most:
+            why = "as many as were asked for" if len(poles) == wanted else "as many as are looked for"
+            return poles, f"{_count(poles)}, {why}; {fits}"
+        further = refine(np.vstack([poles, best_start(poles, data)]), data)
+        after = residual_rows(further, data)
+        gain = float(before @ before - after @ after)
+        if wanted is None and gain < _WORTH * whole and gain < _WORTH_LEFT * float(before @ before):
+            return (
+                poles,
+                f"{_count(poles)}; a further one would remove {gain / whole:.2g} of the sum of squares; {fits}",
+            )
+        poles, before = further, after
+
+
+def _count(poles: np.ndarray) -> str:
+    return f"{len(poles)} mode{'s' * (len(poles) != 1)}"
+
+
+def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
+    """The pole on a grid whose pair removes most of the residual."""
+    columns = design(data, poles)
+    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    residual = residual_rows(poles, data)
+    lines = data.angle.size
+    # Between the lines too: the resonance of a light mode usually lies there.
+    place = np.interp(np.linspace(0, lines - 1, min(8 * lines, 400)), np.arange(lines), data.angle)
+    place = place[(place > 0) & (place < np.pi)]
+    best, where = -np.inf, np.zeros(2)
+    for zeta in _START:
+        pairs = [data.scaled(pole_pair(data.angle, np.log([turn, zeta]))) for turn in place]
+        stacked = np.stack(pairs, axis=1)
+        stacked = stacked - np.tensordot(Q, np.tensordot(Q.T, stacked, 1), 1)
+        gram = np.einsum("kni,knj->nij", stacked, stacked)
+        gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        moment = np.einsum("kni,k->ni", stacked, residual)
+        gain = np.einsum("ni,ni->n", moment, np.linalg.solve(gram, moment[..., None])[..., 0])
+        if gain.max() > best:
+            best, where = gain.max(), np.log([place[np.argmax(gain)], zeta])
+    return where
+
+
+def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
+    """All poles together, from a start, by nonlinear least squares."""
+    from scipy.optimize import least_squares
+
+    positive = data.angle[data.angle > 0]
+    low = np.tile(np.log([positive[0] / 2, DAMPING[0]]), len(poles))
+    high = np.tile(np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]]), len(poles))
+    start = np.clip(poles.ravel(), low + 1e-9, high - 1e-9)
+    found = least_squares(residual_rows, start, args=(data,), x_scale="jac", bounds=(low, high), max_nfev=50)
+    return found.x.reshape(-1, 2)
+
+
+def among_lines(poles: np.ndarray, data: LineData) -> np.ndarray:
+    """Which poles are resonances that the lines show, not background that the fit puts outside them."""
+    turn, zeta = np.exp(poles).T
+    return (turn > data.angle[0]) & (turn < data.angle[-1]) & (zeta < 0.99 * DAMPING[1])
+
+
+def nearest(angle: np.ndarray, centre: float, reach: float, fewest: int) -> np.ndarray:
+    """Indices of the lines within `reach` of `centre`, and of the nearest ones up to `fewest`."""
+    distance = np.abs(angle - centre)
+    count = max(fewest, int(np.sum(distance <= reach)))
+    return np.sort(np.argsort(distance, kind="stable")[:count])
+
+
+def smallest_rest(data: LineData, poles: np.ndarray) -> int:
+    """The delay for which modes and smooth rest fit with the smallest rest: what is left to the gain bound."""
+    if not len(poles):
+        return 0
+    y = data.scaled(data.value[:, None])[:, 0]
+    smooth, sizes = smooth_terms(data.angle), []
+    for delay in _DELAYS:
+        shift = np.exp(-1j * delay * data.angle)[:, None]
+        modes = np.hstack([shift * pole_pair(data.angle, pole) for pole in poles])
+        columns = data.scaled(np.hstack([modes, smooth]))
+        norms = np.linalg.norm(columns, axis=0)
+        weights = np.linalg.lstsq(columns / norms, y, rcond=1e-12)[0] / norms
+        sizes.append(np.abs(smooth @ weights[-SMOOTH:]).max())
+    return int(np.argmin(sizes))

@@ -1,0 +1,107 @@
+"""The poles that measured lines leave: a local minimax fit, and how far it allows a pole to move."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest, pole_pair, ratios, smooth_terms
+
+_RAYS = 16
+_LOCAL = (12, 60)  # fewest and most lines of the local fit
+
+
+@dataclasses.dataclass(frozen=True)
+class _Local:
+    """A local fit: its data, and the columns that don't depend on the pole in question."""
+
+    data: LineData
+    fixed: np.ndarray
+
+    def minimax(self, pole: np.ndarray, level: float | None = None) -> tuple[float, float]:
+        """Lower and upper bound of the smallest max |e|/bound at this pole; stops once a `level` is decided."""
+        columns = np.hstack([self.data.scaled(pole_pair(self.data.angle, pole)), self.fixed])
+        columns = columns / np.linalg.norm(columns, axis=0)
+        y = self.data.scaled(self.data.value[:, None])[:, 0]
+        lines = self.data.angle.size
+        weight = np.full(lines, 1 / lines)
+        lower, upper = 0.0, np.inf
+        for _ in range(30):
+            root = np.sqrt(np.tile(weight, 2))
+            solution = np.linalg.lstsq(root[:, None] * columns, root * y, rcond=1e-12)[0]
+            ratio = ratios(y - columns @ solution)
+            lower, upper = max(lower, float(np.sqrt(weight @ ratio**2))), min(upper, float(ratio.max()))
+            decided = level is not None and (lower > level or upper <= level)
+            if decided or upper - lower <= 1e-3 * upper:
+                break
+            weight = weight * ratio
+            weight = weight / weight.sum()
+        return lower, upper
+
+
+def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, tuple[float, float]]:
+    """The lines around one mode, without the modes far away; and the range of angles that they span."""
+    turn, zeta = np.exp(poles[which])
+    near = nearest(data.angle, turn, 5 * zeta * turn, _LOCAL[0])
+    span = (float(data.angle[near[0]]), float(data.angle[near[-1]]))
+    near = near[np.unique(np.linspace(0, near.size - 1, min(near.size, _LOCAL[1])).round().astype(int))]
+    others = [i for i in range(len(poles)) if i != which]
+    width = span[1] - span[0]
+    close = [i for i in others if span[0] - width / 2 <= np.exp(poles[i, 0]) <= span[1] + width / 2]
+    # Equations less unknowns: near modes are dropped to single pairs where the lines are too few for double ones.
+    power = 2 if 2 * near.size > 4 + 4 * len(close) + SMOOTH else 1
+    columns = design(data, poles)
+    norms = np.linalg.norm(columns, axis=0)
+    weights = np.linalg.lstsq(columns / norms, data.scaled(data.value[:, None])[:, 0], rcond=1e-12)[0] / norms
+    far = sum(
+        (pole_pair(data.angle, poles[i]) @ weights[2 * i : 2 * i + 2] for i in others if i not in close), np.zeros(1)
+    )
+    local = LineData(data.angle, data.value - far, data.bound, data.dt).select(near)
+    parts = [pole_pair(local.angle, poles[i], k) for i in close for k in range(1, power + 1)] + [
+        smooth_terms(local.angle)
+    ]
+    return _Local(local, local.scaled(np.hstack(parts))), span
+
+
+def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.ndarray, float, bool]:
+    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the box was reached."""
+    local, span = _local_fit(data, poles, which)
+    centre = poles[which]
+    _, best = local.minimax(centre)
+    level = 1.0 if best <= 1 else 2 * best
+    low = np.array([max(span[0], 1e-3 * span[1]), DAMPING[0]])
+    high = np.array([min(span[1], 0.999 * np.pi), DAMPING[1]])
+    low, high = np.minimum(np.log(low), centre), np.maximum(np.log(high), centre)
+    unit = np.array([np.exp(centre[1]), 1.0])  # a half-width in frequency weighs as a factor e in damping
+    axes = [_reach(local, centre, unit * d, level, low, high) for d in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    scale = np.array([max(abs(e[k] - centre[k]) for e in axes[2 * k : 2 * k + 2]) for k in range(2)])
+    angles = 2 * np.pi * (np.arange(_RAYS) + 0.5) / _RAYS
+    rays = [_reach(local, centre, scale * [np.cos(t), np.sin(t)], level, low, high) for t in angles]
+    points = np.array([centre, *axes, *rays])
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    reached = bool(np.any(box[0] <= low + 1e-9) or np.any(box[1] >= high - 1e-9))
+    return np.exp(box.T), level, reached
+
+
+def _reach(
+    local: _Local, centre: np.ndarray, ray: np.ndarray, level: float, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """The last pole along a ray, inside the box, that isn't refuted; rounded outwards."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(ray > 0, (high - centre) / ray, np.where(ray < 0, (low - centre) / ray, np.inf))
+    end = float(np.min(room))
+
+    def refuted(step: float) -> bool:
+        return local.minimax(centre + step * ray, level)[0] > level
+
+    inside, outside = 0.0, min(1e-3, end)
+    while not refuted(outside):
+        inside = outside
+        if outside >= end:
+            return centre + end * ray
+        outside = min(2 * outside, end)
+    for _ in range(7):
+        middle = (inside + outside) / 2
+        inside, outside = (inside, middle) if refuted(middle) else (middle, outside)
+    return centre + outside * ray
