@@ -13,10 +13,10 @@ import time
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-from problems import random_problem
-
 import robustid as rid
-from robustid.identification.identify import exact_data
+from problems import random_problem
+from robustid.identification import consistency
+from robustid.identification.exact import exact_data
 from robustid.solve import available_solvers
 
 
@@ -78,12 +78,11 @@ def main(argv=None):
 
 def without_conic(problem):
     """identify() by the central path at every size."""
-    module = sys.modules["robustid.identification.identify"]
-    quick, module.QUICK_CONIC = module.QUICK_CONIC, 0
+    quick, consistency.QUICK_CONIC = consistency.QUICK_CONIC, 0
     try:
         return rid.identify(problem)
     finally:
-        module.QUICK_CONIC = quick
+        consistency.QUICK_CONIC = quick
 
 
 if __name__ == "__main__":

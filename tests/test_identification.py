@@ -123,7 +123,7 @@ def test_smallest_gain_is_the_threshold_of_consistency(solver):
 
 def test_order_objective_lowers_the_nuclear_norm():
     problem = random_problem(8, "time", 20)
-    from robustid.identification.identify import exact_data
+    from robustid.identification.exact import exact_data
 
     data = exact_data(problem)
     norms = {}

@@ -173,7 +173,7 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
 def test_any_multipliers_prove_a_true_bound():
     """20 problems x 20 random multipliers: none claims more than the margin that a system reaches."""
     from problems import CASES, random_problem
-    from robustid.identification.identify import exact_data
+    from robustid.identification.exact import exact_data
 
     held = 0
     for seed in range(5):

@@ -14,7 +14,7 @@ from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.identify import exact_data
+from robustid.identification.exact import exact_data
 from robustid.interpolation import MixedProblem
 from robustid.solve import margin_path
 

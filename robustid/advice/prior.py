@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification.identify import exact_data
+from robustid.identification.exact import exact_data
 from robustid.interpolation import MixedProblem, Prior
 from robustid.solve import analytic_center, gain_path
 

@@ -12,6 +12,7 @@ import numpy as np
 from robustid._arrays import Frozen, freeze
 from robustid.errors import InconsistentDataError, Status
 from robustid.identification.model import join_model, physical_parameters
+from robustid.identification.storage import save_identification
 from robustid.identification.verification import Residual, Verification
 from robustid.interpolation import (
     Interpolants,
@@ -183,6 +184,4 @@ class Identification(Frozen):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle."""
-        from robustid.identification.storage import save_identification
-
         save_identification(self, path)

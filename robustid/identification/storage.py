@@ -1,4 +1,4 @@
-"""Saving and loading of an identification: numbers in .npz, the rest in readable .json; never pickle."""
+"""Saving an identification: numbers in .npz, the rest in readable .json; never pickle."""
 
 from __future__ import annotations
 
@@ -7,24 +7,18 @@ import hashlib
 import json
 import os
 import pathlib
-import zipfile
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robustid._files import atomic_write
 from robustid._version import __version__
-from robustid.bases import ParametricBasis
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import FileFormatError, Status
-from robustid.identification.identify import exact_data, level_of
-from robustid.identification.model import join_model
-from robustid.identification.result import Identification
-from robustid.identification.verification import verify
-from robustid.interpolation import MarginCertificate, MixedProblem, Prior, interpolants
-from robustid.solve import Candidate
+from robustid.interpolation import MixedProblem
 
-_FORMAT = "robustid identification 1"
+if TYPE_CHECKING:
+    from robustid.identification.result import Identification
+
+FORMAT = "robustid identification 1"
 
 
 def save_identification(result: Identification, path: str | os.PathLike[str]) -> None:
@@ -36,9 +30,9 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "certificate/samples": result.certificate.samples,
         "certificate/ball": result.certificate.ball,
     }
-    numbers, text = _paths(path)
+    numbers, text = paths(path)
     record = {
-        "format": _FORMAT,
+        "format": FORMAT,
         "version": __version__,
         "status": result.status.name,
         "meaning": result.status.value,
@@ -51,7 +45,7 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "solver": result.solver,
         "timing_s": result.timing,
         "problem": problem,
-        "digest": _digest(arrays),
+        "digest": digest(arrays),
         "summary": result.summary().splitlines(),
     }
     with atomic_write(numbers, "wb") as file:
@@ -60,44 +54,16 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         json.dump(record, file, indent=1)
 
 
-def load_identification(path: str | os.PathLike[str]) -> Identification:
-    """Read what `Identification.save` wrote, rebuild the model, and verify every claim again.
-
-    Raises
-    ------
-    FileFormatError
-        The files are missing, truncated, of another kind, or do not belong together.
-    """
-    numbers, text = _paths(path)
-    try:
-        record = json.loads(text.read_text(encoding="utf-8"))
-        with np.load(numbers, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        if record["format"] != _FORMAT:
-            raise KeyError("format")
-        intact = record["digest"] == _digest(arrays)
-    except FileNotFoundError as error:
-        raise FileFormatError(
-            f"`path`: {error.filename} is missing; an identification is a .npz and a .json file"
-        ) from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved identification ({error})") from None
-    if not intact:
-        raise FileFormatError(f"`path`: {numbers} does not belong to {text} (its digest differs); restore both files")
-    try:
-        return _rebuild(record, arrays)
-    except (KeyError, TypeError) as error:
-        raise FileFormatError(f"`path`: {text} lacks {error}; was it edited?") from None
-
-
-def _paths(path: str | os.PathLike[str]) -> tuple[pathlib.Path, pathlib.Path]:
+def paths(path: str | os.PathLike[str]) -> tuple[pathlib.Path, pathlib.Path]:
+    """The .npz and the .json file of a saved identification."""
     base = pathlib.Path(path)
     if base.suffix in (".npz", ".json"):
         base = base.with_suffix("")
     return base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")
 
 
-def _digest(arrays: dict[str, np.ndarray]) -> str:
+def digest(arrays: dict[str, np.ndarray]) -> str:
+    """SHA-256 of all arrays: what binds the two files together."""
     total = hashlib.sha256()
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -129,49 +95,3 @@ def _describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dic
         arrays |= {f"parametric/{name}": getattr(basis, name) for name in "ABCD"}
         text["parametric"] = {"dt": basis.dt, "labels": list(basis.labels)}
     return arrays, text
-
-
-def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedProblem:
-    experiments: dict[str, list] = {}
-    for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
-        experiments[kind] = []
-        for i, described in enumerate(text[kind]):
-            prefix = f"{kind}{i}/"
-            fields = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-            experiments[kind].append(cls(**fields, **described))
-    basis = None
-    if text["parametric"] is not None:
-        matrices = {name: arrays[f"parametric/{name}"] for name in "ABCD"}
-        basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
-    prior = Prior(**text["prior"])
-    return MixedProblem(frequency=experiments["frequency"], time=experiments["time"], prior=prior, parametric=basis)
-
-
-def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
-    problem = _read_problem(arrays, record["problem"])
-    prior = Prior(**record["prior_of_model"])
-    data, posed = exact_data(problem), dataclasses.replace(problem, prior=prior)
-    used = exact_data(posed)
-    x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
-    certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
-    model = join_model(posed, used.rows, interpolants(used.sarason, x).realise(), p)
-    point = Candidate(x, p, certificate.samples, certificate.ball, record["solver"])
-    objective, accuracy, margin = record["objective"], record["accuracy"], record["margin"]
-    return Identification(
-        problem=problem,
-        status=Status[record["status"]],
-        objective=objective,
-        margin=margin,
-        margin_lower=certificate.value,
-        accuracy=accuracy,
-        prior=prior,
-        coefficients=x,
-        scaled_parameters=p,
-        certificate=certificate,
-        model=model,
-        verification=verify(
-            posed, used, point, model, certificate, data, level_of(objective, margin, accuracy), (margin, accuracy)
-        ),
-        solver=record["solver"],
-        timing=record["timing_s"],
-    )

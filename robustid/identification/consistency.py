@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import as_positive
-from robustid.bases import input_normal_pair
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError, Status
+from robustid.identification.exact import exact_data, level_of
 from robustid.identification.model import join_model
 from robustid.identification.result import Identification
 from robustid.identification.verification import verify
@@ -23,19 +23,15 @@ from robustid.interpolation import (
     certify_margin,
     classical_form,
     interpolants,
-    measurement_rows,
 )
 from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, margin_path, solve_conic
 
 _log = logging.getLogger("robustid")
 
 OBJECTIVES = ("center", "margin", "gain", "order")
-# The exact form is dense: n^4 work per Newton step of the central path. Minutes begin here.
-LARGEST_EXACT = 200
 # A general semidefinite solver needs n^4 memory and n^6 work: "auto" asks it while it is quick, and never above the last.
 QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
-_EDGE = 1e-6  # how far outside the smallest margin the model is centred
 
 
 def identify(
@@ -137,19 +133,6 @@ class _Exact:
     classical: ClassicalForm | None
 
 
-def exact_data(problem: MixedProblem) -> ConvexData:
-    """The arrays of the exact form, refused where they would be too large."""
-    n = problem.coefficients
-    if n > LARGEST_EXACT:
-        raise SizeError(
-            f"`problem` has {n} coefficients in the exact form (2 per frequency line, 1 per time sample); it takes up to"
-            f" {LARGEST_EXACT}. Thin the data: frf.select(slice(None, None, step)), a shorter record, or fewer lines"
-            " off resonance"
-        )
-    pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor)
-    return ConvexData(measurement_rows(problem, pair), SarasonMap(pair))
-
-
 def _exact_form(problem: MixedProblem, form: str) -> _Exact:
     data = exact_data(problem)
     classical = None
@@ -215,11 +198,6 @@ def _status(upper: float, lower: float, accuracy: float) -> Status:
     if lower > 1:
         return Status.INCONSISTENT
     return Status.UNDECIDED if _close(upper, lower, accuracy) else Status.FAILED
-
-
-def level_of(objective: str, margin: float, accuracy: float) -> float:
-    """The multiple of the bounds that defines the set from which the model is taken."""
-    return margin * (1 + _EDGE) + accuracy if objective == "margin" else max(1.0, margin * (1 + _EDGE))
 
 
 def _choose_point(exact: _Exact, level: float, objective: str, solver: str, form: str) -> tuple[Candidate, _Exact]:

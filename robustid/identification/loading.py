@@ -1,0 +1,98 @@
+"""Reading back a saved identification; every claim is verified again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import zipfile
+from typing import Any
+
+import numpy as np
+
+from robustid.bases import ParametricBasis
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import FileFormatError, Status
+from robustid.identification.exact import exact_data, level_of
+from robustid.identification.model import join_model
+from robustid.identification.result import Identification
+from robustid.identification.storage import FORMAT, digest, paths
+from robustid.identification.verification import verify
+from robustid.interpolation import MarginCertificate, MixedProblem, Prior, interpolants
+from robustid.solve import Candidate
+
+
+def load_identification(path: str | os.PathLike[str]) -> Identification:
+    """Read what `Identification.save` wrote, rebuild the model, and verify every claim again.
+
+    Raises
+    ------
+    FileFormatError
+        The files are missing, truncated, of another kind, or do not belong together.
+    """
+    numbers, text = paths(path)
+    try:
+        record = json.loads(text.read_text(encoding="utf-8"))
+        with np.load(numbers, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        if record["format"] != FORMAT:
+            raise KeyError("format")
+        intact = record["digest"] == digest(arrays)
+    except FileNotFoundError as error:
+        raise FileFormatError(
+            f"`path`: {error.filename} is missing; an identification is a .npz and a .json file"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved identification ({error})") from None
+    if not intact:
+        raise FileFormatError(f"`path`: {numbers} does not belong to {text} (its digest differs); restore both files")
+    try:
+        return _rebuild(record, arrays)
+    except (KeyError, TypeError) as error:
+        raise FileFormatError(f"`path`: {text} lacks {error}; was it edited?") from None
+
+
+def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedProblem:
+    experiments: dict[str, list] = {}
+    for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
+        experiments[kind] = []
+        for i, described in enumerate(text[kind]):
+            prefix = f"{kind}{i}/"
+            fields = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+            experiments[kind].append(cls(**fields, **described))
+    basis = None
+    if text["parametric"] is not None:
+        matrices = {name: arrays[f"parametric/{name}"] for name in "ABCD"}
+        basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
+    prior = Prior(**text["prior"])
+    return MixedProblem(frequency=experiments["frequency"], time=experiments["time"], prior=prior, parametric=basis)
+
+
+def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
+    problem = _read_problem(arrays, record["problem"])
+    prior = Prior(**record["prior_of_model"])
+    data, posed = exact_data(problem), dataclasses.replace(problem, prior=prior)
+    used = exact_data(posed)
+    x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
+    certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
+    model = join_model(posed, used.rows, interpolants(used.sarason, x).realise(), p)
+    point = Candidate(x, p, certificate.samples, certificate.ball, record["solver"])
+    objective, accuracy, margin = record["objective"], record["accuracy"], record["margin"]
+    return Identification(
+        problem=problem,
+        status=Status[record["status"]],
+        objective=objective,
+        margin=margin,
+        margin_lower=certificate.value,
+        accuracy=accuracy,
+        prior=prior,
+        coefficients=x,
+        scaled_parameters=p,
+        certificate=certificate,
+        model=model,
+        verification=verify(
+            posed, used, point, model, certificate, data, level_of(objective, margin, accuracy), (margin, accuracy)
+        ),
+        solver=record["solver"],
+        timing=record["timing_s"],
+    )
