@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
 import robustid as rid
 from problems import random_problem
-from robustid.identification import consistency
+from robustid.identification import margin
 from robustid.identification.exact import exact_data
 from robustid.solve import available_solvers
 
@@ -78,11 +78,11 @@ def main(argv=None):
 
 def without_conic(problem):
     """identify() by the central path at every size."""
-    quick, consistency.QUICK_CONIC = consistency.QUICK_CONIC, 0
+    quick, margin.QUICK_CONIC = margin.QUICK_CONIC, 0
     try:
         return rid.identify(problem)
     finally:
-        consistency.QUICK_CONIC = quick
+        margin.QUICK_CONIC = quick
 
 
 if __name__ == "__main__":

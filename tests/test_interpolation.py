@@ -165,7 +165,7 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
     X = sarason.matrix(x)
     assert np.abs(X - pair.A.T @ X @ pair.A - pair.c.T @ x[None, :]).max() < 1e-13
     assert np.abs(np.tensordot(x, sarason.basis, 1) - X).max() < 1e-13
-    assert sarason.adjoint(Y) @ x == pytest.approx(np.sum(Y * X), rel=1e-12)
+    assert (pair.c @ sarason.stein(Y))[0] @ x == pytest.approx(np.sum(Y * X), rel=1e-12)
     H = np.tensordot(x, sarason.symmetric_basis, 1)
     assert np.linalg.norm(H, 2) == pytest.approx(np.linalg.norm(X, 2), rel=1e-12)
 

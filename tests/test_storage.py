@@ -10,7 +10,7 @@ from problems import CASES, random_problem
 
 @pytest.fixture
 def saved(tmp_path):
-    result = rid.identify(random_problem(1, "parametric", 14))
+    result = rid.identify(random_problem(2, "parametric", 14, spread=0.2, noise=4.0))
     result.save(tmp_path / "result")
     return result, tmp_path / "result"
 
@@ -66,8 +66,8 @@ def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
     _, path = saved
     text = path.with_suffix(".json")
     record = json.loads(text.read_text())
-    record["certificate"]["value"] = 0.99
-    record["margin_lower"] = 0.99
+    record["certificate"]["value"] = record["margin"]
+    record["margin_lower"] = record["margin"]
     text.write_text(json.dumps(record))
     assert not rid.load_identification(path).verification.passed
 
@@ -95,3 +95,38 @@ def test_problems_and_results_can_be_pickled_and_stay_read_only():
     result = pickle.loads(pickle.dumps(rid.identify(problem)))
     assert not result.coefficients.flags.writeable
     assert result.solution(0.5).nstates == problem.coefficients
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [{"margin": -5.0}, {"margin": 0.0}, {"margin": 1.5}, {"status": "CONSISTENT"}, {"margin_lower": 0.5}, {"accuracy": 1e-30}],
+)
+def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
+    _, path = saved
+    text = path.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | edit))
+    try:
+        again = rid.load_identification(path)
+    except rid.FileFormatError as error:
+        assert "result" in str(error)
+    else:
+        assert not again.verification.passed
+
+
+@pytest.mark.parametrize("name", ["result/coefficients", "certificate/samples", "claim/p"])
+@pytest.mark.parametrize("damage", ["short", "nan"])
+def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
+    from robustid.identification.storage import digest
+
+    _, path = saved
+    with np.load(path.with_suffix(".npz")) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    arrays[name] = arrays[name][:-1] if damage == "short" else arrays[name] * np.nan
+    np.savez(path.with_suffix(".npz"), **arrays)
+    text = path.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
+    try:
+        again = rid.load_identification(path)
+    except rid.FileFormatError:
+        return
+    assert not again.verification.passed

@@ -14,7 +14,7 @@ from robustid.bases.input_normal import solve_stein
 from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
-_INTEGRATOR_RADIUS = 1e-6
+_INTEGRATOR_RADIUS = 1e-7
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -30,6 +30,9 @@ class ParametricBasis(Frozen):
         Sample time in s.
     labels : tuple of str
         One name per function.
+    poles : (n,) complex array, optional
+        Poles in the z-plane, where they are known: the eigenvalues of a repeated pole split by rounding. Default: the
+        eigenvalues of A.
     """
 
     A: np.ndarray
@@ -38,9 +41,12 @@ class ParametricBasis(Frozen):
     D: np.ndarray
     dt: float
     labels: tuple[str, ...]
+    poles: Any = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in "ABCD"})
+        computed = np.linalg.eigvals(self.A) if self.states and self.poles is None else self.poles
+        self._set(poles=freeze(np.zeros(0, complex) if computed is None else np.asarray(computed, complex)))
 
     @property
     def size(self) -> int:
@@ -51,11 +57,6 @@ class ParametricBasis(Frozen):
     def states(self) -> int:
         """Number of states that the functions share."""
         return self.A.shape[0]
-
-    @property
-    def poles(self) -> np.ndarray:
-        """Poles in the z-plane."""
-        return np.linalg.eigvals(self.A) if self.states else np.zeros(0, complex)
 
     @property
     def has_integrator(self) -> bool:
@@ -176,7 +177,8 @@ def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> P
         C = np.hstack([C, np.zeros((C.shape[0], 1))])
     hz = f"{omega / (2 * np.pi):.4g} Hz"
     labels = [f"{part} {hz}" + (f" (k^{j})" if j else "") for j in range(repeat) for part in ("Re", "Im")]
-    return ParametricBasis(A, B, C, D, dt, tuple(labels))
+    poles = np.concatenate([np.repeat([a, a.conjugate()], repeat), np.zeros(A.shape[0] - 2 * repeat)])
+    return ParametricBasis(A, B, C, D, dt, tuple(labels), poles)
 
 
 def as_basis(value: Any, dt: float) -> ParametricBasis:
@@ -231,4 +233,4 @@ def stack_bases(parts: Sequence[ParametricBasis]) -> ParametricBasis:
     A, C = (np.asarray(scipy.linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
     B, D = (np.vstack([getattr(p, name) for p in parts]) for name in "BD")
     labels = tuple(label for p in parts for label in p.labels)
-    return ParametricBasis(A, B, C, D, parts[0].dt, labels)
+    return ParametricBasis(A, B, C, D, parts[0].dt, labels, np.concatenate([p.poles for p in parts]))

@@ -10,28 +10,18 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import as_positive
-from robustid.errors import InputError, InputTypeError, SizeError, SolverError, Status
-from robustid.identification.exact import exact_data, level_of
+from robustid.errors import InputError, InputTypeError, SolverError
+from robustid.identification.exact import level_of
+from robustid.identification.margin import ExactForm, check_conic_size, exact_form, prove_margin, wants_conic
 from robustid.identification.model import join_model
 from robustid.identification.result import Identification
 from robustid.identification.verification import verify
-from robustid.interpolation import (
-    ClassicalForm,
-    MarginCertificate,
-    MixedProblem,
-    SarasonMap,
-    certify_margin,
-    classical_form,
-    interpolants,
-)
-from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, margin_path, solve_conic
+from robustid.interpolation import MixedProblem, interpolants
+from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, solve_conic
 
 _log = logging.getLogger("robustid")
 
 OBJECTIVES = ("center", "margin", "gain", "order")
-# A general semidefinite solver needs n^4 memory and n^6 work: "auto" asks it while it is quick, and never above the last.
-QUICK_CONIC, LARGEST_CONIC = 24, 100
-_SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
 
 
 def identify(
@@ -92,53 +82,33 @@ def identify(
     """
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
+    if objective == "order":
+        check_conic_size(problem)
     clock = _Clock()
-    exact = _exact_form(problem, form)
+    exact = exact_form(problem, form)
     clock.lap("assembly")
-    margin, certificate = _margin(exact, solver, accuracy)
+    claim, start = prove_margin(exact, solver, accuracy)
     clock.lap("margin")
-    _log.info("margin between %.6g and %.6g", certificate.value, margin[0])
-    level = level_of(objective, margin[0], accuracy)
-    point, used = _choose_point(exact, level, objective, solver, form)
+    _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
+    level = level_of(objective, claim.margin, accuracy)
+    point, used, notes = _choose_point(exact, level, objective, solver, form, start)
     clock.lap("model")
     family = interpolants(used.data.sarason, point.x)
     realised = join_model(used.problem, used.data.rows, family.realise(), point.p)
-    status = _status(margin[0], certificate.value, accuracy)
-    checks = verify(used.problem, used.data, point, realised, certificate, exact.data, level, (margin[0], accuracy))
+    checks = verify(used.problem, used.data, point, realised, claim, exact.data, level)
     clock.lap("verification")
     return Identification(
         problem=problem,
-        status=status,
         objective=objective,
-        margin=margin[0],
-        margin_lower=certificate.value,
-        accuracy=accuracy,
+        claim=claim,
         prior=used.problem.prior,
         coefficients=point.x,
         scaled_parameters=point.p,
-        certificate=certificate,
         model=realised,
         verification=checks,
-        solver=margin[1],
         timing=clock.laps,
+        notes=notes,
     )
-
-
-@dataclasses.dataclass(frozen=True)
-class _Exact:
-    """The exact form of a problem: its arrays, and the basis of the inequality."""
-
-    problem: MixedProblem
-    data: ConvexData
-    classical: ClassicalForm | None
-
-
-def _exact_form(problem: MixedProblem, form: str) -> _Exact:
-    data = exact_data(problem)
-    classical = None
-    if form == "classical" and problem.coefficients:
-        classical = classical_form(data.sarason.pair, problem.angles, problem.prior.decay_rate, problem.taylor)
-    return _Exact(problem, data, classical)
 
 
 def _check_arguments(problem: Any, objective: str, form: str) -> None:
@@ -150,80 +120,33 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
         raise InputError(f'`form` must be "orthonormal" or "classical"; got {form!r}')
 
 
-def _margin(exact: _Exact, solver: str, accuracy: float) -> tuple[tuple[float, str], MarginCertificate]:
-    """The proven interval of the margin; our own central path takes over where the solver's numbers don't hold."""
-    best: MarginCertificate | None = None
-    reached, used = np.inf, ""
-    candidates = []
-    if _conic(exact, solver):
-        try:
-            candidates = [solve_conic(exact.data, "margin", solver=solver, classical=exact.classical)]
-        except SolverError as problem:
-            _log.warning("%s; using the central path", problem)
-    path = margin_path(exact.data)
-    while True:
-        if not candidates:
-            step = next(path, None)
-            if step is None:
-                break
-            candidates = [step[0]]
-        candidate = candidates.pop()
-        x = _into_ball(candidate.x, exact.data.sarason)
-        upper = exact.data.margin(x, candidate.p)
-        if upper < reached:
-            reached, used = upper, candidate.solver
-        certificate = certify_margin(candidate.samples, candidate.ball, reached, exact.data.rows, exact.data.sarason)
-        if best is None or certificate.value > best.value:
-            best = certificate
-        if _close(reached, best.value, _SPARE * accuracy):
-            break
-    if best is None:
-        raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
-    return (reached, used), best
-
-
-def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:
-    """The coefficients, shrunk into the ball by what a solver left outside."""
-    norm = sarason.norm(x) * (1 + 1e-13)
-    return x / norm if norm > 1 else x
-
-
-def _close(upper: float, lower: float, accuracy: float) -> bool:
-    return upper - lower <= accuracy * max(1.0, upper)
-
-
-def _status(upper: float, lower: float, accuracy: float) -> Status:
-    if upper <= 1:
-        return Status.CONSISTENT
-    if lower > 1:
-        return Status.INCONSISTENT
-    return Status.UNDECIDED if _close(upper, lower, accuracy) else Status.FAILED
-
-
-def _choose_point(exact: _Exact, level: float, objective: str, solver: str, form: str) -> tuple[Candidate, _Exact]:
-    """The point that the objective asks for, and the problem it belongs to."""
-    center = analytic_center(exact.data, level)
+def _choose_point(
+    exact: ExactForm, level: float, objective: str, solver: str, form: str, start: Candidate | None
+) -> tuple[Candidate, ExactForm, tuple[str, ...]]:
+    """The point that the objective asks for, the problem it belongs to, and what should be said about it."""
+    center = analytic_center(exact.data, level, start)
     if objective in ("center", "margin") or not exact.problem.coefficients:
-        return center, exact
+        return center, exact, ()
     if objective == "order":
-        found = solve_conic(
-            exact.data, "order", solver=_conic_name(exact, solver), factor=level, classical=exact.classical
-        )
-        return _step_inside(found, center, exact.data, level), exact
-    K = exact.problem.prior.gain_bound
-    gain = _smallest_gain(exact, center, level, solver)
-    while gain < 1:
-        smaller = _exact_form(exact.problem.with_prior(gain_bound=K * gain), form)
         try:
-            return analytic_center(smaller.data, level), smaller
-        except SolverError:  # the solver's gain was a little too small
-            gain = gain * (1 + 1e-3)
-    return center, exact
+            found = solve_conic(exact.data, "order", solver=solver, factor=level, classical=exact.classical)
+        except SolverError as problem:
+            return center, exact, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
+        return _step_inside(found, center, exact.data, level), exact, ()
+    K = exact.problem.prior.gain_bound
+    gain, growth = _smallest_gain(exact, center, level, solver), 1e-3
+    while gain < 1:
+        smaller = exact_form(exact.problem.with_prior(gain_bound=K * gain), form)
+        try:
+            return analytic_center(smaller.data, level), smaller, ()
+        except SolverError:  # the solver's gain was too small
+            gain, growth = gain * (1 + growth), 4 * growth
+    return center, exact, ()
 
 
-def _smallest_gain(exact: _Exact, center: Candidate, level: float, solver: str) -> float:
+def _smallest_gain(exact: ExactForm, center: Candidate, level: float, solver: str) -> float:
     """Smallest kappa for which gain kappa K is consistent at `level`, from above, to 1e-4."""
-    if _conic(exact, solver):
+    if wants_conic(exact, solver):
         try:
             found = solve_conic(exact.data, "gain", solver=solver, factor=level, classical=exact.classical)
             return exact.data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
@@ -234,24 +157,6 @@ def _smallest_gain(exact: _Exact, center: Candidate, level: float, solver: str) 
         if gap <= 1e-4 * kappa or kappa < 1e-9:
             break
     return kappa + 1e-9
-
-
-def _conic(exact: _Exact, solver: str) -> bool:
-    """Whether a general conic solver is asked."""
-    n = exact.problem.coefficients
-    if solver == "auto" and exact.classical is None:
-        return n <= QUICK_CONIC
-    if n > LARGEST_CONIC:
-        raise SizeError(
-            f"`problem` has {n} coefficients; a general semidefinite solver takes up to {LARGEST_CONIC}"
-            ' in reasonable time and memory. Use solver="auto", or thin the data'
-        )
-    return True
-
-
-def _conic_name(exact: _Exact, solver: str) -> str:
-    _conic(exact, "cvxpy" if solver == "auto" else solver)
-    return solver
 
 
 def _step_inside(found: Candidate, center: Candidate, data: ConvexData, level: float) -> Candidate:

@@ -12,8 +12,8 @@ import numpy as np
 
 from robustid.bases import ParametricBasis
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import FileFormatError, Status
-from robustid.identification.exact import exact_data, level_of
+from robustid.errors import FileFormatError
+from robustid.identification.exact import Claim, exact_data, level_of
 from robustid.identification.model import join_model
 from robustid.identification.result import Identification
 from robustid.identification.storage import FORMAT, digest, paths
@@ -48,8 +48,10 @@ def load_identification(path: str | os.PathLike[str]) -> Identification:
         raise FileFormatError(f"`path`: {numbers} does not belong to {text} (its digest differs); restore both files")
     try:
         return _rebuild(record, arrays)
-    except (KeyError, TypeError) as error:
+    except KeyError as error:
         raise FileFormatError(f"`path`: {text} lacks {error}; was it edited?") from None
+    except (TypeError, ValueError, np.linalg.LinAlgError) as error:
+        raise FileFormatError(f"`path`: {text} and {numbers.name} can't be used: {error}") from None
 
 
 def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedProblem:
@@ -62,7 +64,7 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
             experiments[kind].append(cls(**fields, **described))
     basis = None
     if text["parametric"] is not None:
-        matrices = {name: arrays[f"parametric/{name}"] for name in "ABCD"}
+        matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}
         basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
     prior = Prior(**text["prior"])
     return MixedProblem(frequency=experiments["frequency"], time=experiments["time"], prior=prior, parametric=basis)
@@ -75,24 +77,22 @@ def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identific
     used = exact_data(posed)
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
     certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
+    point = (arrays["claim/x"], arrays["claim/p"])
+    claim = Claim(record["margin"], record["accuracy"], *point, certificate, record["solver"])
+    if record["status"] != claim.status.name or record["margin_lower"] != certificate.value:
+        raise ValueError("its status or margin contradicts its own certificate")
     model = join_model(posed, used.rows, interpolants(used.sarason, x).realise(), p)
-    point = Candidate(x, p, certificate.samples, certificate.ball, record["solver"])
-    objective, accuracy, margin = record["objective"], record["accuracy"], record["margin"]
+    center = Candidate(x, p, certificate.samples, certificate.ball, claim.solver)
+    level = level_of(record["objective"], claim.margin, claim.accuracy)
     return Identification(
         problem=problem,
-        status=Status[record["status"]],
-        objective=objective,
-        margin=margin,
-        margin_lower=certificate.value,
-        accuracy=accuracy,
+        objective=record["objective"],
+        claim=claim,
         prior=prior,
         coefficients=x,
         scaled_parameters=p,
-        certificate=certificate,
         model=model,
-        verification=verify(
-            posed, used, point, model, certificate, data, level_of(objective, margin, accuracy), (margin, accuracy)
-        ),
-        solver=record["solver"],
+        verification=verify(posed, used, center, model, claim, data, level),
         timing=record["timing_s"],
+        notes=tuple(record["notes"]),
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.errors import InconsistentDataError, Status
+from robustid.identification.exact import Claim
 from robustid.identification.model import join_model, physical_parameters
 from robustid.identification.storage import save_identification
 from robustid.identification.verification import Residual, Verification
@@ -25,59 +26,97 @@ from robustid.interpolation import (
 from robustid.interpolation.sarason import SarasonMap
 
 
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Identification(Frozen):
     """What the data say about the class, and a model.
 
     Attributes
     ----------
     problem : MixedProblem
-    status : Status
-        Its value is a sentence.
     objective : str
-    margin, margin_lower : float
-        Proven interval of the smallest s with every |residual| <= s * bound: the upper end is reached by a system of
-        the class, the lower end is the value of `certificate`.
-    accuracy : float
-        What was asked of the interval.
+    claim : Claim
+        The proven interval of the margin with its evidence: the point that reaches the upper end and the certificate of the
+        lower end; `margin`, `margin_lower`, `status`, `certificate`, `solver` and `accuracy` are read from it.
     prior : Prior
         Of the model: that of the problem, with a smaller gain bound for objective "gain".
     coefficients : (n,) array
         Of the non-parametric part, in the orthonormal basis, relative to the gain bound.
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
-    certificate : MarginCertificate
     model : control.StateSpace
         Central interpolant joined with the parametric part, engineer's convention, with dt.
     verification : Verification
         Every claim, evaluated again.
-    solver : str
     timing : dict
         Seconds per stage.
+    notes : tuple of str
+        How the assumptions were chosen, where the program chose them from the data; shown in reports.
     """
 
     problem: MixedProblem
-    status: Status
     objective: str
-    margin: float
-    margin_lower: float
-    accuracy: float
+    claim: Claim
     prior: Prior
     coefficients: np.ndarray
     scaled_parameters: np.ndarray
-    certificate: MarginCertificate
     model: Any
     verification: Verification
-    solver: str
     timing: dict[str, float]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(coefficients=freeze(self.coefficients), scaled_parameters=freeze(self.scaled_parameters))
 
     @property
+    def status(self) -> Status:
+        """What was found; its value is a sentence."""
+        return self.claim.status
+
+    @property
+    def margin(self) -> float:
+        """Upper end of the proven interval of the smallest s with every |residual| <= s * bound: a system reaches it."""
+        return self.claim.margin
+
+    @property
+    def margin_lower(self) -> float:
+        """Lower end of the proven interval: the value of `certificate`."""
+        return self.claim.certificate.value
+
+    @property
+    def accuracy(self) -> float:
+        """What was asked of the width of the interval."""
+        return self.claim.accuracy
+
+    @property
+    def certificate(self) -> MarginCertificate:
+        """The proof of `margin_lower`; above 1 it refutes the class."""
+        return self.claim.certificate
+
+    @property
+    def solver(self) -> str:
+        """Who found the point that reaches the margin."""
+        return self.claim.solver
+
+    @property
     def consistent(self) -> bool:
         """Whether a system of the class keeps every sample within its bound (margin <= 1)."""
         return self.margin <= 1
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what makes the result say less than it seems to."""
+        K, found = self.problem.prior.gain_bound, []
+        sizes = [np.abs(f.values).max() for f in self.problem.frequency]
+        sizes += [np.abs(t.y).max() / max(np.abs(t.u).max(), np.finfo(float).tiny) for t in self.problem.time]
+        largest = float(max(sizes))
+        if self.consistent and largest < K:
+            found.append(
+                f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
+                " consistency says next to nothing, and the model can do anything between the samples"
+            )
+        if self.consistent and self.margin_lower <= 0:
+            found.append("the margin is 0: these data could not have contradicted this class, whatever the bounds")
+        return tuple(found)
 
     @property
     def parameters(self) -> np.ndarray:
@@ -159,6 +198,9 @@ class Identification(Frozen):
             raise InconsistentDataError(f"the model failed its verification: {failed}")
         return self
 
+    def __repr__(self) -> str:
+        return f"<Identification: {self.status.name.lower()}, margin {self.margin:.6g}, order {self.order}>"
+
     def summary(self) -> str:
         """The result in a dozen lines of plain text."""
         problem, prior = self.problem, self.problem.prior
@@ -179,6 +221,7 @@ class Identification(Frozen):
         for kind, index, at, share in self.conflicting_samples(0.02)[:6]:
             place = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
             lines.append(f"limited by {kind} experiment {index + 1} at {place}: {100 * share:.0f} % of the proof")
+        lines += [f"warning    {sentence}" for sentence in self.warnings]
         lines.append("assumed    gain bound, decay rate and parametric poles: data can refute them, never prove them")
         return "\n".join(lines)
 

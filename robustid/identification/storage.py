@@ -27,6 +27,8 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
     arrays |= {
         "result/coefficients": result.coefficients,
         "result/scaled_parameters": result.scaled_parameters,
+        "claim/x": result.claim.x,
+        "claim/p": result.claim.p,
         "certificate/samples": result.certificate.samples,
         "certificate/ball": result.certificate.ball,
     }
@@ -44,6 +46,7 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "certificate": {"upper": result.certificate.upper, "value": result.certificate.value},
         "solver": result.solver,
         "timing_s": result.timing,
+        "notes": list(result.notes),
         "problem": problem,
         "digest": digest(arrays),
         "summary": result.summary().splitlines(),
@@ -92,6 +95,6 @@ def _describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dic
             text[kind].append(described)
     if problem.parametric is not None:
         basis = problem.parametric
-        arrays |= {f"parametric/{name}": getattr(basis, name) for name in "ABCD"}
+        arrays |= {f"parametric/{name}": getattr(basis, name) for name in ("A", "B", "C", "D", "poles")}
         text["parametric"] = {"dt": basis.dt, "labels": list(basis.labels)}
     return arrays, text

@@ -9,9 +9,10 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.identification.exact import Claim
 from robustid.identification.model import physical_parameters
 from robustid.identification.simulation import response, simulate
-from robustid.interpolation import MarginCertificate, MixedProblem
+from robustid.interpolation import MixedProblem
 from robustid.interpolation.problem import excited_lines
 from robustid.interpolation.rows import initial_state
 from robustid.solve import Candidate, ConvexData
@@ -81,20 +82,20 @@ def verify(
     data: ConvexData,
     point: Candidate,
     model: Any,
-    certificate: MarginCertificate,
+    claim: Claim,
     claimed: ConvexData,
     level: float,
-    interval: tuple[float, float],
 ) -> Verification:
     """Evaluate every claim of an identification from its numbers.
 
     The residuals come from the state-space model: its frequency response at the lines and its simulated response to the
-    recorded inputs, not from the coefficients that were solved for. `interval` is (margin, accuracy).
+    recorded inputs, not from the coefficients that were solved for. `claimed` are the data that the margin is about, `data`
+    those of the model's own prior.
     """
-    margin, accuracy = interval
     n = model.nstates - (0 if problem.parametric is None else problem.parametric.states)
     residuals = model_residuals(problem, model, data, point.p)
-    worst = max(float(r.ratio.max()) for r in residuals)
+    worst = _largest(residuals)
+    reached = claimed.margin(claim.x, claim.p) if claimed.sarason.norm(claim.x) <= 1 else np.inf
     checks = [
         Check("largest |residual|/bound of the model", worst, level * (1 + 1e-5)),
         Check("||X||: the non-parametric part is in the ball", data.sarason.norm(point.x), 1.0),
@@ -108,10 +109,11 @@ def verify(
             spectral_radius(model.A[:n, :n], problem),
             1.0,
         ),
-        Check("width of the proven interval of the margin", (margin - certificate.value) / max(1.0, margin), accuracy),
+        Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),
+        Check("width of the proven interval of the margin", claim.width, claim.accuracy),
         Check(
             "certificate: stated minus recomputed",
-            0.0 if certificate.verify(claimed.rows, claimed.sarason) else np.inf,
+            0.0 if claim.certificate.verify(claimed.rows, claimed.sarason) else np.inf,
             0.0,
         ),
     ]
@@ -150,8 +152,8 @@ def _relative(error: np.ndarray, values: np.ndarray, K: float) -> float:
 def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None = None, p: Any = None) -> list[Residual]:
     """Residuals of any one-channel model at the samples of a problem.
 
-    For records with unknown initial state the free response of the parametric part is that of `p`, or the best in the
-    least-squares sense where none is given.
+    For records with unknown initial state the free response of the parametric part is that of `p`, or the one with the smallest
+    largest |residual|/bound where none is given.
     """
     out = [_frequency_residual(i, f, model, problem) for i, f in enumerate(problem.frequency)]
     taken = 0 if data is None else data.rows.parameters
@@ -170,7 +172,7 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
             weights = (p / data.rows.column_scale)[taken : taken + columns.shape[1]]
             taken += columns.shape[1]
         else:
-            weights = np.linalg.lstsq(columns / bound[:, None], error / bound, rcond=None)[0]
+            weights = _least_largest(columns / bound[:, None], error / bound)
         error = error - columns @ weights
         out.append(Residual("time", i, record.time[used], error, bound))
     return out
@@ -178,7 +180,30 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
 
 def largest_ratio(problem: MixedProblem, model: Any) -> float:
     """Largest |residual|/bound of a one-channel model at the samples of a problem."""
-    return max(float(r.ratio.max()) for r in model_residuals(problem, model))
+    return _largest(model_residuals(problem, model))
+
+
+def _largest(residuals: list[Residual]) -> float:
+    return float(np.max([np.max(r.ratio) for r in residuals]))  # NaN stays NaN
+
+
+def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The w with the smallest max |right - columns w|: a linear program."""
+    import scipy.optimize
+
+    count = columns.shape[1]
+    if not count:
+        return np.zeros(0)
+    ones = np.ones((right.size, 1))
+    rows = np.block([[columns, -ones], [-columns, -ones]])
+    free = [(None, None)] * count + [(0, None)]
+    size = max(float(np.abs(right).max()), np.finfo(float).tiny)
+    found = scipy.optimize.linprog(
+        np.eye(1, count + 1, count)[0], rows, np.concatenate([right, -right]) / size, bounds=free
+    )
+    if found.x is None:
+        return np.linalg.lstsq(columns, right, rcond=None)[0]
+    return found.x[:count] * size
 
 
 def _frequency_residual(index: int, frf: FrequencyResponse, model: Any, problem: MixedProblem) -> Residual:

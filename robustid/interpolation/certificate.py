@@ -18,20 +18,21 @@ from robustid.interpolation.sarason import SarasonMap
 class MarginCertificate(Frozen):
     """A proof that no system of the class keeps every |residual| below ``value`` times its bound.
 
-    For any multipliers `samples` (one per sample, complex for discs) and any matrix `ball`:
+    For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
 
-        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - X*(Y)||  - |P'l| p_max
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - |P'l| p_max
 
-    because ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y, and implies ||x|| <= 1; p_max bounds the free
-    parameters of every system whose margin is at most `upper` (others need no proof). The right-hand side is recomputed
-    from the numbers by `evaluate_certificate`, with an allowance for rounding.
+    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1; p_max bounds
+    the free parameters of every system whose margin is at most `upper` (others need no proof). The right-hand side is
+    recomputed from the numbers by `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays
+    y, E, P, A, c are taken as they are in double precision.
 
     Attributes
     ----------
     samples : (N,) complex array
         Multipliers of the samples, normalised to sum|l_k| = 1.
     ball : (n, n) array
-        Multiplier Y of the contraction X.
+        S.
     upper : float
         A margin that is known to be reachable.
     value : float
@@ -59,44 +60,72 @@ class MarginCertificate(Frozen):
 
 
 def certify_margin(
-    samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap
+    samples: np.ndarray, Y: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap
 ) -> MarginCertificate:
-    """Certificate from any multipliers; a useless one (value 0) where they prove nothing."""
+    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
+
+    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and the rest costs its norm, in units of
+    K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
+    """
     n = sarason.pair.order
     weight = float(np.sum(np.abs(samples)))
-    if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(ball))):
-        return MarginCertificate(np.zeros(rows.y.size, complex), np.zeros((n, n)), upper, 0.0)
-    samples, ball = _cancel_parameters(np.asarray(samples, complex) / weight, rows), ball / weight
-    norm = float(np.sum(np.abs(samples)))
-    samples, ball = samples / norm, ball / norm
-    value = evaluate_certificate(samples, ball, upper, rows, sarason)
-    return MarginCertificate(samples, ball, upper, max(value, 0.0))
+    best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros((n, n)), upper, 0.0)
+    if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
+        return best
+    raw, S = np.asarray(samples, complex) / weight, sarason.stein(Y / weight)
+    for changed in (raw, _balanced(raw, sarason.pair.c[0] @ S, rows)):
+        multipliers = _cancel_parameters(changed, rows)
+        norm = float(np.sum(np.abs(multipliers)))
+        value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
+        if value > best.value:
+            best = MarginCertificate(multipliers / norm, S / norm, upper, value)
+    return best
 
 
 def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """The lower bound of the margin that the multipliers prove, rounding errors allowed for."""
-    n, count = sarason.pair.order, rows.y.size
-    gain = np.real(rows.E.conj().T @ samples) if n else np.zeros(0)
-    nuclear = float(np.sum(np.linalg.svd(ball, compute_uv=False))) if n else 0.0
-    mismatch = float(np.linalg.norm(gain - sarason.adjoint(ball))) if n else 0.0
-    fit = float(np.real(samples.conj() @ rows.y))
-    free = np.real(rows.P.conj().T @ samples)
-    leak = float(np.linalg.norm(free)) * _parameter_bound(upper, rows) if free.size else 0.0
-    weight = float(np.sum(np.abs(samples)))
-    if weight == 0:
+    A, c, n, count = sarason.pair.A, sarason.pair.c, sarason.pair.order, rows.y.size
+    size, eps = np.abs(samples), float(np.finfo(float).eps)
+    weight = float(np.sum(size))
+    if not (weight > 0 and np.isfinite(weight)):
         return 0.0
-    # Each inner product of length N errs by at most N eps sum|terms|; the nuclear norm by O(n^2) eps ||Y||_F.
-    size = float(np.sum(np.abs(samples) * (np.abs(rows.y) + np.linalg.norm(rows.E, axis=1))))
-    allowance = 4 * np.finfo(float).eps * ((count + n) * size + n**2 * (nuclear + mismatch))
-    return (fit - nuclear - mismatch - leak - allowance) / weight
+    # An inner product of length m, complex or not, errs by at most 2 (m + 2) eps sum|terms|.
+    long, short = 2 * (count + 2) * eps, 2 * (n + 2) * eps
+    fit = float(np.real(samples.conj() @ rows.y)) - long * float(size @ np.abs(rows.y))
+    Y = ball - A @ ball @ A.T
+    spread = np.abs(ball) + np.abs(A) @ np.abs(ball) @ np.abs(A.T)
+    nuclear = float(np.sum(np.linalg.svd(Y, compute_uv=False))) if n else 0.0
+    nuclear += 10 * n * eps * nuclear + 2 * short * np.sqrt(n) * float(np.linalg.norm(spread))
+    mismatch = float(np.linalg.norm(np.real(rows.E.conj().T @ samples) - (c @ ball)[0]))
+    mismatch += long * float(np.linalg.norm(np.abs(rows.E).T @ size)) + short * float(
+        np.linalg.norm(np.abs(c) @ np.abs(ball))
+    )
+    leak = 0.0
+    if rows.P.shape[1]:
+        leak = float(np.linalg.norm(np.real(rows.P.conj().T @ samples)))
+        leak = (leak + long * float(np.linalg.norm(np.abs(rows.P).T @ size))) * _parameter_bound(upper, rows)
+    return float((fit - nuclear - mismatch - leak) / (weight * (1 + long)))
+
+
+def _real_rows(matrix: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(matrix), np.imag(matrix)])
+
+
+def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
+    """The multipliers with the smallest relative change for which E'l = target and P'l = 0, nearly."""
+    flat, scale = _real_rows(samples), np.tile(np.abs(samples), 2)
+    matrix = np.hstack([_real_rows(rows.E), _real_rows(rows.P)])
+    wanted = np.concatenate([target, np.zeros(rows.P.shape[1])])
+    for _ in range(3):  # each pass removes the rounding of the one before
+        flat = flat + scale * np.linalg.lstsq((scale[:, None] * matrix).T, wanted - matrix.T @ flat, rcond=None)[0]
+    return flat[: samples.size] + 1j * flat[samples.size :]
 
 
 def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
-    """The nearest multipliers that are orthogonal to the free parameters: those may be arbitrarily large."""
+    """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
     if not rows.P.shape[1]:
         return samples
-    stacked = np.vstack([np.real(rows.P), np.imag(rows.P)])
-    flat = np.concatenate([np.real(samples), np.imag(samples)])
+    stacked, flat = _real_rows(rows.P), _real_rows(samples)
     for _ in range(2):  # the second pass removes the rounding of the first
         flat = flat - stacked @ np.linalg.lstsq(stacked, flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
@@ -104,7 +133,9 @@ def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
     """||p|| of every system with margin <= upper: P p = y - E x - e, ||x|| <= 1, |e_k| <= upper."""
-    stacked = np.vstack([np.real(rows.P), np.imag(rows.P)])
-    smallest = np.linalg.svd(stacked, compute_uv=False)[-1]
+    singular = np.linalg.svd(_real_rows(rows.P), compute_uv=False)
+    smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
+    if smallest <= 0:
+        return np.inf
     reach = np.linalg.norm(rows.y) + np.linalg.norm(rows.E) + upper * np.sqrt(rows.y.size)
-    return float(reach / smallest) * (1 + 1e-6)
+    return float(reach / smallest) * (1 + 1e-9)

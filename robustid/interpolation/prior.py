@@ -7,6 +7,9 @@ import dataclasses
 from robustid._arrays import Frozen, as_positive
 from robustid.errors import InputError
 
+# Decay by half over a million samples; below, nodes can't be told from the unit circle.
+_SLOWEST = 1e-6
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prior(Frozen):
@@ -44,4 +47,9 @@ class Prior(Frozen):
         if self.decay_rate <= 1:
             raise InputError(
                 f"`decay_rate` must exceed 1 (the impulse response decays as decay_rate**-k); got {self.decay_rate:g}"
+            )
+        if self.decay_rate < 1 + _SLOWEST:
+            raise InputError(
+                f"`decay_rate` must be at least 1 + {_SLOWEST:g}, to be told from 1 in computation;"
+                f" got 1 + {self.decay_rate - 1:.3g}"
             )

@@ -106,6 +106,8 @@ class MixedProblem(Frozen):
 
     def node_index(self, angles: np.ndarray) -> np.ndarray:
         """Index of the node of each angle."""
+        if not self.angles.size:
+            return np.zeros(0, int)
         return np.argmin(np.abs(self.angles[None, :] - np.asarray(angles)[:, None]), axis=1)
 
     def _all_angles(self) -> np.ndarray:

@@ -49,9 +49,9 @@ class SarasonMap(Frozen):
         """X(x), directly from its Stein equation."""
         return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
 
-    def adjoint(self, Y: np.ndarray) -> np.ndarray:
-        """The row v with <v, x> = <Y, X(x)> for all x: v = c S with S - A S A' = Y."""
-        return (self.pair.c @ solve_stein(self.pair.A, self.pair.A.T, Y))[0]
+    def stein(self, Y: np.ndarray) -> np.ndarray:
+        """The S with S - A S A' = Y: <Y, X(x)> = <c S, x> for all x."""
+        return solve_stein(self.pair.A, self.pair.A.T, Y)
 
     def norm(self, x: np.ndarray) -> float:
         """||X(x)||, the smallest gain of any function with these data."""

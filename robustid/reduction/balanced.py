@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -49,7 +50,8 @@ class Reduction(Frozen):
     hankel : (n,) array
         Hankel singular values of the stable part, descending, in output units per input unit.
     bound : float
-        ``bounds[order]``.
+        Of the distance to the model that was reduced: ``bounds[order]``, unless a search took another kind of candidate or
+        started from another model (then inf: unknown).
     bounds : (N + 1,) array
         For every order 0..N: twice the sum of the distinct truncated Hankel singular values, a bound of
         max over frequency of the largest singular value of the error. ``inf`` below the number of unstable
@@ -152,30 +154,49 @@ def balanced_truncation(
     if order is not None and order < held:
         raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
 
-    left, right = _gramian_factors(stable, discrete=system.dt != 0)
-    rotate_left, hankel, rotate_right = sla.svd(left.T @ right, lapack_driver="gesvd")
-    bounds = np.concatenate([np.full(held, np.inf), _error_bounds(hankel)])
-    largest = np.max(hankel, initial=0.0)
-    significant = held + int(np.sum(hankel > hankel.size * _EPS * largest))
+    return _Balanced(system, stable, kept).truncate(order, tol)
 
-    status = ReductionStatus.REDUCED
-    if order is None:
-        chosen = int(np.argmax(bounds <= tol * largest))  # the last bound, 0, always meets it
-        if chosen > significant:
-            chosen = system.nstates
-    elif significant < order < system.nstates:
-        chosen, status = significant, ReductionStatus.FEWER
-    else:
-        chosen = order
-    if chosen == system.nstates:
-        reduced, status = system, ReductionStatus.UNREDUCED
-    else:
-        keep = chosen - held
-        into = right @ rotate_right[:keep].T / np.sqrt(hankel[:keep])
-        onto = (left @ rotate_left[:, :keep] / np.sqrt(hankel[:keep])).T
-        small = Parts(onto @ stable.a @ into, onto @ stable.b, stable.c @ into)
-        reduced = _assemble(system, kept, small)
-    return Reduction(reduced, order=chosen, hankel=hankel, bound=float(bounds[chosen]), bounds=bounds, status=status)
+
+class _Balanced:
+    """Balanced coordinates of one model, computed once for every order."""
+
+    def __init__(self, system: Any, stable: Parts, kept: Parts):
+        self.system, self.stable, self.kept = system, stable, kept
+        self.held = kept.a.shape[0]
+        self.left, self.right = _gramian_factors(stable, discrete=system.dt != 0)
+        self.rotate_left, self.hankel, self.rotate_right = sla.svd(self.left.T @ self.right, lapack_driver="gesvd")
+        self.bounds = np.concatenate([np.full(self.held, np.inf), _error_bounds(self.hankel)])
+
+    def truncate(self, order: int | None, tol: float = _DEFAULT_TOL) -> Reduction:
+        """The model of one order, or of the smallest order that meets a relative bound."""
+        hankel, largest = self.hankel, np.max(self.hankel, initial=0.0)
+        significant = self.held + int(np.sum(hankel > hankel.size * _EPS * largest))
+        full = self.system.nstates
+        status = ReductionStatus.REDUCED
+        if order is None:
+            chosen = int(np.argmax(self.bounds <= tol * largest))  # the last bound, 0, always meets it
+            if chosen > significant:
+                chosen = full
+        elif significant < order < full:
+            chosen, status = significant, ReductionStatus.FEWER
+        else:
+            chosen = order
+        if chosen == full:
+            reduced, status = self.system, ReductionStatus.UNREDUCED
+        else:
+            keep = chosen - self.held
+            into = self.right @ self.rotate_right[:keep].T / np.sqrt(hankel[:keep])
+            onto = (self.left @ self.rotate_left[:, :keep] / np.sqrt(hankel[:keep])).T
+            small = Parts(onto @ self.stable.a @ into, onto @ self.stable.b, self.stable.c @ into)
+            reduced = _assemble(self.system, self.kept, small)
+        bound = float(self.bounds[chosen])
+        return Reduction(reduced, order=chosen, hankel=hankel, bound=bound, bounds=self.bounds, status=status)
+
+
+def balanced_truncations(model: control.StateSpace) -> Callable[[int], Reduction]:
+    """Order to balanced truncation of `model`, unstable states kept: Gramians are computed once for all orders."""
+    system = check_model("model", model)
+    return _Balanced(system, *_split(system, "keep")).truncate
 
 
 def hankel_singular_values(model: control.StateSpace) -> np.ndarray:

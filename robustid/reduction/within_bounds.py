@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import logging
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import scipy.linalg
 
-from robustid.errors import InputTypeError
-from robustid.identification import Identification
+from robustid.errors import InputTypeError, SizeError, SolverError
+from robustid.identification import Identification, identify
 from robustid.identification.verification import largest_ratio
-from robustid.reduction.balanced import Reduction, balanced_truncation
+from robustid.reduction.balanced import Reduction, balanced_truncations
+
+_log = logging.getLogger("robustid")
+
+# The nuclear norm goes to a general semidefinite solver: half a minute at this size.
+_LARGEST_NUCLEAR = 64
 
 
 class SearchStatus(enum.Enum):
@@ -25,10 +32,11 @@ class SearchStatus(enum.Enum):
 def reduce_within_bounds(identification: Identification) -> Reduction:
     """The smallest order r for which a truncated model keeps every |residual| within its bound.
 
-    Candidates of every order, from the smallest: the parametric part as it is with the non-parametric part G truncated, and
-    the whole model truncated. G is truncated in the scaled variable, ``phi(zeta)`` in place of ``G(z) = K phi(z/rho)``, which keeps
-    the poles inside 1/rho. Each candidate is evaluated at every sample. The bound is the one that the identified model
-    keeps: max(1, margin) times the bound of the data.
+    Candidates of every order, from the smallest: the parametric part as it is with the non-parametric part G truncated, and the
+    whole model truncated; of this identification and, since the centre of the consistent set is rarely the easiest model to
+    reduce, of those with the objectives "gain" and "order" too. G is truncated in the scaled variable, ``phi(zeta)`` in place of
+    ``G(z) = K phi(z/rho)``, which keeps the poles inside 1/rho. Each candidate is evaluated at every sample. The bound is the one
+    that the identified model keeps: max(1, margin) times the bound of the data.
 
     Parameters
     ----------
@@ -37,12 +45,14 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     Returns
     -------
     Reduction
-        ``margin`` is the largest |residual|/bound of the model, ``tried`` the pairs (order, smallest such ratio at that
-        order), `hankel` the Hankel singular values of the identified model's stable part, `bounds` their a-priori error bounds.
+        ``margin`` is the largest |residual|/bound of the model, ``tried`` the pairs (order, smallest such ratio found at that
+        order); `hankel` are the Hankel singular values of the identified model's stable part, `bounds` their a-priori error
+        bounds, `bound` the one between the identified and the reduced model (inf where it came from another objective).
 
     Notes
     -----
-    Truncation alone: no refinement of what it gives, so that a still smaller model may exist.
+    Truncation alone: no refinement of what it gives, so that a still smaller model may exist. Objective "order" is left out above
+    64 coefficients, and the search ends when nothing but the parametric part is left.
 
     Examples
     --------
@@ -51,27 +61,70 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     >>> basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
-    >>> small = rid.reduce_within_bounds(rid.identify(problem, objective="gain"))
+    >>> small = rid.reduce_within_bounds(rid.identify(problem))
     >>> small.order, small.margin <= 1
     (4, True)
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be the result of identify(); got {type(identification).__name__}")
-    full = identification.model
-    limit = max(1.0, identification.margin) * (1 + 1e-5)
-    whole = balanced_truncation(full, order=full.nstates, unstable="keep")
-    tried = []
-    status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
-    for order in range(full.nstates):
-        candidates = [(largest_ratio(identification.problem, r.model), r) for r in _candidates(identification, order)]
-        if not candidates:
+    best = _smallest(identification, identification.order)
+    for other in _others(identification, best):
+        found = _smallest(other, best.order - 1)
+        merged = _merge(best.tried, found.tried)
+        if found.status is not SearchStatus.UNREDUCED and found.order < best.order:
+            # Held against the identified model: its Hankel singular values, and no a-priori bound between the two.
+            best = dataclasses.replace(found, hankel=best.hankel, bounds=best.bounds, bound=np.inf)
+        best = dataclasses.replace(best, tried=tuple(pair for pair in merged if pair[0] <= best.order))
+    return best
+
+
+def _others(identification: Identification, best: Reduction) -> Iterator[Identification]:
+    problem, basis = identification.problem, identification.problem.parametric
+    least = 0 if basis is None else basis.states
+    order = best.order
+    for objective in ("gain", "order"):
+        if objective == identification.objective or order <= least:
             continue
-        margin, found = min(candidates, key=lambda pair: pair[0])
+        if objective == "order" and problem.coefficients > _LARGEST_NUCLEAR:
+            continue
+        _log.info("looking for a smaller model: objective %s", objective)
+        try:
+            yield identify(problem, objective=objective, accuracy=identification.accuracy)
+        except (SizeError, SolverError) as failure:
+            _log.warning("objective %s: %s", objective, failure)
+
+
+def _merge(first: tuple, second: tuple) -> list[tuple[int, float]]:
+    smallest: dict[int, float] = {}
+    for order, margin in (*first, *second):
+        smallest[order] = min(margin, smallest.get(order, np.inf))
+    return sorted(smallest.items())
+
+
+def _smallest(identification: Identification, largest: int) -> Reduction:
+    """The smallest order up to `largest` within the bounds, of one identification."""
+    full, problem = identification.model, identification.problem
+    limit = max(1.0, identification.margin) * (1 + 1e-5)
+    families = _families(identification)
+    whole = balanced_truncations(full)(full.nstates)
+    status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
+    tried = []
+    for order in range(min(largest + 1, full.nstates)):
+        candidates = [family(order) for family in families]
+        pairs = [(largest_ratio(problem, r.model), r) for r in candidates if r is not None]
+        if not pairs:
+            continue
+        margin, found = min(pairs, key=lambda pair: pair[0])
         tried.append((order, margin))
         if margin <= limit:
             break
     else:
-        margin, found, status = largest_ratio(identification.problem, full), whole, SearchStatus.UNREDUCED
+        # Its own free responses, not refitted ones: the residuals that identify verified.
+        margin, found, status = (
+            max(float(r.ratio.max()) for r in identification.residuals),
+            whole,
+            SearchStatus.UNREDUCED,
+        )
         tried.append((full.nstates, margin))
     return dataclasses.replace(
         found,
@@ -84,29 +137,36 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     )
 
 
-def _candidates(identification: Identification, order: int) -> list[Reduction]:
-    """The truncated models of one order, each with its a-priori error bound."""
+def _families(identification: Identification) -> list[Callable[[int], Reduction | None]]:
+    """Order to candidate, None where there is none: the whole model, and G alone, truncated."""
     full, basis = identification.model, identification.problem.parametric
-    kept = 0 if basis is None else basis.states
-    models = []
-    if basis is None or not basis.has_integrator or order >= kept:
-        models.append(balanced_truncation(full, order=order, unstable="keep"))
-    if basis is not None and order >= kept:
-        models.append(_parametric_kept(identification, order - kept))
-    return models
+    whole = balanced_truncations(full)
+    held = 0 if basis is None or not basis.has_integrator else int(np.sum(np.isinf(whole(full.nstates).bounds)))
+    families: list[Callable[[int], Reduction | None]] = [lambda order: whole(order) if order >= held else None]
+    if basis is not None:
+        families.append(_parametric_kept(identification))
+    return families
 
 
-def _parametric_kept(identification: Identification, order: int) -> Reduction:
-    """The parametric part with G truncated to `order` states in the scaled variable, where its error bound holds too."""
+def _parametric_kept(identification: Identification) -> Callable[[int], Reduction | None]:
+    """The parametric part with G truncated to the remaining states in the scaled variable, where its error bound holds too."""
     import control
 
     full, rho = identification.model, identification.prior.decay_rate
-    n = full.nstates - identification.problem.parametric.states
-    A, B, C = full.A[:n, :n], full.B[:n], full.C[:, :n]
-    scaled = control.StateSpace(A * rho, B, C * rho, full.D, full.dt)
-    small = balanced_truncation(scaled, order=min(order, n))
-    a, b, c = (np.asarray(getattr(small.model, name)) for name in "ABC")
-    A = scipy.linalg.block_diag(a / rho, full.A[n:, n:])
-    B, C = np.vstack([b, full.B[n:]]), np.hstack([c / rho, full.C[:, n:]])
-    model = control.ss(A, B, C, full.D, full.dt, inputs=full.input_labels, outputs=full.output_labels, name="reduced")
-    return dataclasses.replace(small, model=model)
+    kept = identification.problem.parametric.states
+    n = full.nstates - kept
+    truncate = balanced_truncations(
+        control.StateSpace(full.A[:n, :n] * rho, full.B[:n], full.C[:, :n] * rho, full.D, full.dt)
+    )
+
+    def candidate(order: int) -> Reduction | None:
+        if order < kept:
+            return None
+        small = truncate(order - kept)
+        a, b, c = (np.asarray(getattr(small.model, name)) for name in "ABC")
+        A = scipy.linalg.block_diag(a / rho, full.A[n:, n:])
+        B, C = np.vstack([b, full.B[n:]]), np.hstack([c / rho, full.C[:, n:]])
+        labels = {"inputs": full.input_labels, "outputs": full.output_labels, "name": "reduced"}
+        return dataclasses.replace(small, model=control.ss(A, B, C, full.D, full.dt, **labels))
+
+    return candidate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import logging
 from collections.abc import Iterator
 
@@ -45,7 +46,7 @@ class _Barrier:
         self.n = data.sarason.pair.order
         self.samples, self.discs = data.rows.y.size, data.rows.discs
         self.H = data.sarason.symmetric_basis
-        self.flat = self.H.reshape(self.n, -1)
+        self.flat = self.H.reshape(self.n, self.n**2)
         self.parameter = 2.0 * (self.n + self.samples)
 
     def squares(self, e: np.ndarray) -> np.ndarray:
@@ -135,8 +136,10 @@ def margin_path(data: ConvexData, level: float = 0.0) -> Iterator[tuple[Candidat
     v = np.zeros(barrier.G.shape[1])
     v[barrier.n :] = barrier.G[:, barrier.n :].T @ barrier.y
     worst = float(np.sqrt(barrier.squares(barrier.y - barrier.G @ v).max()))
-    s = level if worst < 0.9 * level else 2 * max(worst, np.finfo(float).tiny)
-    yield from _follow(barrier, v, s, level)
+    # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
+    floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(barrier.y).max()))
+    s = level if worst < 0.9 * level else 2 * max(worst, floor)
+    yield from _follow(barrier, v, s, level, floor)
 
 
 def gain_path(data: ConvexData, center: Candidate, level: float) -> Iterator[tuple[Candidate, float, float]]:
@@ -144,31 +147,33 @@ def gain_path(data: ConvexData, center: Candidate, level: float) -> Iterator[tup
     fixed = data.rows.fixed
     barrier = _Barrier(data, _Limits((0.0, 1.0), (level * fixed, level * (1 - fixed))))
     v = np.concatenate([center.x, data.orthonormal_parameters(center.p)])
-    yield from _follow(barrier, v, 1.0, 0.0)
+    yield from _follow(barrier, v, 1.0, 0.0, 1e-12)
 
 
-def analytic_center(data: ConvexData, level: float) -> Candidate:
+def analytic_center(data: ConvexData, level: float, start: Candidate | None = None) -> Candidate:
     """Analytic centre of {||X(x)|| <= 1, |e_k| <= level}: maximises log det(I - X'X) + sum log(level^2 - |e_k|^2).
 
-    Follows the central path of min s until s <= level, then centres at s = level. `level` must exceed the smallest
-    margin strictly.
+    From `start` where that is inside; else follows the central path of min s until s <= level. `level` must exceed the
+    smallest margin strictly.
 
     Raises
     ------
     SolverError
         Where the path ends above `level`: it is not above the smallest margin, to working precision.
     """
-    s = np.inf
-    for start, s, _ in margin_path(data, level):
-        if s <= level:
-            count = data.rows.y.size
-            barrier = _Barrier(data, _Limits((1.0, 0.0), (np.full(count, level), np.zeros(count))))
-            v = np.concatenate([start.x, data.orthonormal_parameters(start.p)])
+    count, s = data.rows.y.size, np.inf
+    barrier = _Barrier(data, _Limits((1.0, 0.0), (np.full(count, level), np.zeros(count))))
+    inside = ((point, 0.0, 0.0) for point in [start] if point is not None)
+    for point, s, _ in itertools.chain(inside, margin_path(data, level)):
+        v = np.concatenate([point.x, data.orthonormal_parameters(point.p)])
+        if s <= level and np.isfinite(barrier.value(v, 0.0)):
             return barrier.candidate(_center(barrier, v, 0.0, None)[0], 0.0)
     raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {s:.9g}")
 
 
-def _follow(barrier: _Barrier, v: np.ndarray, t: float, level: float) -> Iterator[tuple[Candidate, float, float]]:
+def _follow(
+    barrier: _Barrier, v: np.ndarray, t: float, level: float, floor: float
+) -> Iterator[tuple[Candidate, float, float]]:
     weight = barrier.parameter / t
     while True:
         if t > level:
@@ -176,7 +181,7 @@ def _follow(barrier: _Barrier, v: np.ndarray, t: float, level: float) -> Iterato
         gap = barrier.parameter / weight
         _log.debug("central path: %.9g, gap %.2g", t, gap)
         yield barrier.candidate(v, t), t, gap
-        if gap < _LAST * t:
+        if gap < _LAST * t or t <= 4 * floor:
             return
         weight *= _GROWTH
 
@@ -188,6 +193,8 @@ def _center(barrier: _Barrier, v: np.ndarray, t: float, weight: float | None) ->
     last = np.inf
     for _ in range(_STEPS):
         gradient, hessian = barrier.derivatives(v, t)
+        if not np.all(np.isfinite(hessian)):
+            break  # beyond the limit of precision
         gradient[-1] += price
         step = np.zeros(v.size + 1)
         step[:free] = _newton(hessian[:free, :free], -gradient[:free])

@@ -108,15 +108,15 @@ def solve_conic(
 
 
 def _run(program: Any, name: str) -> None:
-    from cvxpy.error import SolverError as CvxpyError
-
-    failure: Exception | None = None
+    failure: BaseException | None = None
     for settings in _SETTINGS.get(name, [{}]):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # its doubts do not matter: the numbers are checked
                 program.solve(solver=name, **settings)
-        except (CvxpyError, ArithmeticError, ValueError) as error:
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # a panic of a compiled solver is no Exception
             failure = error
             continue
         _log.debug("%s: %s", name, program.status)
