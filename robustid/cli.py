@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import pathlib
-import sys
 from typing import Annotated, Any
 
 import typer
 
-from robustid.errors import InputError, RobustIdError, Status
+from robustid import _terminal as terminal
+from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options
+from robustid._terminal import plain, step
+from robustid._version import __version__
+from robustid.data._roles import FREQUENCY, TIME
+from robustid.errors import InputError, Status
 
 EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
+_CODES = """Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
+    70 an error of the program, 130 interrupted."""
 
 app = typer.Typer(
     name="robustid",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    help="""Models with a proof, for lightly damped machines.
+    help=f"""Models with a proof, for lightly damped machines.
 
     Start with [bold]robustid demo[/bold]. With your own data: [bold]robustid identify --frequency frf.csv --time step.csv
     --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold].
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 2 misuse, 1 undecided.""",
+    {_CODES}""",
 )
 
 Path = pathlib.Path
@@ -31,21 +37,35 @@ Force = Annotated[bool, typer.Option("--force", help="Replace files that exist."
 
 
 def main() -> None:
-    """Entry point: misuse ends with one sentence and exit code 2."""
-    try:
-        app()
-    except RobustIdError as error:
-        _console(stderr=True).print(f"[bold red]error:[/bold red] {_plain(str(error))}", highlight=False)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        _console(stderr=True).print("interrupted: nothing was written after the last message above")
-        sys.exit(130)
+    """Entry point: every run ends with an exit code, and misuse with one sentence."""
+    terminal.run(app)
+
+
+def _names(roles: dict[str, tuple[str, ...]]) -> str:
+    return "; ".join(f"{role}: {', '.join(names)}" for role, names in roles.items())
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        terminal.console().print(f"robustid {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
 
 
 @app.command()
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("robustid-demo"),
-    seed: Annotated[int, typer.Option(help="Noise of the simulated measurements.")] = 0,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for the results; if it exists, the next free name.")
+    ] = Path("robustid-demo"),
+    seed: Annotated[int, typer.Option(min=0, help="Noise of the simulated measurements.")] = 0,
 ) -> None:
     """Identify a simulated mass-beam structure, from measurements to a report. About ten seconds.
 
@@ -55,16 +75,24 @@ def demo(
     import numpy as np
 
     from robustid.data import flexible_structure, save
+    from robustid.pipeline import propose
 
+    console = terminal.console()
     data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
-    output.mkdir(parents=True, exist_ok=True)
+    folder = terminal.new_folder(output)
     for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
-        save(output / name, item)
-    console = _console()
-    console.print(f"measurements written to {output / 'frequency.csv'} and {output / 'step.csv'}")
-    result = _run([data.frequency], [data.time], None, None, 1, None, "center", "auto", 1e-4, output / "result",
-                  output / "report.html", True, True)  # fmt: skip
-    console.print(f"\nNext: open {output / 'report.html'} in a browser.")
+        save(folder / name, item)
+    console.print(
+        plain(f"measurements written: {folder / 'frequency.csv'}, {folder / 'step.csv'}"),
+        highlight=False,
+        soft_wrap=True,
+    )
+    with step(console, "choosing modes and prior from the data"):
+        proposal = propose(frequency=[data.frequency], time=[data.time])
+    result = identified(console, proposal, "center", "auto", 1e-4)
+    page = folder / "report.html"
+    finish(console, result, folder / "result", page, reduce=True, title="robustid demo")
+    console.print(plain(f"\nNext: open {page} in a browser."), highlight=False)
     raise typer.Exit(EXIT[result.status])
 
 
@@ -83,27 +111,49 @@ def identify(
     time_bound: Annotated[
         float | None, typer.Option(help="Half-width of the error interval of every sample, in units of y.")
     ] = None,
-    frequency_unit: Annotated[str, typer.Option(help='Unit of an omega column: "rad/s" or "Hz".')] = "rad/s",
+    frequency_unit: Annotated[
+        str | None, typer.Option(help='Unit of an omega column: "rad/s" (default) or "Hz".')
+    ] = None,
     frequency_field: Annotated[
         list[str] | None,
-        typer.Option(help="ROLE=NAME in the file: omega=w, real=Re, imag=Im, values=G.data, bound=eps."),
+        typer.Option(
+            help="ROLE=NAME in the file: omega=w, real=Re, imag=Im, values=G.data, bound=eps. Recognised without it,"
+            f" upper or lower case: {_names(FREQUENCY)}; in .npz and .mat the sample time as dt, Ts or T."
+        ),
     ] = None,
     time_field: Annotated[
-        list[str] | None, typer.Option(help="ROLE=NAME in the file: time=t, u=current, y=angle, bound=eps.")
+        list[str] | None,
+        typer.Option(
+            help=f"ROLE=NAME in the file: time=t, u=current, y=angle, bound=eps. Recognised without it: {_names(TIME)}."
+        ),
     ] = None,
+    band: Annotated[str | None, typer.Option(help="LOW:HIGH in Hz: use only the lines between.")] = None,
+    first: Annotated[int | None, typer.Option(help="Use only the first N samples of the time records.")] = None,
     initial: Annotated[
         str | None, typer.Option(help='State before a time record: "rest" (default), "free" or "periodic".')
     ] = None,
-    channel: Annotated[str, typer.Option(help="OUTPUT,INPUT (from 0) where files hold several channels.")] = "0,0",
+    channel: Annotated[
+        str | None, typer.Option(help="OUTPUT,INPUT (from 0) where files hold several channels; default 0,0.")
+    ] = None,
     mode: Annotated[
         list[str] | None,
         typer.Option(help='Parametric pair HZ:DAMPING, e.g. 17.67:0.004; "none" for none; default: from the data.'),
     ] = None,
-    repeat: Annotated[int, typer.Option(help="Multiplicity of each pair; 2 absorbs small errors of the poles.")] = 1,
-    delay: Annotated[int | None, typer.Option(help="Delay of the pairs in samples; default: from the data.")] = None,
+    repeat: Annotated[
+        int, typer.Option(min=1, help="Multiplicity of each pair; 2 absorbs small errors of the poles.")
+    ] = 1,
+    delay: Annotated[
+        int | None, typer.Option(min=0, help="Delay of the pairs in samples; default: from the data.")
+    ] = None,
     gain: Annotated[float | None, typer.Option(help="Prior: gain bound K of the non-parametric part.")] = None,
     decay: Annotated[float | None, typer.Option(help="Prior: decay rate rho > 1 per sample.")] = None,
-    objective: Annotated[str, typer.Option(help="center, margin, gain or order.")] = "center",
+    objective: Annotated[
+        str,
+        typer.Option(
+            help="Which of the systems becomes the model: center (the middle of all that are consistent), margin (the one"
+            " that fits best), gain (smallest K) or order (smallest Hankel nuclear norm, the easiest to reduce)."
+        ),
+    ] = "center",
     solver: Annotated[str, typer.Option(help='"auto", "cvxpy", or an installed cvxpy solver.')] = "auto",
     accuracy: Annotated[float, typer.Option(help="Width of the proven interval of the margin.")] = 1e-4,
     output: Output = Path("result"),
@@ -114,24 +164,42 @@ def identify(
     """Decide whether measurements fit a class of systems, with a proof, and build a model.
 
     Without --mode, --gain and --decay the program chooses them from the data and says how.
+    Files are written at the end, all together.
 
     [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
     --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay 1.1 --report report.html
-    """
-    from robustid.interpolation import Prior
 
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
+    70 an error of the program, 130 interrupted.
+    """
+    from robustid._cli_data import Options, measurements, parse_modes
+    from robustid.identification.consistency import OBJECTIVES
+    from robustid.interpolation import Prior
+    from robustid.pipeline import propose
+
+    if objective not in OBJECTIVES:
+        raise InputError(f"--objective must be one of {', '.join(OBJECTIVES)}; got {objective!r}")
     if not frequency and not time:
-        raise InputError("`--frequency` and `--time` are both missing; give at least one file")
+        raise InputError("--frequency and --time are both missing; give at least one file")
     if (gain is None) != (decay is None):
-        raise InputError("`--gain` and `--decay` make one prior; give both, or neither to have it suggested")
-    outputs = [_with_suffix(output, ".npz"), _with_suffix(output, ".json"), *([report] if report else [])]
-    _refuse_existing(outputs, force)
+        raise InputError("--gain and --decay make one prior; give both, or neither to have it suggested")
     prior = None if gain is None or decay is None else Prior(gain_bound=gain, decay_rate=decay)
-    lines = [_load(path, "frequency", frequency_field, dt, frequency_bound, frequency_unit, None, channel)
-             for path in frequency or []]  # fmt: skip
-    records = [_load(path, "time", time_field, dt, time_bound, frequency_unit, initial, channel) for path in time or []]
-    result = _run(lines, records, _modes(mode), prior, repeat, delay, objective, solver, accuracy, output, report,
-                  reduce, False)  # fmt: skip
+    outputs = [*terminal.result_files(output), *([report] if report else [])]
+    terminal.check_outputs(outputs, [*(frequency or []), *(time or [])], force)
+    console = terminal.console()
+    common: dict[str, Any] = {"dt": dt, "channel": channel}
+    of_lines = Options(
+        kind="frequency", fields=frequency_field, bound=frequency_bound, unit=frequency_unit, band=band, **common
+    )
+    of_records = Options(kind="time", fields=time_field, bound=time_bound, initial=initial, first=first, **common)
+    of_records.check(time)
+    lines, records = measurements(console, frequency, of_lines), measurements(console, time, of_records)
+    modes = parse_modes(mode, (*lines, *records)[0].dt)
+    with size_in_options(), step(console, "choosing modes and prior from the data"):
+        proposal = propose(frequency=lines, time=records, modes=modes, prior=prior, repeat=repeat, delay=delay)
+    with size_in_options():
+        result = identified(console, proposal, objective, solver, accuracy)
+    finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(EXIT[result.status])
 
 
@@ -155,15 +223,17 @@ def reduce(
     A saved identification without --order and --tol is searched for its smallest order inside the bounds; anything else
     is truncated, with the a-priori error bound.
     """
-    from robustid.reduction import balanced_truncation
+    from robustid.reduction import balanced_truncation, reduce_within_bounds
     from robustid.reduction.model_files import load_model, save_model
 
-    _refuse_existing([output], force)
-    console = _console()
+    if output.suffix.lower() not in (".npz", ".mat"):
+        raise InputError(f"--output {output} must end in .npz or .mat")
+    terminal.check_outputs([output], _sources(source), force)
+    console = terminal.console()
     identification = _load_identification(source)
     if identification is not None and order is None and tol is None:
-        with console.status("searching for the smallest order"):
-            reduction = _smallest(identification, console)[1]
+        with step(console, "searching for the smallest order"):
+            reduction = reduce_within_bounds(identification)
         for tried, margin in reduction.tried:
             console.print(f"order {tried:3d}: largest |residual|/bound {margin:.4g}", highlight=False)
         console.print(f"order {reduction.order}: {reduction.status.value}", highlight=False)
@@ -174,7 +244,7 @@ def reduce(
         console.print(f"order {reduction.order} of {model.nstates}: {reduction.status.value}", highlight=False)
         console.print(f"error at most {reduction.bound:.6g}, in units of the response", highlight=False)
     save_model(reduction.model, output)
-    console.print(f"written: {output}")
+    say_written(console, output)
 
 
 @app.command()
@@ -187,125 +257,36 @@ def report(
 ) -> None:
     """Write the report of a saved identification again; its claims are verified again from the numbers."""
     from robustid.identification import load_identification
+    from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
-    _refuse_existing([output], force)
-    console = _console()
+    terminal.check_outputs([output], _sources(source), force)
+    console = terminal.console()
     result = load_identification(source)
-    with console.status("searching for the smallest order"):
-        reduction = _smallest(result, console)[1] if reduce else None
+    reduction = None
+    if reduce:
+        with step(console, "searching for the smallest order"):
+            reduction = reduce_within_bounds(result)
     write_report(result, output, reduction=reduction, title=title)
     console.print(render_summary(result, reduction))
-    console.print(f"written: {output}")
+    say_written(console, output)
+    repeat_warnings(console, result)
     raise typer.Exit(EXIT[result.status])
 
 
-def _run(
-    lines: list, records: list, modes: Any, prior: Any, repeat: int, delay: int | None, objective: str, solver: str,
-    accuracy: float, output: Path, report: Path | None, reduce: bool, titled: bool,
-) -> Any:  # fmt: skip
-    from robustid.identification import identify as solve
-    from robustid.pipeline import propose
-    from robustid.report import render_summary, write_report
-
-    console = _console()
-    with console.status("choosing modes and prior from the data"):
-        proposal = propose(frequency=lines, time=records, modes=modes, prior=prior, repeat=repeat, delay=delay)
-    for choice in proposal.choices:
-        console.print(_plain(choice) + "\n", highlight=False)
-    problem = proposal.problem
-    with console.status(f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"):
-        result = solve(problem, objective=objective, solver=solver, accuracy=accuracy)
-    result.save(output)
-    reduction = None
-    if reduce:
-        with console.status("searching for the smallest order"):
-            _, reduction = _smallest(result, console)
-    console.print(render_summary(result, reduction))
-    if not result.consistent:
-        from robustid.advice import diagnose
-
-        with console.status("what would help: other modes, other priors"):
-            console.print("\n" + _plain(diagnose(result).summary()), highlight=False)
-    written = [_with_suffix(output, ".npz"), _with_suffix(output, ".json")]
-    if report is not None:
-        write_report(result, report, reduction=reduction, title="robustid demo" if titled else None)
-        written.append(report)
-    console.print("written: " + ", ".join(str(path) for path in written))
-    return result
+def _base(path: Path) -> Path:
+    return path.with_suffix("") if path.suffix in (".npz", ".json") else path
 
 
-def _smallest(result: Any, console: Any) -> tuple[Any, Any]:
-    from robustid.pipeline import smallest_model
-
-    return smallest_model(result)
-
-
-def _load(
-    path: Path, kind: str, fields: list[str] | None, dt: float | None, bound: float | None, unit: str,
-    initial: str | None, channel: str,
-) -> Any:  # fmt: skip
-    from robustid.data import load
-
-    data = load(path, kind=kind, fields=_pairs(fields), dt=dt, bound=bound, frequency_unit=unit, initial=initial)
-    try:
-        row, column = (int(part) for part in channel.split(","))
-    except ValueError:
-        raise InputError(f"`--channel` must be OUTPUT,INPUT such as 0,0; got {channel!r}") from None
-    return data.channel(row, column) if (len(data.outputs), len(data.inputs)) != (1, 1) else data
-
-
-def _pairs(fields: list[str] | None) -> dict[str, str] | None:
-    for field in fields or []:
-        if "=" not in field:
-            raise InputError(f"a field must be ROLE=NAME, such as u=current; got {field!r}")
-    return dict(field.split("=", 1) for field in fields) if fields else None
-
-
-def _modes(texts: list[str] | None) -> list[tuple[float, float]] | None:
-    if texts is None:
-        return None
-    if texts == ["none"]:
-        return []
-    modes = []
-    for text in texts:
-        try:
-            hz, damping = (float(part) for part in text.split(":"))
-        except ValueError:
-            raise InputError(f'`--mode` must be HZ:DAMPING such as 17.67:0.004, or "none"; got {text!r}') from None
-        modes.append((hz, damping))
-    return modes
+def _sources(path: Path) -> list[Path]:
+    """The files that may be read for `path`."""
+    base = _base(path)
+    return [path, base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")]
 
 
 def _load_identification(path: Path) -> Any:
     """The saved identification at `path`; None where the file is a plain model."""
     from robustid.identification import load_identification
 
-    base = path.with_suffix("") if path.suffix in (".npz", ".json") else path
+    base = _base(path)
     return load_identification(base) if base.with_name(base.name + ".json").exists() else None
-
-
-def _with_suffix(path: Path, suffix: str) -> Path:
-    base = path.with_suffix("") if path.suffix in (".npz", ".json") else path
-    return base.with_name(base.name + suffix)
-
-
-def _refuse_existing(paths: list[Path], force: bool) -> None:
-    for path in paths:
-        if path.exists() and not force:
-            raise InputError(f"{path} exists; choose another name, or pass --force to replace it")
-        if not path.parent.is_dir():
-            raise InputError(f"the folder {path.parent} does not exist; create it first")
-
-
-def _console(**options: Any) -> Any:
-    from rich.console import Console
-
-    return Console(**options)
-
-
-def _plain(text: str) -> str:
-    """Text of users and files, with rich's markup neutralised."""
-    from rich.markup import escape
-
-    return escape(text)

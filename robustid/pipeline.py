@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,13 +11,7 @@ from robustid._arrays import Frozen
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.bases import kautz
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import SizeError, SolverError
-from robustid.identification import Identification, identify
 from robustid.interpolation import MixedProblem, Prior
-from robustid.reduction import Reduction, reduce_within_bounds
-
-# The nuclear norm goes to a general semidefinite solver: half a minute at this size.
-_LARGEST_NUCLEAR = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,10 +51,16 @@ def propose(
         Multiplicity of each pole.
     delay : int, samples, optional
         Of the pairs; default what the data suggest, 1 where nothing does.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        Data without sample time or bound, with several channels or different sample times.
     """
     choices = []
-    step = float((*frequency, *time)[0].dt) if (frequency or time) else 1.0  # type: ignore[arg-type]
-    basis = None
+    placeholder = prior or Prior(gain_bound=1.0, decay_rate=1.05)
+    # Refuses what lacks a sample time, a bound or a single channel, before anything is computed from it.
+    step, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     if modes:
         hz, damping = np.array(modes, dtype=float).T
         basis = kautz(2 * np.pi * hz, damping, dt=step, repeat=repeat, delay=1 if delay is None else delay)
@@ -69,7 +68,6 @@ def propose(
         suggestion = suggest_kautz(frequency[0], repeat=repeat, delay=delay)
         basis = suggestion.basis
         choices.append("Modes taken from the frequency response:\n" + suggestion.summary())
-    placeholder = prior or Prior(gain_bound=1.0, decay_rate=1.05)
     problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
     if prior is None:
         found = suggest_prior(problem)
@@ -80,32 +78,3 @@ def propose(
             chosen = Prior(gain_bound=100 * float(size) or 1.0, decay_rate=float(found.decay_rates[0]))
         problem = dataclasses.replace(problem, prior=chosen)
     return Proposal(problem, tuple(choices))
-
-
-def smallest_model(
-    result: Identification, *, tell: Callable[[str], Any] = lambda text: None
-) -> tuple[Identification, Reduction]:
-    """The reduction of lowest order over the objectives, and the identification that it came from.
-
-    The consistent set is fat: its centre is a good nominal model and rarely the easiest to reduce. The search ends when
-    nothing but the parametric part is left.
-    """
-    best = result, reduce_within_bounds(result)
-    basis = result.problem.parametric
-    least = 0 if basis is None else basis.states
-    for objective in ("gain", "order"):
-        if objective == result.objective or best[1].order <= least:
-            continue
-        if objective == "order" and result.problem.coefficients > _LARGEST_NUCLEAR:
-            continue
-        tell(f"looking for a smaller model: objective {objective}")
-        try:
-            other = identify(result.problem, objective=objective, accuracy=result.accuracy)
-        except (SizeError, SolverError):
-            continue
-        reduced = reduce_within_bounds(other)
-        if reduced.order < best[1].order:
-            # Held against the nominal model: its Hankel singular values, and no a-priori bound between the two.
-            ours = {"hankel": best[1].hankel, "bounds": best[1].bounds, "bound": np.inf}
-            best = other, dataclasses.replace(reduced, **ours)
-    return best

@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.identification.verification import model_residuals
-from robustid.pipeline import propose, smallest_model
+from robustid.pipeline import propose
 
 
 def problem(seed, **prior):
@@ -34,10 +34,18 @@ def test_reduced_models_keep_every_sample():
 
 def test_the_smallest_order_over_the_objectives_is_taken():
     result = rid.identify(problem(0))
-    alone = rid.reduce_within_bounds(result)
-    source, best = smallest_model(result)
-    assert best.order == 4 < alone.order
-    assert source.objective != "center"
+    best = rid.reduce_within_bounds(result)
+    assert best.order == 4 < result.order
+    assert max(r.ratio.max() for r in model_residuals(result.problem, best.model)) <= 1 + 1e-5
+
+
+@pytest.mark.parametrize(
+    ("missing", "words"), [({"dt": None}, "`dt`"), ({"bound": None}, "bound on every sample"), ({}, "both missing")]
+)
+def test_a_proposal_needs_data_with_sample_time_and_bound(missing, words):
+    frf = dataclasses.replace(rid.flexible_structure(seed=0).frequency, **missing)
+    with pytest.raises(rid.InputError, match=words):
+        propose(frequency=[frf] if missing else [])
 
 
 def test_inconsistent_data_are_reduced_to_the_level_of_the_margin():

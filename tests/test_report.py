@@ -498,16 +498,97 @@ def test_page_of_one_kind_of_data(kept: str) -> None:
 
 
 def test_undecided_and_unverified_results_are_not_called_consistent(simple: rid.Identification) -> None:
-    undecided = dataclasses.replace(simple, status=rid.Status.UNDECIDED)
+    certificate = dataclasses.replace(simple.certificate, value=1 - 1e-6)
+    claim = dataclasses.replace(simple.claim, margin=1 + 1e-6, certificate=certificate)
+    undecided = dataclasses.replace(simple, claim=claim)
     assert facts.verdict(undecided).word == "Undecided"
     check = dataclasses.replace(simple.verification.checks[0], measured=np.inf)
     broken = dataclasses.replace(simple.verification, checks=(check, *simple.verification.checks[1:]))
-    false = dataclasses.replace(simple, status=rid.Status.CONSISTENT, verification=broken)
+    false = dataclasses.replace(simple, claim=dataclasses.replace(claim, margin=1.0), verification=broken)
+    assert false.status is rid.Status.CONSISTENT
     for text in (Page(render_report(false)).text, printed(false)):
         assert "Not verified" in text
         assert check.name in text
     assert "✗ fails" in Page(render_report(false)).text
     assert "FAILS" in printed(false)
+
+
+def test_a_class_that_says_little_is_amber_and_warned_of(consistent: rid.Identification) -> None:
+    # K = 20 where the largest response is about 7.
+    assert len(consistent.warnings) >= 1
+    assert facts.verdict(consistent).key == "weak"
+    page, text = Page(render_report(consistent)), " ".join(printed(consistent).split())
+    assert ("section", {"class": "verdict weak", "id": "verdict"}) in page.tags
+    for words in ("Consistent, but the class says little", *consistent.warnings):
+        assert words in page.text
+        assert words in text
+    narrow = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+    strong = rid.identify(dataclasses.replace(consistent.problem, prior=narrow, parametric=pairs))
+    assert strong.warnings == ()
+    assert facts.verdict(strong).word == "Consistent"
+    assert "Warning" not in printed(strong)
+
+
+def test_choices_of_the_program_are_shown_and_escaped(simple: rid.Identification) -> None:
+    noted = dataclasses.replace(simple, notes=(f"K = 1 from {NASTY}", "rho = 1.1"))
+    page, text = Page(render_report(noted)), printed(noted)
+    for words in (facts.CHOSEN, *noted.notes):
+        assert words in page.text
+        assert words in text
+    assert len(page.scripts) == 3
+    assert facts.CHOSEN not in Page(render_report(simple)).text
+    assert facts.CHOSEN not in printed(simple)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "text"),
+    [
+        (0.87, 0.870471, "0.870000 … 0.870471"),
+        (0.0, 0.5, "0 … 0.500000"),
+        (12.5, 12.50001, "12.5000"),
+        (0.0, 2e-7, "0 … 2×10⁻⁷"),
+    ],
+)
+def test_both_ends_of_the_margin_have_equal_digits(
+    simple: rid.Identification, lower: float, upper: float, text: str
+) -> None:
+    certificate = dataclasses.replace(simple.certificate, value=lower)
+    claim = dataclasses.replace(simple.claim, margin=upper, certificate=certificate)
+    assert facts.margin_interval(dataclasses.replace(simple, claim=claim)) == text
+
+
+def test_poles_at_zero_are_called_a_delay() -> None:
+    frf = rid.flexible_structure().frequency
+    prior = rid.Prior(gain_bound=20.0, decay_rate=1.04)
+    for delay, words in ((1, None), (2, "delay, 2 samples"), (3, "delay, 3 samples")):
+        pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=delay)
+        result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=pairs))
+        said = dict(facts.assumptions(result))["Parametric part"]
+        assert "time constant" not in said
+        assert said.endswith(f"{words or 'damping 0.004'}.")
+        assert said.count("delay") == (words is not None)
+    import control
+
+    taps = control.ss(np.eye(3, k=-1), np.eye(3, 1), np.eye(3), 0, 0.01)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=taps))
+    assert dict(facts.assumptions(result))["Parametric part"].endswith("poles: none but delays, 1 to 3 samples.")
+    assert "delay" in printed(result, rid.balanced_truncation(taps[0, 0], order=1))
+
+
+def test_summary_is_readable_in_sixty_columns(consistent: rid.Identification, inconsistent: rid.Identification) -> None:
+    import rich.console
+
+    for result in (consistent, inconsistent):
+        console = rich.console.Console(file=io.StringIO(), width=60)
+        console.print(render_summary(result))
+        lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+        table = lines[lines.index(next(line for line in lines if line.startswith("Verification"))) :]
+        assert max(len(line) for line in lines) <= 60
+        assert sum(line.rstrip().endswith("holds") for line in table) == len(result.verification.checks)
+        for check in result.verification.checks:
+            assert any(number(check.measured) in line and number(check.limit, 6) in line for line in table), check.name
+        assert not any(line.rstrip().endswith("…") or "… " in line for line in table)
 
 
 def test_text_of_strangers_is_escaped() -> None:

@@ -179,11 +179,14 @@ def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> t
     prior = Prior(gain_bound=SAFETY * max(float(gains[k]), floor), decay_rate=float(rates[k]))
     if gains[k] <= floor:
         what = "the parametric part alone" if gains[k] == 0 else f"a rest of {gains[k]:.3g}, below every bound,"
-        reason = f"{what} fits the data up to decay rate {rates[k]:.5g}: K is {SAFETY:g} times the smallest bound"
+        reason = (
+            f"{what} fits the data up to decay rate {rates[k]:.5g}: recommended"
+            f" K = {prior.gain_bound:.4g} = {SAFETY:g} x the smallest error bound {floor:.4g}"
+        )
     else:
         reason = (
             f"at decay rate {rates[k]:.5g} the slope bound K rho/(rho^2 - 1) is smallest; the smallest K there is"
-            f" {gains[k]:.4g}, recommended {prior.gain_bound:.4g} (safety factor {SAFETY:g})"
+            f" {gains[k]:.4g}, recommended K = {prior.gain_bound:.4g} = {SAFETY:g} x {gains[k]:.4g}"
         )
     if gains[k] > largest:
         reason += (

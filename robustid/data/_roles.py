@@ -15,7 +15,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 # Roles and the names tried for them. Names whose unit isn't certain ("frequency", "phase") are left out on
 # purpose.
-_FREQUENCY = {
+FREQUENCY = {
     "omega": ("omega", "w", "rad_s", "omega_rad_s"),
     "freq_hz": ("freq_hz", "frequency_hz", "f_hz", "hz"),
     "values": ("values", "frf", "response", "g", "h"),
@@ -26,13 +26,13 @@ _FREQUENCY = {
     "phase_deg": ("phase_deg", "phase_degrees"),
     "phase_rad": ("phase_rad",),
 }
-_TIME = {
+TIME = {
     "time": ("time", "t", "times"),
     "u": ("u", "input", "inputs"),
     "y": ("y", "output", "outputs"),
     "reference": ("reference",),
 }
-NAMES = {**_FREQUENCY, **_TIME, "bound": ("bound", "bounds")}
+NAMES = {**FREQUENCY, **TIME, "bound": ("bound", "bounds"), "dt": ("dt", "Ts", "T")}
 _WAYS: tuple[tuple[str, ...], ...] = (
     ("values",),
     ("real", "imag"),
@@ -46,6 +46,7 @@ class Lookup:
 
     def __init__(self, table: Table, fields: dict[str, Any]) -> None:
         self.columns, self.file, self.fields = table.columns, table.path.name, fields
+        self.text = table.path.suffix.lower() in {".csv", ".tsv", ".txt"}
 
     def _match(self, name: str) -> str | None:
         if name in self.columns:
@@ -68,16 +69,32 @@ class Lookup:
     def kind(self) -> str:
         """Frequency or time, by the roles given, else by the names in the file."""
         given = set(self.fields)
-        frequency, time = bool(given & set(_FREQUENCY)), bool(given & set(_TIME))
-        if not frequency and not time:
-            frequency = (self.find("omega") or self.find("freq_hz")) is not None
-            time = self.find("u") is not None and self.find("y") is not None
+        frequency, time = bool(given & set(FREQUENCY)), bool(given & set(TIME))
         if frequency != time:
             return "frequency" if frequency else "time"
+        if not frequency and (kind := self.looks()) is not None:
+            return kind
         raise InputError(
             f"{self.file}: can't tell whether it holds frequency or time data; give `kind` and `fields`."
             f" {self.inventory()}"
         )
+
+    def looks(self) -> str | None:
+        """Frequency or time, by the usual names in the file alone; None where both or neither are there."""
+        frequency = (self.find("omega") or self.find("freq_hz")) is not None
+        time = self.find("u") is not None and self.find("y") is not None
+        return None if frequency == time else "frequency" if frequency else "time"
+
+    def sample_time(self) -> float | None:
+        """A stored sample time: a variable of one number, never a column of a text file."""
+        if "dt" in self.fields:
+            return as_positive("fields['dt']", self.column("dt", self.fields["dt"]))
+        for name in () if self.text else NAMES["dt"]:
+            value = self.columns.get(name)
+            # MATLAB's Ts is 0 for continuous time and -1 for "not said".
+            if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
+                return float(value.item())
+        return None
 
     def inventory(self) -> str:
         names = list(self.columns)
@@ -149,6 +166,8 @@ def as_frequency(lookup: Lookup, options: dict[str, Any], in_hz: bool) -> Freque
         )
     if "bound" not in options and (name := lookup.find("bound")) is not None:
         options["bound"] = lookup.matrix("bound", name)
+    if "dt" not in options:
+        options["dt"] = lookup.sample_time()
     return FrequencyResponse(omega, values, **options)
 
 
@@ -181,13 +200,22 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:
         if side not in options and len(columns) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
             options[side] = columns
     if "dt" not in options:
-        if lookup.find("time") is None:
-            raise InputError(f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}")
-        options["dt"] = _uniform_step(lookup.column("time", lookup.find("time")), len(signals["u"]))
+        options["dt"] = time_step(lookup, len(signals["u"]))
     for role in ("bound", "reference"):
         if role not in options and (name := lookup.find(role)) is not None:
             options[role] = lookup.signal(role, name)
     return TimeRecord(**signals, **options)
+
+
+def time_step(lookup: Lookup, samples: int) -> float:
+    """Sample time of a record: of its time column, which goes before a stored number that wasn't named."""
+    time = None if "dt" in lookup.fields else lookup.find("time")
+    # A scalar T is found as "t" too.
+    if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
+        return _uniform_step(lookup.column("time", time), samples)
+    if (step := lookup.sample_time()) is None:
+        raise InputError(f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}")
+    return step
 
 
 def _uniform_step(time: np.ndarray, samples: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import itertools
@@ -9,13 +10,13 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from robustid._files import atomic_write
 from robustid.data._readers import FORMAT, Table, read_table
-from robustid.data._roles import NAMES, Lookup, as_frequency, as_time
+from robustid.data._roles import NAMES, Lookup, as_frequency, as_time, time_step
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -49,13 +50,14 @@ def load(
     fields : mapping, optional
         Role to name in the file. Frequency: ``omega`` or ``freq_hz``; ``values`` (complex), or ``real`` and
         ``imag``, or ``magnitude``/``magnitude_db`` and ``phase_deg``/``phase_rad``; ``bound``. Time:
-        ``time``, ``u``, ``y``, ``reference``, ``bound``. Fields of MATLAB structures have dots
+        ``time``, ``u``, ``y``, ``reference``, ``bound``. Both: ``dt``. Fields of MATLAB structures have dots
         (``"data.u"``). Several channels: a list of names for a time signal; for a frequency role a list of
         rows (one an output) of names (one an input). Roles left out are looked for under usual names, upper
         or lower case.
     dt : float, optional
         Sample time in s. Without it, a time record takes it from its ``time`` column, which must be uniform
-        to 1e-6 of a step; with it, no ``time`` column is read.
+        to 1e-6 of a step, and ``.npz`` and ``.mat`` files may hold it as a number named ``dt``, ``Ts`` or ``T``;
+        with it, neither is read.
     bound : scalar or array, optional
         Bound on the errors; goes before a ``bound`` in the file.
     frequency_unit : {"rad/s", "Hz"}
@@ -107,6 +109,31 @@ def load(
         return _loaded(lambda: as_time(lookup, options), table)
     options.pop("initial", None)
     return _loaded(lambda: as_frequency(lookup, options, str(frequency_unit).lower() == "hz"), table)
+
+
+class Origin(NamedTuple):
+    """What a file says by itself: its kind, whether the unit of its frequencies is known, and its sample time."""
+
+    kind: str | None
+    unit_known: bool
+    dt: float | None
+    dt_from: str
+
+
+def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None) -> Origin:
+    """The `Origin` of a file, whatever `dt` and unit `load` is given."""
+    table = read_table(path)
+    if table.meta is not None and not fields:
+        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data")
+    lookup = Lookup(table, dict(fields or {}))
+    unit_known = kind == "time" or "freq_hz" in lookup.fields or lookup.find("omega") is None
+    step, source = lookup.sample_time(), "stored in the file"
+    if kind == "time":
+        # A time axis that is missing, or not uniform, says nothing here.
+        with contextlib.suppress(InputError, InputTypeError, FileFormatError):
+            samples = len(lookup.signal("u", lookup.need("u")))
+            step, source = time_step(lookup, samples), "its time axis"
+    return Origin(None if fields else lookup.looks(), unit_known, step, source)
 
 
 def save(path: str | os.PathLike, data: FrequencyResponse | TimeRecord) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
@@ -17,8 +17,8 @@ from robustid.reduction.balanced import Reduction, balanced_truncations
 
 _log = logging.getLogger("robustid")
 
-# The nuclear norm goes to a general semidefinite solver: half a minute at this size.
-_LARGEST_NUCLEAR = 64
+# The nuclear norm goes to a general semidefinite solver: two seconds at this size, half a minute at 64.
+_LARGEST_NUCLEAR = 44
 
 
 class SearchStatus(enum.Enum):
@@ -52,7 +52,7 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     Notes
     -----
     Truncation alone: no refinement of what it gives, so that a still smaller model may exist. Objective "order" is left out above
-    64 coefficients, and the search ends when nothing but the parametric part is left.
+    44 coefficients, and the search ends when nothing but the parametric part is left.
 
     Examples
     --------
@@ -67,8 +67,15 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be the result of identify(); got {type(identification).__name__}")
+    basis = identification.problem.parametric
+    least = 0 if basis is None else basis.states
     best = _smallest(identification, identification.order)
-    for other in _others(identification, best):
+    for objective in _objectives(identification):
+        if best.order <= least:
+            break
+        other = _of_objective(identification, objective)
+        if other is None:
+            continue
         found = _smallest(other, best.order - 1)
         merged = _merge(best.tried, found.tried)
         if found.status is not SearchStatus.UNREDUCED and found.order < best.order:
@@ -78,20 +85,19 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     return best
 
 
-def _others(identification: Identification, best: Reduction) -> Iterator[Identification]:
-    problem, basis = identification.problem, identification.problem.parametric
-    least = 0 if basis is None else basis.states
-    order = best.order
-    for objective in ("gain", "order"):
-        if objective == identification.objective or order <= least:
-            continue
-        if objective == "order" and problem.coefficients > _LARGEST_NUCLEAR:
-            continue
-        _log.info("looking for a smaller model: objective %s", objective)
-        try:
-            yield identify(problem, objective=objective, accuracy=identification.accuracy)
-        except (SizeError, SolverError) as failure:
-            _log.warning("objective %s: %s", objective, failure)
+def _objectives(identification: Identification) -> list[str]:
+    quick = identification.problem.coefficients <= _LARGEST_NUCLEAR
+    return [name for name in ("gain", "order") if name != identification.objective and (quick or name != "order")]
+
+
+def _of_objective(identification: Identification, objective: str) -> Identification | None:
+    """The same problem identified with another objective; None where no solver manages."""
+    _log.info("looking for a smaller model: objective %s", objective)
+    try:
+        return identify(identification.problem, objective=objective, accuracy=identification.accuracy)
+    except (SizeError, SolverError) as failure:
+        _log.warning("objective %s: %s", objective, failure)
+        return None
 
 
 def _merge(first: tuple, second: tuple) -> list[tuple[int, float]]:

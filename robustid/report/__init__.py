@@ -1,6 +1,5 @@
 """What people see: plots, a summary at the terminal, and a report as one HTML page."""
 
-from robustid.report.facts import PoleRow, pole_table
 from robustid.report.html import write_report
 from robustid.report.plots import (
     plot_frequency_response,
@@ -9,6 +8,7 @@ from robustid.report.plots import (
     plot_residuals,
     plot_time_response,
 )
+from robustid.report.poles import PoleRow, pole_table
 from robustid.report.text import render_summary
 
 __all__ = [

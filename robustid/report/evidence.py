@@ -9,7 +9,8 @@ import numpy as np
 from robustid.identification import Identification
 from robustid.identification.verification import Residual, model_residuals
 from robustid.report.charts import HZ, Axis, Chart, Layer, Models, Panel, band, curves, hertz
-from robustid.report.facts import PoleRow, pole_table, transfer
+from robustid.report.facts import transfer
+from robustid.report.poles import PoleRow, pole_table
 from robustid.report.style import ALERT, DATA, FAINT, NOMINAL, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
@@ -167,6 +168,8 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
 
 
 def _pole_words(row: PoleRow) -> str:
+    if row.modulus == 0:
+        return "delay of one sample, |z| = 0"
     text = f"|z| = {number(row.modulus, 5)}"
     if row.hz == 0:
         return f"integrator, {text}"

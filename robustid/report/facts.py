@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, Status
+from robustid.errors import Status
 from robustid.identification import Identification
-from robustid.identification.validation import check_model
 from robustid.identification.verification import largest_ratio
+from robustid.report.poles import delay_words, describe_pole, pole_rows
 from robustid.report.style import number
 
-if TYPE_CHECKING:
-    import control
-
-# The rounded pole of a (double) integrator lies this close to z = 1.
-_INTEGRATOR = 1e-7
 _HZ = 2 * np.pi
 
+CHOSEN = "Chosen by the program from these data"
 CAUTION = (
     "These are assumptions. Data can refute them, never prove them: a consistent result says that nothing"
     " measured so far contradicts them."
@@ -33,84 +28,6 @@ class Verdict(NamedTuple):
     key: str
     word: str
     sentence: str
-
-
-@dataclasses.dataclass(frozen=True)
-class PoleRow:
-    """A real pole or a conjugate pair, in engineer's terms.
-
-    Attributes
-    ----------
-    pole : complex
-        In the plane of the model (z, or s where it is continuous); of a pair the one above the real axis.
-    count : int
-        1, or 2 for a pair.
-    hz : float
-        Natural frequency |s|/2π in Hz, s = log(z)/dt; 0 for an integrator, nan for a pole at z = 0.
-    damping : float
-        -Re(s)/|s|; nan for an integrator.
-    modulus : float
-        |z|; nan for a continuous model.
-    time_constant : float
-        -1/Re(s) in s: inf on the stability boundary, negative beyond it.
-    """
-
-    pole: complex
-    count: int
-    hz: float
-    damping: float
-    modulus: float
-    time_constant: float
-
-
-def pole_table(model: control.StateSpace) -> list[PoleRow]:
-    """Poles of a model with their natural frequency, damping and time constant, by frequency.
-
-    ``s = log(z)/dt``, ``hz = |s|/2π``, ``damping = -Re(s)/|s|``.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete with its sample time, or continuous.
-
-    Returns
-    -------
-    list of PoleRow
-
-    Raises
-    ------
-    InputError, InputTypeError
-        If `model` isn't a finite StateSpace, or is discrete without a sample time.
-
-    Examples
-    --------
-    >>> import control, robustid as rid
-    >>> experiment = rid.flexible_structure()
-    >>> [(round(row.hz, 2), round(row.damping, 4)) for row in pole_table(experiment.truth)]
-    [(9.0, 0.1), (17.67, 0.004)]
-    """
-    system = check_model("model", model)
-    if system.dt is True:
-        raise InputError("`model` is discrete without a sample time; give it its dt in s")
-    return pole_rows(system.poles(), system.dt or 0)
-
-
-def pole_rows(poles: Any, dt: float) -> list[PoleRow]:
-    """As `pole_table`, from the poles."""
-    upper = sorted((complex(p) for p in np.atleast_1d(poles) if p.imag >= 0), key=lambda p: (p.imag, p.real))
-    rows = [_pole_row(pole, dt) for pole in upper]
-    return sorted(rows, key=lambda row: (np.isnan(row.hz), row.hz))
-
-
-def _pole_row(pole: complex, dt: float) -> PoleRow:
-    count, modulus = 1 + (pole.imag > 0), abs(pole) if dt else np.nan
-    if dt and pole == 0:
-        return PoleRow(pole, count, np.nan, 1.0, 0.0, 0.0)
-    if dt and abs(pole - 1) <= _INTEGRATOR:
-        return PoleRow(pole, count, 0.0, np.nan, modulus, np.inf)
-    s = complex(np.log(pole)) / dt if dt else pole
-    damping = -s.real / abs(s) if s else np.nan
-    return PoleRow(pole, count, abs(s) / _HZ, damping, modulus, -1 / s.real if s.real else np.inf)
 
 
 def unit(identification: Identification) -> str:
@@ -146,14 +63,20 @@ def verdict(identification: Identification) -> Verdict:
         Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
     }
     status = identification.status
+    if status is Status.CONSISTENT and identification.warnings:
+        return Verdict("weak", "Consistent, but the class says little", sentences[status])
     return Verdict(status.name.lower(), status.name.capitalize(), sentences[status])
 
 
 def margin_interval(identification: Identification) -> str:
     """The proven interval of the margin."""
-    digits = 6 if identification.margin > 1e-3 else 2
-    lower, upper = (number(v, digits) for v in (identification.margin_lower, identification.margin))
-    return upper if lower == upper else f"{lower} … {upper}"
+    lower, upper = identification.margin_lower, identification.margin
+    if not 1e-3 < upper < 1e6:
+        first, last = number(lower, 2), number(upper, 2)
+    else:  # as many decimals in both
+        decimals = 5 - int(np.floor(np.log10(upper)))
+        first, last = (f"{value:.{decimals}f}" if value > 0 else "0" for value in (lower, upper))
+    return last if first == last else f"{first} … {last}"
 
 
 def margin_words(identification: Identification) -> str:
@@ -190,21 +113,14 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
     if basis is None:
         out.append(("Parametric part", "None: nothing is known about single modes."))
     else:
-        listed = "; ".join(describe_pole(row) for row in pole_rows(basis.poles, problem.dt))
-        out.append(
-            ("Parametric part", f"{basis.size} functions with free coefficients and fixed poles: {listed or 'none'}.")
-        )
+        rows = pole_rows(basis.poles, problem.dt)
+        listed = [describe_pole(row) for row in rows if row.modulus > 0]
+        if len(listed) < len(rows):  # poles at z = 0
+            listed.append(delay_words(basis))
+        words = "; ".join(listed) or "none"
+        out.append(("Parametric part", f"{basis.size} functions with free coefficients and fixed poles: {words}."))
     out.append(("Bounds", "Every sample lies within its bound of the response of the plant; see the table."))
     return out
-
-
-def describe_pole(row: PoleRow) -> str:
-    """One pole in words."""
-    if row.hz == 0:
-        return "integrator"
-    if row.count == 1:
-        return f"time constant {number(row.time_constant)} s"
-    return f"{number(row.hz)} Hz with damping {number(row.damping, 3)}"
 
 
 class Experiment(NamedTuple):

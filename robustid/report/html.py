@@ -18,6 +18,7 @@ from robustid._version import __version__
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.report import charts, evidence, facts
+from robustid.report.poles import pole_table
 from robustid.report.style import NOMINAL, number
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def render_report(
         result=identification,
         facts=facts,
         figures=figures,
-        tables=[(name, facts.pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
+        tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
         versions=versions(),
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),

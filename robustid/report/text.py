@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robustid.report import facts
+from robustid.report.poles import pole_table
 from robustid.report.style import number
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
-_COLOURS = {"consistent": "green", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
+_COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
 _MOST_SAMPLES, _MOST_POLES = 8, 10
 
 
@@ -50,7 +51,13 @@ def render_summary(identification: Identification, reduction: Reduction | None =
     colour = _COLOURS[verdict.key]
     # Text, never markup: names in brackets, such as units, are to be shown as they stand.
     head = Text.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence)
-    parts = [Panel(head, border_style=colour), _overview(identification, reduction), _checks(identification)]
+    parts: list[Any] = [Panel(head, border_style=colour)]
+    parts += [Text(f"Warning: {sentence}.", style="yellow") for sentence in identification.warnings]
+    parts.append(_overview(identification, reduction))
+    if identification.notes:
+        parts.append(Text(f"\n{facts.CHOSEN}", style="bold"))
+        parts += [Text(f"{note}\n") for note in identification.notes]
+    parts.append(_checks(identification))
     limiting = facts.limiting(identification)
     if limiting:
         parts.append(_limiting(limiting, verdict.key == "inconsistent"))
@@ -88,7 +95,7 @@ def _checks(identification: Identification) -> Table:
 
 def _limiting(rows: list[facts.Limiting], inconsistent: bool) -> Table:
     title = "Samples that contradict the assumptions" if inconsistent else "Samples that limit the margin"
-    table = _table(title, "Experiment", ">At", ">Share of the proof", ">|residual| / bound")
+    table = _table(title, "Experiment", ">At", ">Share of\nthe proof", ">|residual|\n/ bound")
     for row in rows[:_MOST_SAMPLES]:
         _add(table, row.experiment, row.place, f"{number(100 * row.share, 2)} %", number(row.ratio))
     return _left_out(table, len(rows) - _MOST_SAMPLES)
@@ -96,11 +103,13 @@ def _limiting(rows: list[facts.Limiting], inconsistent: bool) -> Table:
 
 def _poles(identification: Identification, reduction: Reduction | None) -> Table:
     model, name = (identification.model, "nominal") if reduction is None else (reduction.model, "reduced")
-    rows = facts.pole_table(model)
+    rows = pole_table(model)
     table = _table(f"Slowest poles of the {name} model", ">Hz", ">Damping", ">|z|", ">Time constant [s]", ">States")
     slowest = sorted(rows, key=lambda row: -row.modulus)[:_MOST_POLES]
     for row in sorted(slowest, key=lambda row: row.hz):
         cells = (number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3))
+        if row.modulus == 0:
+            cells = ("delay", "–", "0", "–")
         _add(table, *cells, str(row.count))
     return _left_out(table, len(rows) - _MOST_POLES)
 
@@ -112,7 +121,9 @@ def _table(title: str, *columns: str) -> Table:
 
     table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
-        table.add_column(Text(name.removeprefix(">")), justify="right" if name.startswith(">") else "left")
+        right = name.startswith(">")
+        # Where space is short the claims wrap, never the numbers.
+        table.add_column(Text(name.removeprefix(">")), justify="right" if right else "left", no_wrap=name != "Claim")
     return table
 
 

@@ -1,0 +1,79 @@
+"""The long part of `robustid identify` and `demo`: solve, compute and render everything, and only then write."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from robustid import _terminal as terminal
+from robustid._terminal import plain, step
+from robustid.errors import SizeError
+
+
+def identified(console: Any, proposal: Any, objective: str, solver: str, accuracy: float) -> Any:
+    """The identification, with the choices of the proposal as its notes."""
+    from robustid.identification import identify as solve
+
+    problem = proposal.problem
+    with step(console, f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"):
+        result = solve(problem, objective=objective, solver=solver, accuracy=accuracy)
+    return dataclasses.replace(result, notes=proposal.choices)
+
+
+def finish(
+    console: Any, result: Any, output: Path, report: Path | None, *, reduce: bool, title: str | None = None
+) -> None:
+    """Compute and render the rest; only then write, and show what was found."""
+    from robustid._files import atomic_write
+    from robustid.advice import diagnose
+    from robustid.reduction import reduce_within_bounds
+    from robustid.report import render_summary
+    from robustid.report.html import render_report
+
+    reduction, diagnosis, page = None, "", ""
+    if reduce:
+        with step(console, "searching for the smallest order"):
+            reduction = reduce_within_bounds(result)
+    if not result.consistent:
+        with step(console, "what would help: other modes, other priors"):
+            diagnosis = diagnose(result).summary()
+    if report is not None:
+        page = render_report(result, reduction=reduction, title=title)
+    summary, written = render_summary(result, reduction), list(terminal.result_files(output))
+    result.save(output)
+    if report is not None:
+        with atomic_write(report) as file:
+            file.write(page)
+        written.append(report)
+    console.print(summary)
+    if diagnosis:
+        console.print("\n" + plain(diagnosis), highlight=False)
+    say_written(console, *written)
+    repeat_warnings(console, result)
+
+
+def say_written(console: Any, *paths: Path) -> None:
+    """The names of the files, on one line."""
+    console.print(plain("written: " + ", ".join(str(path) for path in paths)), highlight=False, soft_wrap=True)
+
+
+def repeat_warnings(console: Any, result: Any) -> None:
+    """What must not scroll away."""
+    for sentence in result.warnings:
+        terminal.warn(console, sentence)
+
+
+@contextlib.contextmanager
+def size_in_options() -> Iterator[None]:
+    """Name the options that take a part of the data, where they are too many."""
+    try:
+        yield
+    except SizeError as error:
+        count = str(error).split(".")[0].replace("`problem` has", "the data make")
+        raise SizeError(
+            f"{count}. Use a part of them: --band LOW:HIGH keeps the lines between two frequencies in Hz, --first N the"
+            " first N time samples"
+        ) from None

@@ -1,0 +1,1 @@
+"""Matrix-fraction fitting: frequency-domain subspace start, orthonormal vector polynomials, realisation."""

@@ -1,0 +1,296 @@
+"""Frequency-domain subspace estimate: a state-space model straight from frequency-response samples, without a start."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from robustid._arrays import Frozen, as_array, as_count, freeze
+from robustid.errors import InputError
+from robustid.mfd.rational_basis import band, pole_choices, rational_krylov, real_rows, triangle
+
+# How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
+_BOUNDARY = 1e-9
+# |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
+_ON_CURVE = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SubspaceEstimate(Frozen):
+    """State-space matrices of P(xi) = C (xi I - A)^{-1} B + D with the singular values that show the order.
+
+    Attributes
+    ----------
+    A, B, C, D : (n, n), (n, nu), (ny, n), (ny, nu) arrays
+        Real, A in real Schur form; xi = s (A in rad/s) or xi = z.
+    singular_values : (r,) array
+        Of the noise-whitened data, falling. A gap after the n-th says that the data hold n states; where `weight` is
+        the inverse standard deviation, noise alone gives values near 1, at most about 1 + sqrt(r/(2 F nu)).
+    residual : float
+        Root mean square of ``weight * (values - P)`` over the entries with weight.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    singular_values: np.ndarray
+    residual: float
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("A", "B", "C", "D", "singular_values")})
+
+    def response(self, points: np.ndarray) -> np.ndarray:
+        """P at complex `points` (F,), shape (F, ny, nu)."""
+        return _output_rows(self.A, self.C, np.atleast_1d(np.asarray(points, dtype=complex))) @ self.B + self.D
+
+
+def subspace_estimate(
+    frf_values: np.ndarray,
+    points: np.ndarray,
+    order: int,
+    *,
+    weight: np.ndarray | None = None,
+    block_rows: int | None = None,
+    feedthrough: bool = False,
+    domain: str = "s",
+    stable: bool = True,
+) -> SubspaceEstimate:
+    """A state-space model of given order from samples on any grid, by one singular value decomposition.
+
+    With X(xi) = (xi I - A)^{-1} B and any function f, f(xi) P(xi) = C f(A) X(xi) + (a combination of few known
+    functions of xi). So the rows f_j(xi_k) P(xi_k), freed of the known functions by projection, have the range
+    of the generalised observability matrix [C f_1(A); ...; C f_i(A)], and xi f = (combination of f) gives A.
+
+    Parameters
+    ----------
+    frf_values : (F, ny, nu) complex array
+        Samples P(xi_k) plus noise.
+    points : (F,) complex array
+        xi_k = 1j*omega in rad/s (domain "s") or exp(1j*omega*dt) (domain "z"), on any grid, in any order.
+    order : int
+        Number n of states.
+    weight : (F,) or (F, ny, nu) array, optional
+        Multiplies the residual, >= 0 (0: don't use); best the inverse standard deviation of each entry. None: relative
+        to the Frobenius norm of each line, so that modes far below the highest peak count as much.
+    block_rows : int, optional
+        Number i of functions f_j. None: ``max(6*order/ny, order)`` and half of it are tried.
+    feedthrough : bool
+        Whether D may differ from zero. A comes in the variable xi itself, not from an inverse bilinear map, so that
+        D = 0 costs nothing else.
+    domain : {"s", "z"}
+    stable : bool
+        Reflect unstable poles at the stability boundary and fit B and D anew.
+
+    Returns
+    -------
+    SubspaceEstimate
+
+    Raises
+    ------
+    InputError, InputTypeError
+        Wrong shapes, NaN, points off the imaginary axis or the unit circle, negative weights, `order` or `block_rows`
+        larger than the data allow.
+
+    Notes
+    -----
+    Assumes noise independent between entries and lines with standard deviation ``1/weight``; the estimate is then
+    consistent, but not efficient: a start for a maximum-likelihood fit.
+
+    Source: `mckelvey1996`, Algorithm 2 (weighted, non-uniform grid), with z^j replaced by orthonormal rational
+    functions whose poles are spread over the band. One repeated pole is the usual bilinear map; on 20 noisy
+    single-channel systems of order 20 its largest error was 2.7e-2, against 7e-3. Four ways of spreading the poles
+    are tried, a heuristic choice, and the smallest residual wins.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> s = 1j * np.geomspace(1.0, 100.0, 60)
+    >>> estimate = subspace_estimate((1 / (s**2 + 0.2 * s + 25))[:, None, None], s, 2)
+    >>> np.round(np.poly(estimate.A), 9)
+    array([ 1. ,  0.2, 25. ])
+    >>> estimate.residual < 1e-12
+    True
+    """
+    data = _checked(frf_values, points, weight, domain)
+    order = as_count("order", order, least=1)
+    # A power of two, so that a change of the unit of time by one changes nothing but exponents.
+    scale = 2.0 ** round(math.log2(np.median(band(data.points, "s")))) if domain == "s" else 1.0
+    data = data._replace(points=data.points / scale)
+    boundary = _BOUNDARY * (np.min(band(data.points, "s")) if domain == "s" else 1.0)
+    best = None
+    for rows in _block_row_sizes(data, order, block_rows):
+        for poles in pole_choices(data.points, rows - 1, domain):
+            A, C, singular_values = _dynamics(data, order, poles)
+            A, Z = scipy.linalg.schur(A, output="real")[:2]
+            C = C @ Z
+            if stable:
+                A = _reflected(A, domain, boundary)
+            B, D, residual = _fit_inputs(data, A, C, feedthrough)
+            if math.isfinite(residual) and (best is None or residual < best.residual):
+                best = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual)
+    if best is None:
+        raise InputError("`points` coincide with poles of the estimate, where no response is finite; set `stable`")
+    return best
+
+
+class _Data(NamedTuple):
+    values: np.ndarray  # (F, ny, nu)
+    points: np.ndarray  # (F,)
+    weight: np.ndarray  # (F, ny, nu)
+    domain: str
+
+
+def _dynamics(data: _Data, order: int, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, C and the singular values, by the weighted projection of `mckelvey1996`."""
+    deviation, column = _noise(data.weight)
+    used = np.any(column > 0, axis=1)
+    values, deviation, column = data.values[used], deviation[used], column[used]
+    ny, nu = values.shape[1:]
+    f, S, T = rational_krylov(data.points[used], np.sqrt(np.mean(column**2, axis=1)), poles, data.domain)
+    rows = f.shape[1]
+    parts = []
+    for j in range(nu):
+        weighted = column[:, j, None] * f
+        Q = np.linalg.qr(real_rows(weighted))[0]  # what the input adds lies in the span of f
+        part = real_rows((weighted[:, :, None] * values[:, None, :, j]).reshape(-1, rows * ny))
+        parts.append(triangle(part - Q @ (Q.T @ part)))
+    R = triangle(np.concatenate(parts)).reshape(-1, rows, ny)
+    factors = []
+    for o in range(ny):  # the noise has covariance L L' in the rows of output o: whiten, and colour back afterwards
+        noise = real_rows(np.concatenate([(column[:, j] * deviation[:, o, j])[:, None] * f for j in range(nu)]))
+        L = triangle(noise).T
+        factors.append(L)
+        R[:, :, o] = scipy.linalg.solve_triangular(L, R[:, :, o].T, lower=True).T
+    _, singular_values, Vt = np.linalg.svd(R.reshape(-1, rows * ny), full_matrices=False)
+    white = Vt[:order].T.reshape(rows, ny, order)
+    observed = np.stack([L @ white[:, o] for o, L in enumerate(factors)], axis=1)
+    # observed = [C f_j(A)]: the pencil xi f S = f T holds for A as well.
+    left, right = (np.tensordot(M.T, observed, axes=1).reshape(-1, order) for M in (S, T))
+    A = np.linalg.lstsq(left, right, rcond=None)[0]
+    return A, observed[0] / f[0, 0].real, singular_values  # f_0 is constant
+
+
+def _fit_inputs(data: _Data, A: np.ndarray, C: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray, float]:
+    """B, D by weighted linear least squares, one problem per input, and the weighted rms residual."""
+    values, points, weight, _ = data
+    lines, ny, nu = values.shape
+    order = len(A)
+    rows = _output_rows(A, C, points)
+    if feedthrough:
+        rows = np.concatenate([rows, np.broadcast_to(np.eye(ny), (lines, ny, ny))], axis=2)
+    if not np.all(np.isfinite(rows)):
+        return np.zeros((order, nu)), np.zeros((ny, nu)), math.inf
+    gain = np.empty((rows.shape[2], nu))
+    for j in range(nu):
+        system = np.concatenate([rows, values[:, :, j, None]], axis=2)
+        R = triangle(real_rows((weight[:, :, j, None] * system).reshape(lines * ny, -1)))
+        size = np.linalg.norm(R[:, :-1], axis=0)
+        size[size == 0] = 1.0
+        gain[:, j] = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
+    residual = np.linalg.norm(weight * (values - rows @ gain)) / math.sqrt(np.count_nonzero(weight))
+    return gain[:order], gain[order:] if feedthrough else np.zeros((ny, nu)), float(residual)
+
+
+def _output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """C (xi I - A)^{-1} at all points, (F, ny, n): complex Schur form, back-substitution for all points at once.
+
+    An eigenvector basis would be shorter and fails at double poles (rigid-body modes).
+    """
+    T, U = scipy.linalg.schur(A, output="complex")[:2]
+    CU = C @ U
+    X = np.empty((len(points), len(C), len(A)), dtype=complex)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a pole on a line: the caller sees inf
+        for j in range(len(A)):
+            X[:, :, j] = (CU[:, j] + X[:, :, :j] @ T[:j, j]) / (points - T[j, j])[:, None]
+        return X @ U.conj().T
+
+
+def _reflected(A: np.ndarray, domain: str, boundary: float) -> np.ndarray:
+    """A in real Schur form with its unstable eigenvalues reflected: -conj(s), 1/conj(z)."""
+    A = A.copy()
+    j, n = 0, len(A)
+    while j < n:
+        size = 2 if j + 1 < n and A[j + 1, j] != 0 else 1
+        block = A[j : j + size, j : j + size]  # LAPACK's standard form: equal diagonal entries, the real part
+        if domain == "s":
+            np.fill_diagonal(block, -max(abs(block[0, 0]), boundary))
+        else:
+            radius = math.sqrt(abs(np.linalg.det(block))) if size == 2 else abs(block[0, 0])
+            if radius > 1 - boundary:
+                block *= min(1 / radius, 1 - boundary) / radius
+        j += size
+    return A
+
+
+def _noise(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviation of each entry, and a weight per line and input (0 where an entry of the column is unused).
+
+    The inverse rms deviation of the column: an entry with a tiny deviation (in an antiresonance) must not lift its
+    whole column, which an average of the weights would do (measured: twice the error).
+    """
+    with np.errstate(divide="ignore"):
+        column = 1 / np.sqrt(np.mean((1 / weight) ** 2, axis=1))
+    deviation = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+    return deviation, column
+
+
+def _block_row_sizes(data: _Data, order: int, block_rows: int | None) -> list[int]:
+    """Numbers of functions to try, within what the data allow."""
+    ny, nu = data.values.shape[1:]
+    points = data.points[np.any(_noise(data.weight)[1] > 0, axis=1)]
+    lines = np.unique(np.real(points) + 1j * np.abs(np.imag(points))).size
+    least = math.ceil(order / ny) + 1
+    most = min(lines, 2 * lines * nu // (ny + nu))
+    if most < least:
+        raise InputError(
+            f"`order` = {order} is too large for {lines} different lines with weight of a {ny}x{nu} response;"
+            f" at most {max(most - 1, 0) * ny}. Measure more lines or lower `order`"
+        )
+    if block_rows is None:
+        wanted = max(math.ceil(6 * order / ny), order, 10)
+        return sorted({min(max(size, least), most) for size in (wanted, wanted // 2)})
+    count = as_count("block_rows", block_rows)
+    if not least <= count <= most:
+        raise InputError(f"`block_rows` must be between {least} and {most} for these data and `order`; got {count}")
+    return [count]
+
+
+def _checked(values: np.ndarray, points: np.ndarray, weight: np.ndarray | None, domain: str) -> _Data:
+    if domain not in ("s", "z"):
+        raise InputError(f'`domain` must be "s" or "z"; got {domain!r}')
+    points = as_array("points", points, dtype=complex, ndim=1)
+    values = as_array("frf_values", values, dtype=complex, ndim=3)
+    if values.shape[0] != points.size or 0 in values.shape:
+        raise InputError(
+            f"`frf_values` must have shape (F, ny, nu) with F = {points.size} from `points`; got {values.shape}"
+        )
+    off = np.abs(np.real(points)) / max(np.abs(points).max(), 1e-300) if domain == "s" else np.abs(np.abs(points) - 1)
+    if np.max(off) > _ON_CURVE:
+        where, curve = int(np.argmax(off)), "1j*omega" if domain == "s" else "exp(1j*omega*dt)"
+        raise InputError(f"`points` must be {curve} for domain {domain!r}; got {points[where]:g} at index {where}")
+    if band(points, domain).size == 0:
+        raise InputError("`points` has no line between zero and the Nyquist frequency; give at least one")
+    return _Data(values, points, _as_weight(weight, values), domain)
+
+
+def _as_weight(weight: np.ndarray | None, values: np.ndarray) -> np.ndarray:
+    """Of the shape of the values; relative by default."""
+    if weight is None:
+        size = np.linalg.norm(values, axis=(1, 2))
+        if not np.any(size):
+            raise InputError("`frf_values` are all zero; there is nothing to fit")
+        # A line of zeros has no relative weight; the floor keeps it from being the only one that counts.
+        weight = 1 / np.maximum(size, 1e-12 * size.max())
+    array = as_array("weight", weight)
+    if array.shape == values.shape[:1]:
+        array = array[:, None, None]
+    elif array.shape != values.shape:
+        raise InputError(f"`weight` must have shape {values.shape[:1]} or {values.shape}; got {array.shape}")
+    if np.any(array < 0) or not np.any(array):
+        raise InputError(f"`weight` must be >= 0 and not all zero; got a smallest value of {array.min():g}")
+    return np.array(np.broadcast_to(array, values.shape))

@@ -1,0 +1,48 @@
+"""The README as its readers follow it: the snippet and the command lines, on the files that the demo writes."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid import cli
+
+README = Path(__file__).parent.parent / "README.md"
+
+
+@pytest.fixture
+def demo_files(tmp_path, monkeypatch):
+    folder = tmp_path / "robustid-demo"
+    folder.mkdir()
+    data = rid.flexible_structure(seed=0, extra_hz=np.linspace(17.2, 18.1, 10))  # as the demo
+    rid.save(folder / "frequency.csv", data.frequency)
+    rid.save(folder / "step.csv", data.time)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def block(language, after=""):
+    return re.search(rf"{after}```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
+
+
+def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch):
+    names = {}
+    exec(compile(block("python"), "README.md", "exec"), names)
+    assert names["result"].consistent
+    assert names["result"].warnings == ()
+    assert names["small"].order < names["result"].order
+    assert "consistent" in capsys.readouterr().out
+    assert rid.load_identification("result").consistent
+    assert "<html" in Path("report.html").read_text(encoding="utf-8")
+    commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
+    assert [words[1] for words in commands] == ["identify", "reduce", "report"]
+    for words in commands:
+        monkeypatch.setattr("sys.argv", words)
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        assert not stop.value.code, capsys.readouterr().err
+    for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html"):
+        assert Path(name).stat().st_size > 0
