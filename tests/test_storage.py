@@ -100,7 +100,14 @@ def test_problems_and_results_can_be_pickled_and_stay_read_only():
 
 @pytest.mark.parametrize(
     "edit",
-    [{"margin": -5.0}, {"margin": 0.0}, {"margin": 1.5}, {"status": "CONSISTENT"}, {"margin_lower": 0.5}, {"accuracy": 1e-30}],
+    [
+        {"margin": -5.0},
+        {"margin": 0.0},
+        {"margin": 1.5},
+        {"status": "CONSISTENT"},
+        {"margin_lower": 0.5},
+        {"accuracy": 1e-30},
+    ],
 )
 def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
     _, path = saved

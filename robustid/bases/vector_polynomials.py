@@ -1,0 +1,365 @@
+"""Vector polynomials orthonormal on the data: least squares over polynomials with condition number one."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from robustid._arrays import Frozen, as_array, freeze
+from robustid.errors import InputError
+
+_gemm, _syrk = scipy.linalg.get_blas_funcs(("gemm", "syrk"), dtype=np.float64)  # in place, unlike @
+# A column that loses this much of its length when the earlier ones are taken out is a combination of them.
+_NULL = 1e-10
+# Cholesky QR squares the condition number; below this pivot Householder takes over.
+_SMALL_PIVOT = 1e-5
+
+
+def polynomial_nodes(omega: np.ndarray, dt: float | None) -> tuple[np.ndarray, float]:
+    """Nodes xi of the polynomials and their unit: ``s = scale*xi``, or ``z = xi`` with scale 1.
+
+    In continuous time |xi| <= 1 and `scale` is a power of two, so that powers of xi neither overflow nor round.
+
+    Parameters
+    ----------
+    omega : (F,) array, rad/s
+    dt : float or None
+        Sample time in s; None for continuous time.
+
+    Returns
+    -------
+    xi : (F,) complex array
+    scale : float, rad/s in continuous time
+
+    Examples
+    --------
+    >>> polynomial_nodes(np.array([1.0, 6.0]), None)
+    (array([0.+0.125j, 0.+0.75j ]), 8.0)
+    """
+    omega = np.asarray(omega, dtype=float)
+    if dt is not None:
+        return np.exp(1j * omega * dt), 1.0
+    scale = float(np.ldexp(1.0, int(np.frexp(omega.max(initial=0.0))[1])))
+    return 1j * (omega / scale), scale
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class VectorPolynomials(Frozen):
+    """Vector polynomials phi_c with real coefficients, orthonormal where the data look at them.
+
+    ``Re sum_k (M_k phi_c(xi_k))^H M_k phi_d(xi_k) = delta_cd``: the normal matrix of the least squares problem
+    ``min sum_k |M_k x(xi_k)|^2`` over vector polynomials x is the identity. They span all x whose l-th component has a
+    degree of at most ``limits[l]``, and are known by the recursion ``xi Phi_{k-1} = (Phi_0 .. Phi_k) G_k`` only;
+    monomials never appear.
+
+    Attributes
+    ----------
+    xi : (F,) complex array
+        Nodes, on the imaginary axis or on the unit circle.
+    limits : (b,) int array
+        Largest degree per component (-1: absent).
+    order : (b,) int array
+        Components by falling limit: those of the largest limit L start in block 0, those of limit L - 1 in block 1, and
+        so on, so that all reach their limit in block L together and xi times a block stays in the span up to there.
+    recursion : tuple of L + 1 arrays
+        ``(xi Phi_{k-1}, new components) = (Phi_0 .. Phi_k) recursion[k]``; the square last part is triangular.
+    columns : (F, r, b) complex array
+        M_k.
+    values : (2*F*r, n) array
+        ``M_k phi_c(xi_k)``, real parts above imaginary parts, orthonormal columns.
+    null : (n,) bool array
+        Columns that vanish on the data (an exact fit): their values are zero, the polynomials go on as
+        ``(xi + 1) phi`` (s) or ``xi phi`` (z) so that the factors that cancel are stable.
+    condition : float
+        Measured condition number of the normal matrix (without null columns).
+
+    Notes
+    -----
+    Source: `bultheel2005`, `voorhoeve2016` section IV; block Lanczos with full reorthogonalisation (twice is enough).
+    """
+
+    xi: np.ndarray
+    limits: np.ndarray
+    order: np.ndarray
+    recursion: tuple[np.ndarray, ...]
+    columns: np.ndarray
+    values: np.ndarray
+    null: np.ndarray
+    condition: float
+
+    def __post_init__(self) -> None:
+        self.values.flags.writeable = False  # not copied: the largest array of a fit
+        self.columns.flags.writeable = False
+        self._set(
+            xi=freeze(self.xi),
+            limits=freeze(self.limits),
+            order=freeze(self.order),
+            recursion=tuple(freeze(part) for part in self.recursion),
+            null=freeze(self.null),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number n of polynomials."""
+        return self.values.shape[1]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of polynomials in each block."""
+        return [part.shape[1] for part in self.recursion]
+
+    def project(self, vector: np.ndarray) -> np.ndarray:
+        """Coordinates (n,) of the projection of a complex (F, r) vector, or of a stacked real one, on the basis."""
+        return self.values.T @ (stacked(vector) if np.iscomplexobj(vector) else vector)
+
+    def polynomials(self, points: np.ndarray) -> np.ndarray:
+        """All polynomials at once, (m, b, n), by the recursion itself."""
+        points = np.asarray(points, dtype=complex)[:, None, None]
+        out = np.zeros((points.size, self.limits.size, self.size), dtype=complex)
+        older = 0
+        for G in self.recursion:
+            start, count = G.shape[0] - G.shape[1], G.shape[1]
+            lifted = np.zeros((points.size, self.limits.size, count), dtype=complex)
+            lifted[..., :older] = points * out[..., start - older : start]
+            lifted[:, self.order[older:count], np.arange(older, count)] = 1.0
+            lifted -= out[..., :start] @ G[:start]
+            out[..., start : start + count] = lifted @ scipy.linalg.solve_triangular(G[start:], np.eye(count))
+            older = count
+        return out
+
+    def evaluate(
+        self,
+        points: np.ndarray,
+        coordinates: np.ndarray,
+        shifted: np.ndarray | None = None,
+        constant: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Values (m, b) of the polynomial ``Phi coordinates + xi Phi shifted + constant``, by Clenshaw's recursion.
+
+        Parameters
+        ----------
+        points : (m,) complex array
+            Anywhere in the plane, in the unit of the nodes.
+        coordinates, shifted : (n,) real arrays
+        constant : (b,) real array
+        """
+        points = np.asarray(points, dtype=complex)
+        work = np.repeat(coordinates.astype(complex)[:, None], points.size, axis=1)
+        if shifted is not None:
+            work += shifted[:, None] * points
+        out = np.zeros((self.limits.size, points.size), dtype=complex)
+        for k in range(len(self.sizes) - 1, -1, -1):
+            G, count, older = self.recursion[k], self.sizes[k], self.sizes[k - 1] if k else 0
+            start = G.shape[0] - count
+            top = _back_substitute(G[start:], work[start : start + count])
+            work[:start] -= _real_times(G[:start], top)
+            work[start - older : start] += points * top[:older]
+            out[self.order[older:count]] = top[older:]
+        return out.T if constant is None else out.T + constant
+
+    def monic(self, leading: np.ndarray) -> MonicPolynomial:
+        """The smallest x on the data whose component l is ``leading[l] xi^(limits[l] + 1)`` + less.
+
+        Nothing is left to solve: the minimum is the leading term with its projection on the basis taken out.
+
+        Parameters
+        ----------
+        leading : (b,) real array
+        """
+        leading = np.asarray(leading, dtype=float)
+        top = np.zeros(0)
+        # Only the highest block matters: xi times what is lower stays in the span.
+        for G in self.recursion:
+            fresh = leading[self.order[top.size : G.shape[1]]]
+            top = G[-G.shape[1] :] @ np.concatenate([top, fresh])
+        shifted = np.zeros(self.size)
+        shifted[self.size - top.size :] = top
+        constant = np.where(self.limits < 0, leading, 0.0)
+        vector = times_xi(self.xi, (self.values @ shifted)[:, None])[:, 0] + stacked(self.columns @ constant)
+        coordinates = -self.project(vector)
+        vector += self.values @ coordinates
+        again = self.project(vector)
+        vector -= self.values @ again
+        return MonicPolynomial(coordinates - again, shifted, constant, float(np.linalg.norm(vector)))
+
+
+class MonicPolynomial(NamedTuple):
+    """A polynomial outside the span, as arguments of `VectorPolynomials.evaluate`, and its length on the data."""
+
+    coordinates: np.ndarray
+    shifted: np.ndarray
+    constant: np.ndarray
+    length: float
+
+
+def orthonormal_polynomials(columns: np.ndarray, xi: np.ndarray, limits: np.ndarray) -> VectorPolynomials:
+    """Vector polynomials that the data make orthonormal, by a block Krylov process.
+
+    Multiplication by xi is skew (s = j omega) or orthogonal (z = exp(j omega T)) in the real inner product, so that
+    the process is a block Lanczos or Arnoldi; every block is orthogonalised twice.
+
+    Parameters
+    ----------
+    columns : (F, r, b) complex array
+        M_k, such as ``W(k) (D^{-T} kron [P_o -I])``: what the data see of each component.
+    xi : (F,) complex array
+        Nodes from `polynomial_nodes`.
+    limits : (b,) int array
+        Largest degree per component; -1 leaves it out.
+
+    Returns
+    -------
+    VectorPolynomials
+
+    Raises
+    ------
+    InputError
+        When there are fewer real equations than coefficients.
+
+    Examples
+    --------
+    >>> xi, _ = polynomial_nodes(np.linspace(1, 9, 30), None)
+    >>> basis = orthonormal_polynomials(np.ones((30, 1, 1)), xi, np.array([5]))
+    >>> basis.size, bool(basis.condition - 1 < 1e-13)
+    (6, True)
+    """
+    columns = as_array("columns", columns, dtype=complex, ndim=3)
+    xi = as_array("xi", xi, dtype=complex, ndim=1)
+    limits = np.asarray(limits, dtype=int)
+    if xi.size != columns.shape[0] or limits.shape != columns.shape[2:]:
+        raise InputError(
+            f"`columns` must have shape (F, r, b) with F = {xi.size} from `xi` and b = {limits.size} from `limits`;"
+            f" got {columns.shape}"
+        )
+    order = np.argsort(-limits, kind="stable")
+    last = int(limits.max(initial=-1))
+    sizes = [int(np.sum(limits >= last - k)) for k in range(last + 1)]
+    ends = np.cumsum([0, *sizes])
+    rows = 2 * columns.shape[0] * columns.shape[1]
+    if not 0 < ends[-1] <= rows:
+        raise InputError(
+            f"`limits` ask for {ends[-1]} coefficients where the data give {rows} real equations;"
+            " lower the order or give more lines"
+        )
+    skew = not np.any(np.real(xi))
+    values = np.empty((rows, ends[-1]), order="F")
+    null = np.zeros(ends[-1], dtype=bool)
+    recursion = []
+    older = 0
+    for k, count in enumerate(sizes):
+        here = slice(ends[k], ends[k + 1])
+        before = slice(ends[k] - older, ends[k])
+        block = np.asfortranarray(stacked(columns[..., order[older:count]]))
+        if older:
+            block = np.concatenate([times_xi(xi, values[:, before]).T, block.T]).T
+        # Skew: three terms, where no component starts.
+        local = int(ends[max(k - 2, 0)]) if skew and older == count else 0
+        G, null[here] = _append(values, block, here.start, local)
+        if skew:  # (xi + 1) phi instead of xi phi where nothing was left on the data already
+            gone = np.flatnonzero(null[before])
+            G[before.start + gone, gone] = -1.0
+        recursion.append(G)
+        older = count
+    return VectorPolynomials(
+        xi,
+        limits,
+        order,
+        tuple(recursion),
+        columns,
+        values,
+        null,
+        _condition(values[:, ~null] if null.any() else values),
+    )
+
+
+def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormalise `block` into ``values[:, start:]``; returns its coordinates and which columns were null."""
+    count = block.shape[1]
+    length = np.linalg.norm(block, axis=0)
+    G = np.zeros((start + count, count))
+    block, G[local:start] = _without(values[:, local:start], block)
+    keep = length > 0
+    while True:
+        whole = bool(keep.all())
+        first, R = _orthonormal_columns(block if whole else np.asfortranarray(block[:, keep]))
+        small = np.abs(np.diag(R)) <= _NULL * length[keep]
+        if not small.any():
+            break
+        keep[np.flatnonzero(keep)[np.argmax(small)]] = False
+    kept = np.flatnonzero(keep)
+    # Second pass: against everything, which also makes good what the first one left out or rounded away.
+    first, again = _without(values[:, :start], first)
+    second, S = _orthonormal_columns(first)
+    G[:start, kept] += again @ R
+    G[np.ix_(start + kept, kept)] = S @ R
+    for column in np.flatnonzero(~keep):
+        earlier = kept < column
+        G[start + kept[earlier], column] = second[:, earlier].T @ block[:, column]
+        G[start + column, column] = length[column] if length[column] > 0 else 1.0
+    values[:, start : start + count] = 0.0
+    values[:, start + kept] = second
+    return G, ~keep
+
+
+def _without(basis: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``block - basis (basis^T block)``, in place, and the coordinates."""
+    if not basis.shape[1] or not block.shape[1]:
+        return block, np.zeros((basis.shape[1], block.shape[1]))
+    coordinates = _gemm(1.0, basis, block, trans_a=1)
+    return _gemm(-1.0, basis, coordinates, 1.0, block, overwrite_c=1), coordinates
+
+
+def _orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """QR: Cholesky of the Gram matrix of the normalised columns while that is safe, else Householder."""
+    if not block.shape[1]:
+        return block, np.zeros((0, 0))
+    length = np.linalg.norm(block, axis=0)
+    if np.all(length > 0):
+        try:
+            R = scipy.linalg.cholesky(_syrk(1.0, block / length, trans=1))
+        except np.linalg.LinAlgError:
+            R = np.zeros((1, 1))
+        if np.min(np.diag(R)) > _SMALL_PIVOT:
+            R = R * length
+            return _gemm(1.0, block, scipy.linalg.solve_triangular(R, np.eye(R.shape[0]))), R
+    return scipy.linalg.qr(block, mode="economic", check_finite=False)  # type: ignore[return-value]
+
+
+def _condition(values: np.ndarray) -> float:
+    if not values.shape[1]:
+        return 1.0
+    eigenvalues = scipy.linalg.eigvalsh(_syrk(1.0, values, trans=1), lower=False)
+    return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
+
+
+def stacked(vector: np.ndarray) -> np.ndarray:
+    """(F, r, ...) complex as (2*F*r, ...) real: real parts above imaginary parts."""
+    flat = vector.reshape(vector.shape[0] * vector.shape[1], *vector.shape[2:])
+    return np.concatenate([np.real(flat), np.imag(flat)])
+
+
+def times_xi(xi: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """The nodes times the lines of stacked columns."""
+    half = block.shape[0] // 2
+    repeated = np.repeat(xi, half // xi.size)[:, None]
+    real, imaginary = np.real(repeated), np.imag(repeated)
+    out = np.empty(block.shape, order="F")
+    np.multiply(-imaginary, block[half:], out=out[:half])
+    np.multiply(imaginary, block[:half], out=out[half:])
+    if np.any(real):
+        out[:half] += real * block[:half]
+        out[half:] += real * block[half:]
+    return out
+
+
+def _real_times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Real matrix times complex vectors, in real arithmetic."""
+    return (matrix @ np.ascontiguousarray(vectors).view(float)).view(complex)
+
+
+def _back_substitute(triangle: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    real = np.ascontiguousarray(vectors).view(float)
+    return np.ascontiguousarray(scipy.linalg.solve_triangular(triangle, real, check_finite=False)).view(complex)
