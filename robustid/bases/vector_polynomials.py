@@ -294,7 +294,7 @@ def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tu
     first, again = _without(values[:, :start], first)
     second, S = _orthonormal_columns(first)
     G[:start, kept] += again @ R
-    G[np.ix_(start + kept, kept)] = S @ R
+    G[(start + kept)[:, None], kept] = S @ R
     for column in np.flatnonzero(~keep):
         earlier = kept < column
         G[start + kept[earlier], column] = second[:, earlier].T @ block[:, column]
