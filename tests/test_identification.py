@@ -1,3 +1,5 @@
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -284,12 +286,33 @@ def test_units_do_not_matter(power):
     )
 
 
-def test_a_named_solver_that_fails_is_replaced_and_named():
+def test_every_installed_solver_is_taken_by_name_and_checked():
     problem = random_problem(1, "mixed", 14)
     for name in available_solvers():
         result = rid.identify(problem, solver=name, accuracy=1e-5)
         assert result.margin - result.margin_lower <= 1e-5
         assert result.verification.passed
+
+
+@pytest.mark.parametrize("fault", ["raises", "lies"])
+def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
+    """No answer, or an answer far outside the ball with multipliers of the wrong sign: the central path decides."""
+    from robustid.identification import margin
+
+    problem = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
+    honest, solve = rid.identify(problem), margin.solve_conic
+
+    def faulty(*arguments, **options):
+        if fault == "raises":
+            raise rid.SolverError("CLARABEL failed: for this test")
+        found = solve(*arguments, **options)
+        return dataclasses.replace(found, x=3 * found.x + 1, samples=-found.samples)
+
+    monkeypatch.setattr(margin, "solve_conic", faulty)
+    result = rid.identify(problem)
+    assert result.solver == "central path"
+    assert result.margin == pytest.approx(honest.margin, abs=1e-5)
+    assert result.verification.passed
 
 
 def test_control_objects_work_at_once():
