@@ -1,4 +1,4 @@
-"""The command line: robustid identify, reduce, report, demo."""
+"""The command line: robustid identify, fit, reduce, report, demo."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from robustid import _terminal as terminal
+from robustid._cli_fit import fit
 from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options
 from robustid._terminal import plain, step
 from robustid._version import __version__
@@ -201,6 +202,9 @@ def identify(
         result = identified(console, proposal, objective, solver, accuracy)
     finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(EXIT[result.status])
+
+
+app.command()(fit)
 
 
 @app.command()

@@ -80,3 +80,67 @@ def test_motor_torsion(tmp_path, capsys):
     assert "status     consistent" in printed
     assert "FAILED" not in printed
     assert "What can be said: a model of order " in printed
+
+
+def test_wafer_stage(tmp_path, capsys):
+    load("wafer_stage").main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])
+    rows = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert rows["rigid body"].endswith("[0. 0. 0. 0. 0. 0.]")
+    low = [float(rows[name][14:].split()[0]) for name in ("rigid body", "unconstrained")]
+    assert low[0] < 0.1 * low[1]  # below 5 Hz the constraint is what keeps the noise out
+
+
+def test_steering_mirror_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("steering_mirror").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "merijnfloren/fsm-benchmark-data" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def mirror_table(printed):
+    """Name of every row to the (3,) numbers at its end."""
+    rows = [line.rsplit(maxsplit=3) for line in printed.splitlines() if line.startswith(("not linear", "test,"))]
+    return {name: np.array([float(v) for v in values]) for name, *values in rows}
+
+
+def run_mirror(tmp_path, capsys, *orders):
+    try:
+        datasets.find("fsm_cubespec/u_300mV_train.npy")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    load("steering_mirror").main(["--out", str(tmp_path), *(["--orders", *map(str, orders)] if orders else [])])
+    check_files(tmp_path, ["response.png", "stabilisation.png", "time.png"])
+    return capsys.readouterr().out
+
+
+@pytest.mark.realdata
+def test_steering_mirror(tmp_path, capsys):
+    printed = run_mirror(tmp_path, capsys, 16)
+    table = mirror_table(printed)
+    nonlinear, lines = (values for name, values in table.items() if "order" not in name)
+    (model,) = (values for name, values in table.items() if "order 16" in name)
+    # On other data the lines miss what isn't linear, and their own error besides.
+    assert np.all(nonlinear < lines)
+    assert np.all(lines < model)
+    assert np.all(model < 20)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_steering_mirror_at_all_orders(tmp_path, capsys):
+    printed = run_mirror(tmp_path, capsys)
+    table = mirror_table(printed)
+    nonlinear, lines = (values for name, values in table.items() if "order" not in name)
+    best = next(values for name, values in table.items() if "order 34" in name)
+    # A model of few numbers takes the mean over many lines: better than the lines themselves, no better than linear.
+    assert np.all(best < lines)
+    assert np.all(best > nonlinear)
+    assert "test, order 34: stationary" in printed
+    modes = np.array([[float(v) for v in line.split()[:2]] for line in printed.splitlines() if " to sensor " in line])
+    for hz in (635, 806, 921, 1315, 1674, 2124, 2310, 2544):
+        nearest = modes[np.argmin(np.abs(modes[:, 0] - hz))]
+        assert abs(nearest[0] - hz) < 0.006 * hz
+        assert 0.7 < nearest[1] < 1.35

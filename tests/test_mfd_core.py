@@ -260,7 +260,7 @@ def test_noisy_structure_reaches_the_statistical_limit_from_a_good_start(seed):
 def test_a_fit_is_never_worse_than_its_start_and_says_when_it_has_not_converged():
     omega, _, values = structure(1, modes=6, ports=2, lines=200, level=0.3)
     problem = FractionProblem(omega, values, 12, Weight.relative(values))
-    start = fit_fraction(problem, sk=3, lm=0)
+    start = fit_fraction(problem, method="sk", steps=3)
     assert start.status is FitStatus.LIMIT
     assert not start.status.converged
     fit = fit_fraction(problem, start=start.fraction)
@@ -269,7 +269,7 @@ def test_a_fit_is_never_worse_than_its_start_and_says_when_it_has_not_converged(
     costs = [step.cost for step in fit.history if step.method == "lm"]
     assert costs == sorted(costs, reverse=True)
     rng = np.random.default_rng(0)
-    bad = fit_fraction(problem, start=start.fraction, denominators=gaussian(rng, 200, 2, 2), sk=2, lm=0)
+    bad = fit_fraction(problem, start=start.fraction, denominators=gaussian(rng, 200, 2, 2), method="sk", steps=2)
     assert bad.cost <= start.cost
 
 
@@ -279,7 +279,7 @@ def test_units_scale_the_fit(time, amplitude):
 
     def fitted(omega, values):
         problem = FractionProblem(omega, values, 7, Weight.relative(values))
-        fit = fit_fraction(problem, sk=4, lm=4)
+        fit = fit_fraction(problem, steps=4)
         return fit, realise(problem, fit.fraction)
 
     plain, model = fitted(omega, values)
@@ -335,5 +335,5 @@ def test_bad_problems_are_named():
         fit_fraction(problem, denominators=np.zeros((20, 2, 2)))
     with pytest.raises(dataclasses.FrozenInstanceError):
         problem.order = 5
-    assert staircase(3, 5).tolist() == [1, 1, 1, 0, 0]
+    assert staircase(3, range(5)).tolist() == [1, 1, 1, 0, 0]
     assert not NodeFraction(values, values).numerators.flags.writeable

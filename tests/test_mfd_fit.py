@@ -7,8 +7,9 @@ import pytest
 import robustid as rid
 from mfd_systems import noisy, random_modal_system, relative_error
 from robustid.mfd import Weight, fit_mfd
-from robustid.mfd.iteration import fit_fraction, retract
+from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.steps import retract
 
 OMEGA = 2 * np.pi * np.logspace(np.log10(4), np.log10(1200), 1000)
 
@@ -23,7 +24,7 @@ def from_truth(truth, values, order, weight, omega=OMEGA):
     """The optimum that the true system leads to."""
     problem = FractionProblem(omega, values, order, weight)
     identity = np.broadcast_to(np.eye(values.shape[2]), (omega.size, values.shape[2], values.shape[2]))
-    return fit_fraction(problem, start=retract(problem, truth, identity, steps=8), sk=0)
+    return fit_fraction(problem, start=retract(problem, truth, identity, steps=8), method="lm")
 
 
 def response(fit, omega):

@@ -38,11 +38,22 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
     assert rid.load_identification("result").consistent
     assert "<html" in Path("report.html").read_text(encoding="utf-8")
     commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
-    assert [words[1] for words in commands] == ["identify", "reduce", "report"]
+    assert [words[1] for words in commands] == ["identify", "reduce", "report", "fit"]
     for words in commands:
         monkeypatch.setattr("sys.argv", words)
         with pytest.raises(SystemExit) as stop:
             cli.main()
         assert not stop.value.code, capsys.readouterr().err
-    for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html"):
+    for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html", "fitted.npz", "fitted.html"):
         assert Path(name).stat().st_size > 0
+
+
+def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
+    names = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert names["fit"].status.converged
+    assert names["fit"].model.nstates == 6
+    assert capsys.readouterr().out.count("ModeRow") == 2
+    assert Path("fit.html").stat().st_size > 0

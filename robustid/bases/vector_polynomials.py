@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from robustid._arrays import Frozen, as_array, freeze
 from robustid.errors import InputError
 
 _gemm, _syrk = scipy.linalg.get_blas_funcs(("gemm", "syrk"), dtype=np.float64)  # in place, unlike @
+(_trtri,) = scipy.linalg.get_lapack_funcs(("trtri",), dtype=np.float64)
 # A column that loses this much of its length when the earlier ones are taken out is a combination of them.
 _NULL = 1e-10
 # Cholesky QR squares the condition number; below this pivot Householder takes over.
@@ -117,16 +119,67 @@ class VectorPolynomials(Frozen):
 
     def polynomials(self, points: np.ndarray) -> np.ndarray:
         """All polynomials at once, (m, b, n), by the recursion itself."""
-        points = np.asarray(points, dtype=complex)[:, None, None]
-        out = np.zeros((points.size, self.limits.size, self.size), dtype=complex)
+        points = np.asarray(points, dtype=complex)
+        return self._recur(points[:, None, None], np.ones(points.size))
+
+    def derivatives(self, point: complex, count: int) -> np.ndarray:
+        """All polynomials and their first derivatives at one point, (count, b, n); index = order of the derivative.
+
+        At infinity: the coefficients of degree ``limits``, ``limits - 1``, ... of every component (two at most).
+        """
+        if np.isinf(point):
+            return self._highest()[:count]
+        # (xi f)^(d) = xi f^(d) + d f^(d-1): multiplication by xi as a bidiagonal matrix.
+        return self._recur(point * np.eye(count) + np.diag(np.arange(1, count), -1), np.eye(count)[0])
+
+    def derivatives_of(self, point: complex, count: int, terms: Sequence[np.ndarray]) -> np.ndarray:
+        """Value and first derivatives at one point, (count, b), of a polynomial given by the arguments of `evaluate`."""
+        values = self.derivatives(point, count)
+        out = values @ terms[0]
+        if np.isinf(point):
+            if len(terms) > 1:  # xi raises the degree by one
+                out[0] += self._highest()[1] @ terms[1]
+            return out
+        if len(terms) > 1:
+            low = values @ terms[1]
+            out += point * low
+            out[1:] += np.arange(1, count)[:, None] * low[:-1]
+            out[0] += terms[2]
+        return out
+
+    def _highest(self) -> np.ndarray:
+        """Coefficients of degree ``limits`` and ``limits - 1``, (2, b, n), by the recursion on its two highest terms."""
+        out = np.zeros((2, self.limits.size, self.size))
         older = 0
         for G in self.recursion:
             start, count = G.shape[0] - G.shape[1], G.shape[1]
-            lifted = np.zeros((points.size, self.limits.size, count), dtype=complex)
-            lifted[..., :older] = points * out[..., start - older : start]
-            lifted[:, self.order[older:count], np.arange(older, count)] = 1.0
+            before = slice(start - older, start)
+            lifted = np.zeros((2, self.limits.size, count))
+            lifted[..., :older] = out[
+                ..., before
+            ]  # multiplied by xi, and the degrees that are looked at are one higher
+            lifted[0, self.order[older:count], np.arange(older, count)] = 1.0
+            lifted[1] -= out[0][:, before] @ G[before]
+            # The block before is one degree lower, those before it are out of sight.
+            out[1][:, before] = out[0][:, before]
+            out[0][:, before] = 0.0
+            out[1][:, : start - older] = 0.0
+            out[..., start : start + count] = lifted @ _inverse(G[start:])
+            older = count
+        return out
+
+    def _recur(self, xi: np.ndarray, one: np.ndarray) -> np.ndarray:
+        """The recursion in any algebra: `xi` multiplies the first axis (a matrix, or entry by entry), `one` is 1 there."""
+        out = np.zeros((one.size, self.limits.size, self.size), dtype=complex)
+        older = 0
+        for G in self.recursion:
+            start, count = G.shape[0] - G.shape[1], G.shape[1]
+            lifted = np.zeros((one.size, self.limits.size, count), dtype=complex)
+            last = out[..., start - older : start]
+            lifted[..., :older] = np.tensordot(xi, last, axes=1) if xi.ndim == 2 else xi * last
+            lifted[:, self.order[older:count], np.arange(older, count)] = one[:, None]
             lifted -= out[..., :start] @ G[:start]
-            out[..., start : start + count] = lifted @ scipy.linalg.solve_triangular(G[start:], np.eye(count))
+            out[..., start : start + count] = lifted @ _inverse(G[start:])
             older = count
         return out
 
@@ -154,7 +207,7 @@ class VectorPolynomials(Frozen):
         for k in range(len(self.sizes) - 1, -1, -1):
             G, count, older = self.recursion[k], self.sizes[k], self.sizes[k - 1] if k else 0
             start = G.shape[0] - count
-            top = _back_substitute(G[start:], work[start : start + count])
+            top = _real_times(_inverse(G[start:]), work[start : start + count])
             work[:start] -= _real_times(G[:start], top)
             work[start - older : start] += points * top[:older]
             out[self.order[older:count]] = top[older:]
@@ -324,7 +377,7 @@ def _orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             R = np.zeros((1, 1))
         if np.min(np.diag(R)) > _SMALL_PIVOT:
             R = R * length
-            return _gemm(1.0, block, scipy.linalg.solve_triangular(R, np.eye(R.shape[0]))), R
+            return _gemm(1.0, block, _inverse(R)), R
     return scipy.linalg.qr(block, mode="economic", check_finite=False)  # type: ignore[return-value]
 
 
@@ -360,6 +413,6 @@ def _real_times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (matrix @ np.ascontiguousarray(vectors).view(float)).view(complex)
 
 
-def _back_substitute(triangle: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    real = np.ascontiguousarray(vectors).view(float)
-    return np.ascontiguousarray(scipy.linalg.solve_triangular(triangle, real, check_finite=False)).view(complex)
+def _inverse(triangle: np.ndarray) -> np.ndarray:
+    """Of a small upper triangle. OpenBLAS spreads a triangular solve over threads at any size: milliseconds each."""
+    return _trtri(triangle)[0]

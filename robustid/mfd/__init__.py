@@ -1,10 +1,33 @@
-"""Matrix-fraction fitting of frequency responses, with condition number one.
+"""Matrix-fraction fitting of frequency responses, with condition number one."""
 
-In the making: stability enforcement, rigid-body modes, instrumental variables, covariances and order selection are to come,
-then the front door.
-"""
-
+from robustid.mfd.constraints import RollOff, StaticGain, Zero, ZeroEntries
+from robustid.mfd.covariance import FitCovariance, fit_covariance
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
+from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.modal import ModalForm, modal_form
+from robustid.mfd.modes import ModeRow, mode_table
+from robustid.mfd.order import suggest_order
+from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd.rigid_body import RigidBody
 
-__all__ = ["MatrixFraction", "Weight", "fit_mfd"]
+__all__ = [
+    "FitCovariance",
+    "FitStatus",
+    "FitStep",
+    "MatrixFraction",
+    "ModalForm",
+    "ModeRow",
+    "OrderSweep",
+    "RigidBody",
+    "RollOff",
+    "StaticGain",
+    "Weight",
+    "Zero",
+    "ZeroEntries",
+    "fit_covariance",
+    "fit_mfd",
+    "modal_form",
+    "mode_table",
+    "suggest_order",
+]

@@ -78,6 +78,16 @@ class Weight(Frozen):
         """(F, ny, nu)."""
         return self.entries.shape  # type: ignore[return-value]
 
+    @property
+    def size(self) -> np.ndarray:
+        """A number per line (F,): root mean square of the residual's weights."""
+        lines, ny, nu = self.shape
+        unit = np.zeros((lines, ny * nu))
+        for j in range(ny * nu):
+            one = np.broadcast_to(np.eye(ny * nu)[j].reshape(nu, ny).T, self.shape)
+            unit[:, j] = np.linalg.norm(self.apply(one), axis=1)
+        return np.sqrt(np.mean(unit**2, axis=1))
+
     def apply(self, residuals: np.ndarray) -> np.ndarray:
         """W(k) vec(R(k)) for R of shape (F, ny, nu): (F, ny*nu)."""
         weighted = residuals

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,19 @@ import numpy as np
 from robustid._arrays import Frozen, as_count
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.mfd.attempt import Attempt, Settings, attempt, response, unstable_poles
+from robustid.mfd.chains import StateMatrices
+from robustid.mfd.constraints import Constraint, StaticGain
 from robustid.mfd.criterion import Weight
-from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction, retract
-from robustid.mfd.model import FractionModel, realise
+from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.model import FractionModel
 from robustid.mfd.problem import FractionProblem, NodeFraction
+from robustid.mfd.restart import EXTRA, strongest, suspicious
+from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.state_fit import Samples
 from robustid.mfd.subspace import subspace_estimate
 
-_RETRACTIONS = 8  # SK steps on a noise-free response; two suffice up to order 40
+_SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -25,22 +32,34 @@ class MatrixFraction(Frozen):
 
     Attributes
     ----------
+    problem : FractionProblem
+        What was asked; for a left fraction the transposed problem.
+    nodes : NodeFraction
+        The fraction on the lines, of that problem.
     fraction : FractionModel
         Polynomials and realisation.
     cost : float
         ``sum_k |W(k) vec(P_k - model)|^2`` over the lines.
     start_cost : float
-        The same of the start; the fit is never worse.
+        The same of the start; the fit is never worse, but for a start with unstable poles that had to be reflected.
     status : FitStatus
     history : tuple of FitStep
         Cost, condition number and step of every iteration.
+    reflected : int
+        Number of unstable poles that the best fit had and that were reflected before it was refined again.
+    unstable_cost : float
+        Cost of that fit (nan where nothing was reflected).
     """
 
+    problem: FractionProblem
+    nodes: NodeFraction
     fraction: FractionModel
     cost: float
     start_cost: float
     status: FitStatus
     history: tuple[FitStep, ...]
+    reflected: int = 0
+    unstable_cost: float = np.nan
 
     @property
     def model(self) -> Any:
@@ -48,15 +67,32 @@ class MatrixFraction(Frozen):
         return self.fraction.model
 
     @property
+    def numerator(self) -> Callable[[np.ndarray], np.ndarray]:
+        """N as a function of complex points s or z: (m,) to (m, ny, nu)."""
+        return self.fraction.numerator
+
+    @property
+    def denominator(self) -> Callable[[np.ndarray], np.ndarray]:
+        """D as a function of complex points s or z: (m,) to (m, nu, nu), or (m, ny, ny) of a left fraction."""
+        return self.fraction.denominator
+
+    @property
     def condition_numbers(self) -> np.ndarray:
         """Condition number of the normal matrix, one per iteration."""
         return np.array([step.condition for step in self.history])
 
     @property
+    def rigid_directions(self) -> np.ndarray | None:
+        """How the inputs drive the rigid-body modes, (count, nu); their shapes (ny, count) for a left fraction."""
+        directions = self.nodes.held.directions
+        if directions is None or self.problem.rigid is None or not self.problem.rigid.outside:
+            return None
+        return directions.T if self.fraction.form == "left" else directions
+
+    @property
     def stable(self) -> bool:
-        """Whether every pole lies inside the stability region. The fit does not enforce it."""
-        poles = self.fraction.poles
-        return bool(np.all(np.real(poles) < 0 if self.fraction.dt is None else np.abs(poles) < 1))
+        """Whether every pole but those of rigid-body modes lies inside the stability region."""
+        return not np.any(unstable_poles(self.fraction))
 
 
 def fit_mfd(
@@ -64,10 +100,16 @@ def fit_mfd(
     *,
     order: int,
     domain: str | None = None,
-    form: str = "right",
-    weight: Weight | None = None,
-    feedthrough: bool = False,
+    form: str | None = None,
+    weight: Weight | np.ndarray | None = None,
+    method: str = "lm",
+    rigid_body: RigidBody | None = None,
     start: Any = None,
+    feedthrough: bool = False,
+    constraints: Iterable[Constraint] = (),
+    stable: bool = True,
+    restart: bool = True,
+    progress: Callable[[FitStep], None] | None = None,
 ) -> MatrixFraction:
     """Fit a matrix fraction of a given McMillan degree by least squares on the weighted residuals.
 
@@ -78,18 +120,31 @@ def fit_mfd(
     ----------
     frf : FrequencyResponse
     order : int
-        McMillan degree.
+        McMillan degree, with the two states of every rigid-body mode.
     domain : {"s", "z"}, optional
         Default "z" where the data have a sample time, else "s".
-    form : {"right", "left"}
-        N D^{-1} or D^{-1} N.
-    weight : Weight, optional
+    form : {"right", "left"}, optional
+        N D^{-1} (default) or D^{-1} N (default with rigid-body modes of side "output").
+    weight : Weight or (F, ny, nu) array, optional
         Of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood),
         else relative, 1/|P| per entry.
-    feedthrough : bool
-        Whether P(infinity) may differ from 0.
+    method : str
+        What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
+    rigid_body : RigidBody, optional
+        Modes that are exact: ``RigidBody(3)``.
     start : control.StateSpace, optional
         A model to start from in place of the subspace estimate; any order.
+    feedthrough : bool
+        Whether P(infinity) may differ from 0.
+    constraints : iterable of StaticGain, Zero, RollOff, ZeroEntries
+        What else must hold exactly.
+    stable : bool
+        Reflect unstable poles of the best fit and refine within the stable models. False: leave them.
+    restart : bool
+        Try a second start, the strongest modes of a richer fit, where the first one ends without convergence or with
+        residuals that are correlated over frequency; the better end is kept. It takes two to three times as long.
+    progress : callable, optional
+        Called with every FitStep.
 
     Returns
     -------
@@ -98,55 +153,99 @@ def fit_mfd(
     Raises
     ------
     InputError, InputTypeError
-        Wrong arguments; an order larger than the data allow; a singular covariance.
+        Wrong arguments; an order larger than the data allow; a singular covariance; constraints that contradict.
 
     Notes
     -----
-    Source: `voorhoeve2016`, `mckelvey1996`. Stability is not enforced: see `MatrixFraction.stable`.
+    Source: `voorhoeve2016`, `mckelvey1996`.
 
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> from robustid.mfd import fit_mfd
     >>> omega = np.linspace(1, 9, 60)
     >>> frf = rid.FrequencyResponse(omega, 1 / ((1j * omega) ** 2 + 0.2j * omega + 16))
-    >>> fit = fit_mfd(frf, order=2)
+    >>> fit = rid.fit_mfd(frf, order=2)
     >>> fit.model.nstates, fit.stable, fit.status.converged
     (2, True, True)
     """
+    problem, form = _stated(frf, order, domain, form, weight, feedthrough, rigid_body)
+    for constraint in constraints:
+        if rigid_body is not None and isinstance(constraint, StaticGain):
+            raise InputError("`constraints`: a static gain and a rigid body exclude each other")
+        problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
+    data = _samples(problem, frf, form, given=weight is not None)
+    settings = Settings(method, rigid_body, form, bool(stable), progress)
+    best = attempt(problem, data, _first_model(problem, data, start, form), settings)
+    if restart and suspicious(best):
+        other = _second(problem, data, settings)
+        if (
+            other is not None
+            and other.fit.cost < best.fit.cost
+            and (not stable or not np.any(unstable_poles(other.found)))
+        ):
+            best = other
+    fit = best.fit
+    return MatrixFraction(
+        fit.problem,
+        fit.fraction,
+        best.found,
+        fit.cost,
+        best.start_cost,
+        fit.status,
+        fit.history,
+        best.reflected,
+        best.unstable_cost,
+    )
+
+
+def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:
+    """An attempt from the strongest modes of a richer fit; None where the data don't allow one."""
+    try:
+        richer = dataclasses.replace(problem, order=problem.order + EXTRA)
+        quiet = dataclasses.replace(settings, progress=None)
+        found = attempt(richer, data, _first_model(richer, data, None, settings.form), quiet).found
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    model = strongest(found, data, problem.feedthrough)
+    return None if model is None else attempt(problem, data, model, settings)
+
+
+def _stated(
+    frf: Any, order: Any, domain: str | None, form: str | None, weight: Any, feedthrough: bool, body: Any
+) -> tuple[FractionProblem, str]:
+    """The problem of a right fraction, transposed where a left one was asked."""
     if not isinstance(frf, FrequencyResponse):
         raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
+    if body is not None and not isinstance(body, RigidBody):
+        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
+    needed = None if body is None else {"input": "right", "output": "left"}[body.side]
+    form = (needed or "right") if form is None else form
     if form not in ("right", "left"):
         raise InputError(f'`form` must be "right" or "left"; got {form!r}')
+    if body is not None and needed is not None and form != needed:
+        raise InputError(f'`form` must be "{needed}" for rigid-body modes of side "{body.side}"; got "{form}"')
     domain = ("s" if frf.dt is None else "z") if domain is None else domain
     if domain not in ("s", "z") or (domain == "z" and frf.dt is None):
         raise InputError(
             f'`domain` must be "s", or "z" for data with a sample time `dt`; got {domain!r}, dt = {frf.dt}'
         )
-    order, dt = as_count("order", order, least=1), frf.dt if domain == "z" else None
-    weight = _default_weight(frf) if weight is None else weight
-    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=feedthrough)
-    points = 1j * frf.omega if dt is None else np.exp(1j * frf.omega * dt)
-    if start is None:
-        entries = _entry_weight(frf, weight)
-        found = subspace_estimate(frf.values, points, order, weight=entries, feedthrough=feedthrough, domain=domain)
-        response = found.response(points)
-    else:
-        response = _response(start, frf, points)
-    if form == "left":
-        problem, response = problem.transposed(), response.transpose(0, 2, 1)
-    first = _into_form(problem, response)
-    fit = fit_fraction(problem, start=first, sk=0)
-    return MatrixFraction(
-        realise(problem, fit.fraction, form=form), fit.cost, problem.cost(first), fit.status, fit.history
-    )
-
-
-def _into_form(problem: FractionProblem, response: np.ndarray) -> NodeFraction:
-    """The fraction of the problem's form that is nearest to a response, as far as a few SK steps find it."""
-    lines, nu = problem.omega.size, problem.values.shape[2]
-    identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
-    return retract(problem, response, identity, steps=_RETRACTIONS)
+    lines, counts = np.unique(frf.omega, return_counts=True)
+    if lines.size < frf.omega.size:
+        raise InputError(
+            f"`frf` has {int(counts.max())} lines at {lines[np.argmax(counts)]:g} rad/s; average them, or fit one of"
+            " the measurements"
+        )
+    order = as_count("order", order, least=1)
+    if weight is None:
+        weight = _default_weight(frf)
+    elif not isinstance(weight, Weight):
+        weight = Weight(np.asarray(weight))
+    dt = frf.dt if domain == "z" else None
+    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=bool(feedthrough))
+    problem = problem.transposed() if form == "left" else problem
+    if body is not None:
+        body.check(problem.values, order, problem.omega)
+    return problem, form
 
 
 def _default_weight(frf: FrequencyResponse) -> Weight:
@@ -154,23 +253,52 @@ def _default_weight(frf: FrequencyResponse) -> Weight:
     return Weight.relative(frf.values) if frf.covariance is None else Weight.from_covariance(frf.covariance, ny, nu)
 
 
-def _entry_weight(frf: FrequencyResponse, weight: Weight) -> np.ndarray:
-    """What the subspace estimate can use of a weight: one number per entry."""
-    ny, nu = frf.values.shape[1:]
-    if frf.covariance is None:
-        return weight.entries
-    variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
-    return weight.entries / np.sqrt(variance)
+def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str, *, given: bool) -> Samples:
+    """What linear least squares can use: the entries' own weights, one number each."""
+    entries = problem.weight.entries
+    if frf.covariance is not None and not given:
+        ny, nu = frf.values.shape[1:]
+        variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
+        entries = entries / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
+    return Samples(problem.values, problem.scale * problem.xi, entries, "s" if problem.dt is None else "z")
 
 
-def _response(start: Any, frf: FrequencyResponse, points: np.ndarray) -> np.ndarray:
+def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
+    """Subspace estimates: with the entries' weights, and relative where those are something else.
+
+    The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
+    """
+    size = np.abs(data.values)
+    used = data.weight > 0
+    relative = used / np.where(size > 0, size, 1.0)
+    weights = [data.weight]
+    ratio = data.weight[used & (size > 0)] * size[used & (size > 0)]
+    if np.all(size[used] > 0) and ratio.size and ratio.max() > _SAME_WEIGHT * ratio.min():
+        weights.append(relative)
+    options = {"feedthrough": problem.feedthrough, "domain": data.domain}
+    found = [subspace_estimate(data.values, data.points, problem.order, weight=w, **options) for w in weights]
+    return [StateMatrices(one.A, one.B, one.C, one.D) for one in found]
+
+
+def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
+    cost = float(np.linalg.norm(problem.residual(response(model, data.points))))
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _first_model(problem: FractionProblem, data: Samples, start: Any, form: str) -> StateMatrices:
+    """The subspace estimate, or the model that was given."""
+    if start is None:
+        return min(_estimates(problem, data), key=lambda model: _start_cost(problem, data, model))
     import control
 
     if not isinstance(start, control.StateSpace):
         raise InputTypeError(f"`start` must be a control.StateSpace; got {type(start).__name__}")
-    if (start.noutputs, start.ninputs) != frf.values.shape[1:]:
-        raise InputError(
-            f"`start` must have {frf.values.shape[1]} outputs and {frf.values.shape[2]} inputs as `frf`;"
-            f" got {start.noutputs} and {start.ninputs}"
-        )
-    return np.moveaxis(np.asarray(start(points, squeeze=False)), -1, 0)
+    A, B, C, D = (np.asarray(M, dtype=float) for M in (start.A, start.B, start.C, start.D))
+    if form == "left":
+        A, B, C, D = A.T, C.T, B.T, D.T
+    if D.shape != problem.values.shape[1:]:
+        ny, nu = D.shape if form == "right" else D.shape[::-1]
+        raise InputError(f"`start` must have the channels of `frf`; got {ny} outputs and {nu} inputs")
+    if start.isdtime(strict=True) != (problem.dt is not None):
+        raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
+    return StateMatrices(A, B, C, D)

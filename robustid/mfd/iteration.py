@@ -1,33 +1,44 @@
-"""Fitting a matrix fraction: Sanathanan-Koerner and Levenberg-Marquardt on one loop, condition number one."""
+"""Fitting a matrix fraction: SK, IV, Gauss-Newton and Levenberg-Marquardt on one loop that keeps the best."""
 
 from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from robustid._arrays import Frozen
 from robustid.errors import InputError
-from robustid.mfd.problem import FractionProblem, NodeFraction, right_divide
+from robustid.mfd.instrumental import iv_step
+from robustid.mfd.node_fraction import Held, NodeFraction, right_divide
+from robustid.mfd.normalisation import minimum_norm_step, relaxed_step
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.steps import Direction, gauss_newton_direction, retract, sk_step
 
+_SK = {"sk": sk_step, "sk-relaxed": relaxed_step, "sk-minimum-norm": minimum_norm_step}
+METHODS = (*_SK, "iv", "gn", "lm")
 # A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.
 _EXACT = 1e-10
 _HALVINGS = 8
-# SK isn't a descent method: it may rise before it falls, but not for ever.
+# Length of a Gauss-Newton step in standard deviations of the parameters, all together: slope^2 = length^2/equations.
+_TINY = 1e-2
+_SMALL = 0.3
+# SK, IV and Gauss-Newton aren't descent methods: they may rise before they fall, but not for ever.
 _PATIENCE = 4
-# SK has done its work when it moves the criterion by less; its fixed points aren't the minima of the criterion.
-_SK_CHANGE = 1e-2
-_RETRACTIONS = 2
+# They have done their work when they move the criterion by less; a fixed point of SK isn't a minimum of the criterion.
+_CHANGE = {"iv": 1e-10, "gn": 1e-10} | dict.fromkeys(_SK, 1e-2)
+_LIMIT = {"iv": 30, "gn": 30, "lm": 30} | dict.fromkeys(_SK, 20)
 
 
 class FitStatus(enum.Enum):
     """How a fit ended; the value is the user's sentence."""
 
-    STATIONARY = "converged: the gradient of the criterion vanishes at the model"
-    FLAT = "converged: a full step no longer lowers the criterion by the relative amount asked"
+    STATIONARY = "converged: the gradient of the criterion vanishes at the model, within 1 % of what noise does to it"
+    FLAT = "converged: a full step no longer lowers the criterion, but for rounding or a part of what noise does to it"
     EXACT = "exact: the model passes through the data to 1e-10"
+    BOUNDARY = "at the stability boundary: the criterion falls further only through unstable poles"
     LIMIT = "not converged: the iteration limit was reached; allow more steps"
     STALLED = "not converged: no step along the Gauss-Newton direction lowers the criterion; try another start"
 
@@ -40,11 +51,11 @@ class FitStatus(enum.Enum):
 class FitStep(NamedTuple):
     """One line of the history: what was done and what it gave."""
 
-    method: str  # "sk" or "lm"
+    method: str  # as in `fit_fraction`
     cost: float  # criterion after the step, sum |W vec(P_o - P)|^2
     condition: float  # of the normal matrix of the step
     step: float  # 1 for a full step, less when damped
-    slope: float  # before the step: part of the residual in the tangent space (lm); nan (sk)
+    slope: float  # before the step: part of the residual in the tangent space (gn, lm); nan (sk, iv)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -67,87 +78,18 @@ class FractionFit(Frozen):
     history: tuple[FitStep, ...]
 
 
-def sk_step(problem: FractionProblem, denominators: np.ndarray) -> tuple[NodeFraction, float]:
-    """One Sanathanan-Koerner step: minimise ``sum |W (D_old^{-T} kron [P_o -I]) vec([D; N])|^2``.
-
-    In the basis that these data make orthonormal the solution is the leading term made orthogonal to the free ones.
-
-    Parameters
-    ----------
-    denominators : (F, nu, nu) complex array
-        D_old at the lines; any function that is nonsingular there will do.
-
-    Returns
-    -------
-    fraction : NodeFraction
-    condition : float
-        Of the normal matrix.
-    """
-    basis = problem.basis(denominators, problem.values)
-    solution = basis.monic(problem.leading)
-    return problem.split(basis.evaluate(basis.xi, *solution[:3])), basis.condition
-
-
-def gauss_newton_direction(problem: FractionProblem, fraction: NodeFraction) -> tuple[NodeFraction, float, float]:
-    """Gauss-Newton direction of the true criterion, from ``d vec(P) = -(D^{-T} kron [P -I]) vec(d[D; N])``.
-
-    The Jacobian's columns are orthonormal, so that the direction is minus the projection of the residual, and
-    Levenberg-Marquardt's damping in these coordinates is a shorter step along it.
-
-    Returns
-    -------
-    direction : NodeFraction
-    slope : float
-        Part of the residual that lies in the tangent space: 0 at a stationary point, at most 1.
-    condition : float
-        Of the normal matrix.
-    """
-    response = fraction.response
-    basis = problem.basis(fraction.denominators, response)
-    residual = problem.residual(response)
-    coordinates = -basis.project(residual)
-    size = float(np.linalg.norm(residual))
-    slope = float(np.linalg.norm(coordinates)) / size if size > 0 else 0.0
-    return problem.split(basis.evaluate(basis.xi, coordinates)), slope, basis.condition
-
-
-def retract(
-    problem: FractionProblem, response: np.ndarray, denominators: np.ndarray, *, steps: int = _RETRACTIONS
-) -> NodeFraction:
-    """A fraction of the problem's form close to a response that nearly has one.
-
-    SK with the response in place of the data: exact data are reproduced in about two steps from any start, and what is
-    off by e comes back with an error of the order of e.
-
-    Parameters
-    ----------
-    response : (F, ny, nu) complex array
-    denominators : (F, nu, nu) complex array
-        Start.
-    """
-    target = dataclasses.replace(problem, values=response)
-    best, error = None, np.inf
-    for _ in range(steps):
-        fraction, _ = sk_step(target, denominators)
-        reached = target.cost(fraction)
-        if best is None or reached < error:
-            best, error = fraction, reached
-        denominators = fraction.denominators
-    if best is None:
-        raise InputError("`steps` must be at least 1")
-    return best
-
-
 def fit_fraction(
     problem: FractionProblem,
     *,
     denominators: np.ndarray | None = None,
     start: NodeFraction | None = None,
-    sk: int = 20,
-    lm: int = 30,
+    method: str = "sk+lm",
+    steps: int | None = None,
     rtol: float = 1e-10,
+    admit: Callable[[NodeFraction], NodeFraction | None] | None = None,
+    report: Callable[[FitStep], None] | None = None,
 ) -> FractionFit:
-    """Sanathanan-Koerner steps from a denominator, then Levenberg-Marquardt from the best of them.
+    """Run the phases of a method one after the other, each from the best fraction of the ones before.
 
     Parameters
     ----------
@@ -155,10 +97,18 @@ def fit_fraction(
         Where SK starts; default the identity, or those of `start`.
     start : NodeFraction, optional
         A fraction in the form of the problem (from an earlier fit, or `retract`); the result is never worse.
-    sk, lm : int
-        Largest number of steps of each kind.
+    method : str
+        "sk", "sk-relaxed", "sk-minimum-norm" (one input), "iv", "gn", "lm" or a sequence of them, such as "sk+lm".
+    steps : int, optional
+        Largest number of steps of each phase; default 20 (SK) or 30.
     rtol : float
-        Converged when a Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below this.
+        Converged when a Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below this;
+        or when the step is shorter than 0.01 standard deviations of the parameters, all together.
+    admit : callable, optional
+        Gives a fraction back, or an admissible one in its place (with its poles reflected), or None. Default: all are
+        admissible.
+    report : callable, optional
+        Called after every step.
 
     Returns
     -------
@@ -167,7 +117,7 @@ def fit_fraction(
     Raises
     ------
     InputError
-        When a start is singular on a line.
+        When a start is singular on a line; on a wrong method; IV with constraints.
 
     Examples
     --------
@@ -179,87 +129,174 @@ def fit_fraction(
     >>> fit.status.name
     'EXACT'
     """
-    count = problem.values.shape[2]
-    exact = (_EXACT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2
-    best, cost = start, np.inf if start is None else problem.cost(start)
-    history: list[FitStep] = []
-    if denominators is None:
-        denominators = np.broadcast_to(np.eye(count), (problem.omega.size, count, count))
-        denominators = denominators if start is None else start.denominators
-    last, worse = np.inf, 0
-    for _ in range(sk):
-        try:
-            fraction, condition = sk_step(problem, denominators)
-        except np.linalg.LinAlgError:  # singular on a line: SK can't go on from there
+    phases = method.split("+")
+    if not all(phase in METHODS for phase in phases):
+        known = ", ".join(f'"{name}"' for name in METHODS)
+        raise InputError(f'`method` must be one of {known}, or several of them joined by "+"; got {method!r}')
+    if "iv" in phases and (problem.conditions or problem.rigid is not None):
+        raise InputError('`method` "iv" takes no constraints and no rigid body; use "lm"')
+    if start is None and phases[0] not in _SK:
+        raise InputError(f"`start` is needed for method {method!r}: only SK begins without a fraction")
+    run = _Run(problem, start, rtol, admit, report)
+    for phase in phases:
+        limit = _LIMIT[phase] if steps is None else steps
+        if run.cost <= run.exact:
             break
-        reached = problem.cost(fraction)
-        history.append(FitStep("sk", reached, condition, 1.0, np.nan))
-        worse = worse + 1 if reached >= cost else 0
-        if reached < cost:
-            best, cost = fraction, reached
-        if cost <= exact or worse >= _PATIENCE or abs(last - reached) <= _SK_CHANGE * reached:
-            break
-        last, denominators = reached, fraction.denominators
-    if best is None or not np.isfinite(cost):
+        if phase == "lm":
+            run.descend(limit)
+        else:
+            run.wander(phase, limit, denominators)
+            denominators = None
+    if run.best is None or not np.isfinite(run.cost):
         raise InputError("`denominators` (or `start`) must be nonsingular on every line; give another start")
-    return _levenberg_marquardt(problem, best, cost, history, lm, rtol, exact)
+    status = FitStatus.EXACT if run.cost <= run.exact else run.status
+    return FractionFit(problem, run.best, run.cost, status, tuple(run.history))
 
 
-def _levenberg_marquardt(
+class _Run:
+    """State of a fit: the best so far and the history."""
+
+    def __init__(
+        self,
+        problem: FractionProblem,
+        start: NodeFraction | None,
+        rtol: float,
+        admit: Callable[[NodeFraction], NodeFraction | None] | None,
+        report: Callable[[FitStep], None] | None,
+    ) -> None:
+        self.problem, self.rtol, self.admit, self.report = problem, rtol, admit, report
+        self.best, self.cost = start, np.inf if start is None else problem.cost(start)
+        self.exact = (_EXACT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2
+        self.equations = 2 * int(np.count_nonzero(problem.weight.entries))
+        self.status = FitStatus.LIMIT
+        self.history: list[FitStep] = []
+
+    def record(self, *line) -> None:
+        """Add to the history."""
+        self.history.append(FitStep(*line))
+        if self.report is not None:
+            self.report(self.history[-1])
+
+    def wander(self, phase: str, limit: int, denominators: np.ndarray | None) -> None:
+        """SK, IV or full Gauss-Newton steps: they go on from the last fraction, not from the best."""
+        problem, current = self.problem, self.best
+        if denominators is None and current is not None:
+            denominators = current.denominators
+        if denominators is None:
+            count = problem.values.shape[2]
+            denominators = np.broadcast_to(np.eye(count), (problem.omega.size, count, count))
+        last, worse = np.inf, 0
+        self.status = FitStatus.LIMIT
+        for _ in range(limit):
+            slope = np.nan
+            try:
+                if phase in _SK or current is None:
+                    held = Held() if current is None else current.held
+                    current, condition = _SK[phase](problem, denominators, held)
+                elif phase == "iv":
+                    current, condition = iv_step(problem, current)
+                else:
+                    direction = gauss_newton_direction(problem, current)
+                    slope, condition = direction.slope, direction.condition
+                    if slope**2 <= self.rtol:
+                        self.status = FitStatus.STATIONARY
+                        return
+                    current = _along(problem, current, direction.fraction, 1.0)
+            except np.linalg.LinAlgError:  # singular on a line: no way on from there
+                self.status = FitStatus.STALLED
+                return
+            denominators, reached = current.denominators, problem.cost(current)
+            self.record(phase, reached, condition, 1.0, slope)
+            worse = worse + 1 if reached >= self.cost else 0
+            if reached < self.cost and (self.admit is None or self.admit(current) is current):
+                self.best, self.cost = current, reached
+            if self.cost <= self.exact:
+                return
+            if abs(last - reached) <= _CHANGE[phase] * reached:
+                self.status = FitStatus.LIMIT if phase in _SK else FitStatus.FLAT
+                return
+            if worse >= _PATIENCE:
+                self.status = FitStatus.STALLED
+                return
+            last = reached
+
+    def descend(self, limit: int) -> None:
+        """Levenberg-Marquardt: every accepted step is the best so far."""
+        self.status = FitStatus.LIMIT
+        for _ in range(limit):
+            if self.best is None or self.cost <= self.exact:
+                return
+            direction = gauss_newton_direction(self.problem, self.best)
+            if direction.slope**2 <= max(self.rtol, _TINY**2 / self.equations):
+                self.status = FitStatus.STATIONARY
+                return
+            # What is left lies within the noise: worth a step, but no search.
+            enough = direction.slope**2 <= _SMALL**2 / self.equations
+            trial, reached, step, barred = self.search(self.best, direction, 1 if enough else _HALVINGS)
+            if trial is None:
+                self.status = FitStatus.FLAT if enough else FitStatus.BOUNDARY if barred else FitStatus.STALLED
+                return
+            fall = (self.cost - reached) / self.cost
+            self.best, self.cost = trial, reached
+            self.record("lm", reached, direction.condition, step, direction.slope)
+            if fall <= self.rtol and step == 1.0:
+                self.status = FitStatus.FLAT
+                return
+
+    def search(
+        self, best: NodeFraction, direction: Direction, halvings: int
+    ) -> tuple[NodeFraction | None, float, float, bool]:
+        """The longest of the steps 1, 1/2, 1/4, ... that lowers the criterion: (fraction, cost, step, barred)."""
+        step, barred = 1.0, False
+        for _ in range(halvings):
+            promised = step * (2 - step) * direction.slope**2 * self.cost
+            trial, reached = _cheapest(self.problem, best, direction.fraction, step, self.cost - 0.5 * promised)
+            if reached < self.cost:
+                other = trial if self.admit is None else self.admit(trial)
+                reached = reached if other is trial else np.inf if other is None else self.problem.cost(other)
+                if reached < self.cost:
+                    return other, reached, step, False
+                barred = True
+            step /= 2
+        return None, self.cost, 0.0, barred
+
+
+def _cheapest(
+    problem: FractionProblem, best: NodeFraction, direction: NodeFraction, step: float, enough: float
+) -> tuple[NodeFraction, float]:
+    """The moved fraction; where it doesn't keep what the linear model promises, the fraction nearest to that model.
+
+    Moving D and N moves a lightly damped pole only as long as the move is small against its damping; moving the
+    response, which is what the Jacobian speaks of, and coming back from there has no such limit. Constraints that
+    aren't linear allow nothing else.
+    """
+    trial, reached = best.moved(step, direction), np.inf
+    if direction.held.directions is None and direction.held.highest is None:
+        reached = problem.cost(trial)
+    for columnwise, steps in ((2, 0), (0, 2), (0, 4)):
+        if reached <= enough:
+            break
+        try:
+            other = _along(problem, best, direction, step, columnwise=columnwise, steps=steps)
+        except np.linalg.LinAlgError:
+            continue
+        cost = problem.cost(other)
+        if cost < reached:
+            trial, reached = other, cost
+    return trial, reached
+
+
+def _along(
     problem: FractionProblem,
     best: NodeFraction,
-    cost: float,
-    history: list[FitStep],
-    steps: int,
-    rtol: float,
-    exact: float,
-) -> FractionFit:
-    status = FitStatus.LIMIT
-    for _ in range(steps):
-        if cost <= exact:
-            break
-        direction, slope, condition = gauss_newton_direction(problem, best)
-        if slope**2 <= rtol:
-            status = FitStatus.STATIONARY
-            break
-        trial, reached, step = _search(problem, best, cost, direction, slope)
-        if trial is None:
-            status = FitStatus.STALLED
-            break
-        fall, best, cost = (cost - reached) / cost, trial, reached
-        history.append(FitStep("lm", cost, condition, step, slope))
-        if fall <= rtol and step == 1.0:
-            status = FitStatus.FLAT
-            break
-    if cost <= exact:
-        status = FitStatus.EXACT
-    return FractionFit(problem, best, cost, status, tuple(history))
-
-
-def _search(
-    problem: FractionProblem, best: NodeFraction, cost: float, direction: NodeFraction, slope: float
-) -> tuple[NodeFraction | None, float, float]:
-    """The first step along the direction that lowers the criterion: (fraction or None, cost, step).
-
-    The coefficients are strongly curved coordinates: a change of the response by 0.4 % may multiply D by a thousand,
-    and a step along them may fail at 1/64 of its length. So where the straight step brings less than half of what it
-    promises, the response ``P + step dP`` is taken as it stands and brought back to a fraction by SK.
-    """
+    direction: NodeFraction,
+    step: float,
+    *,
+    columnwise: int = 1,
+    steps: int = 1,
+) -> NodeFraction:
+    """The fraction nearest to the response plus a step in the tangent space."""
     response = best.response
     change = right_divide(direction.numerators - response @ direction.denominators, best.denominators)
-    step = 1.0
-    for _ in range(_HALVINGS):
-        trial = best.moved(step, direction)
-        reached = problem.cost(trial)
-        promised = step * (2 - step) * slope**2 * cost
-        if cost - reached < 0.5 * promised:
-            try:
-                other = retract(problem, response + step * change, best.denominators)
-            except np.linalg.LinAlgError:
-                other = trial
-            if problem.cost(other) < reached:
-                trial, reached = other, problem.cost(other)
-        if reached < cost:
-            return trial, reached, step
-        step /= 2
-    return None, cost, 0.0
+    held = best.moved(step, direction).held
+    return retract(problem, response + step * change, best.denominators, held, columnwise=columnwise, steps=steps)

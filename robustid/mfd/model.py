@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
 from robustid.bases.vector_polynomials import (
@@ -15,7 +16,10 @@ from robustid.bases.vector_polynomials import (
     stacked,
     times_xi,
 )
-from robustid.mfd.problem import FractionProblem, NodeFraction
+from robustid.errors import InputError
+from robustid.mfd.chains import StateMatrices, split_rigid
+from robustid.mfd.node_fraction import NodeFraction
+from robustid.mfd.problem import FractionProblem
 
 _LINES_AT_ONCE = 256
 
@@ -33,14 +37,22 @@ class FractionModel(Frozen):
     A, B, C, D : real arrays
         In the unit of the nodes, of the right fraction.
     basis : VectorPolynomials
-        Pi, row by row.
+    select : (basis.size, order) array or None
+        ``Pi = basis select``, row by row; None: the basis itself.
+    degrees : (nu,) int array
+        Row degrees of D.
     scale : float
         ``s = scale*xi`` (1 in discrete time).
     dt : float or None
     form : {"right", "left"}
         "left": the realisation of the transposed data, ``P^T``; `model` and `numerator`, `denominator` transpose back.
     error : float
-        Largest difference from N D^{-1} on the lines, relative to the norm of the line.
+        Largest difference of the state-space model from N D^{-1} on the lines, relative to the norm of the line.
+    rigid : StateMatrices or None
+        With rigid-body modes: the state space in s or z that has them as exact chains of integrators; `model`, `poles`
+        and `response` are taken from it.
+    rigid_count : int
+        Number of rigid-body modes.
 
     Notes
     -----
@@ -53,33 +65,47 @@ class FractionModel(Frozen):
     C: np.ndarray
     D: np.ndarray
     basis: VectorPolynomials
+    degrees: np.ndarray
     scale: float
     dt: float | None
     form: str
     error: float
+    select: np.ndarray | None = None
+    rigid: StateMatrices | None = None
+    rigid_count: int = 0
 
     def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in "ABCD"})
+        self._set(**{name: freeze(getattr(self, name)) for name in (*"ABCD", "degrees")})
+
+    @property
+    def matrices(self) -> StateMatrices:
+        """The state space in s or z, of the right fraction."""
+        if self.rigid is not None:
+            return self.rigid
+        return StateMatrices(self.scale * self.A, self.scale * self.B, self.C, self.D)
 
     @property
     def model(self) -> Any:
         """As `control.StateSpace`."""
         import control
 
-        A, B, C, D = self.scale * self.A, self.scale * self.B, self.C, self.D
+        A, B, C, D = self.matrices
         if self.form == "left":
             A, B, C, D = A.T, C.T, B.T, D.T
         return control.ss(A, B, C, D, 0 if self.dt is None else self.dt)
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles in s (rad/s) or z."""
-        return self.scale * np.linalg.eigvals(self.A)
+        """Poles in s (rad/s) or z; those of rigid-body modes, exact, last."""
+        A = self.matrices.A
+        flexible = len(A) - 2 * self.rigid_count
+        origin = 0.0 if self.dt is None else 1.0
+        return np.concatenate([np.linalg.eigvals(A[:flexible, :flexible]), np.full(2 * self.rigid_count, origin)])
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu) at omega in rad/s."""
-        xi = polynomial_nodes(np.asarray(omega, dtype=float), self.dt)
-        values = _response(self.A, self.B, self.C, self.D, xi[0] * (xi[1] / self.scale))
+        omega = np.asarray(omega, dtype=float)
+        values = _response(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
         return values.transpose(0, 2, 1) if self.form == "left" else values
 
     def denominator(self, points: np.ndarray) -> np.ndarray:
@@ -92,16 +118,20 @@ class FractionModel(Frozen):
         values = self._fraction(points)[1]
         return values.transpose(0, 2, 1) if self.form == "left" else values
 
+    def states(self, xi: np.ndarray) -> np.ndarray:
+        """Pi^T at points in the unit of the nodes, (m, nu, order)."""
+        values = self.basis.polynomials(xi)
+        return values if self.select is None else values @ self.select
+
     def _fraction(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         xi = np.asarray(points, dtype=complex) / self.scale
-        Pi = self.basis.polynomials(xi).transpose(0, 2, 1)
-        last = slice(self.basis.size - self.basis.sizes[-1], None)
-        free = self.basis.limits >= 0
-        size = free.size
+        Pi = self.states(xi).transpose(0, 2, 1)
         # Rows of degree 0 of D are rows of the identity; the others follow from xi Pi = A Pi + B D.
-        D = np.broadcast_to(np.eye(size, dtype=complex), (xi.size, size, size)).copy()
+        free = self.degrees > 0
+        D = np.broadcast_to(np.eye(free.size, dtype=complex), (xi.size, free.size, free.size)).copy()
+        last = slice(None) if self.select is not None else slice(self.basis.size - self.basis.sizes[-1], None)
         rest = xi[:, None, None] * Pi[:, last] - self.A[last] @ Pi - self.B[last][:, ~free] @ D[:, ~free]
-        D[:, free] = np.linalg.solve(self.B[last][:, free], rest)
+        D[:, free] = np.linalg.pinv(self.B[last][:, free]) @ rest
         return D, self.C @ Pi + self.D @ D
 
 
@@ -138,35 +168,94 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
     # Every line with its own size: a mode far below the highest is as exact as that one.
     line = 1.0 / np.maximum(size, np.finfo(float).tiny ** 0.5 + 1e-12 * size.max())
     line = (line / np.linalg.norm(line))[:, None, None]
-    basis = orthonormal_polynomials(
-        line * np.linalg.inv(fraction.denominators).transpose(0, 2, 1), problem.xi, problem.degrees - 1
-    )
+    weighted = line * np.linalg.inv(fraction.denominators).transpose(0, 2, 1)
     constants = stacked(np.broadcast_to(line * np.eye(nu), (lines, nu, nu)).astype(complex))
-    columns = np.hstack([basis.values, constants])
-    A, B = np.zeros((basis.size, basis.size)), np.zeros((basis.size, nu))
-    # xi Pi of every block but the last one is in the recursion: (xi Phi, new components) = Phi G.
-    for G, count in zip(basis.recursion[1:], basis.sizes[:-1], strict=True):
-        block = slice(G.shape[0] - G.shape[1] - count, G.shape[0] - G.shape[1])
-        A[block, : G.shape[0]] = G[:, :count].T
-    last = slice(basis.size - basis.sizes[-1], None)
-    solution = np.linalg.lstsq(columns, times_xi(basis.xi, basis.values[:, last]), rcond=None)[0]
-    A[last], B[last] = solution[: basis.size].T, solution[basis.size :].T
+    low = problem.tied[1]
+    limits = problem.degrees - 1
+    limits[low] += 1
+    basis = orthonormal_polynomials(weighted, problem.xi, limits)
+    select = _tied(problem, fraction, basis) if low.size else None
+    states = basis.values if select is None else basis.values @ select
+    columns = np.hstack([states, constants])
+    A, B = np.zeros((problem.order, problem.order)), np.zeros((problem.order, nu))
+    last = slice(0, None)
+    if select is None:
+        # xi Pi of every block but the last one is in the recursion: (xi Phi, new components) = Phi G.
+        for G, count in zip(basis.recursion[1:], basis.sizes[:-1], strict=True):
+            block = slice(G.shape[0] - G.shape[1] - count, G.shape[0] - G.shape[1])
+            A[block, : G.shape[0]] = G[:, :count].T
+        last = slice(basis.size - basis.sizes[-1], None)
+    solution = np.linalg.lstsq(columns, times_xi(basis.xi, states[:, last]), rcond=None)[0]
+    A[last], B[last] = solution[: problem.order].T, solution[problem.order :].T
     outputs = stacked((line * response).transpose(0, 2, 1))
-    C, D = np.zeros((ny, basis.size)), np.zeros((ny, nu))
+    C, D = np.zeros((ny, problem.order)), np.zeros((ny, nu))
     if problem.feedthrough:
         solution = np.linalg.lstsq(columns, outputs, rcond=None)[0]
-        C[:], D[:] = solution[: basis.size].T, solution[basis.size :].T
+        C[:], D[:] = solution[: problem.order].T, solution[problem.order :].T
     else:
-        C[:] = (basis.values.T @ outputs).T
-    difference = np.linalg.norm(_response(A, B, C, D, basis.xi) - response, axis=(1, 2))
-    error = float(np.max(difference / np.maximum(size, 1e-12 * size.max())))
+        C[:] = (states.T @ outputs).T
+    C = _held_outputs(problem, StateMatrices(A, B, C, D))
     scale = polynomial_nodes(problem.omega, problem.dt)[1]
-    return FractionModel(A, B, C, D, basis, scale, problem.dt, form, error)
+    model = FractionModel(A, B, C, D, basis, problem.degrees, scale, problem.dt, form, 0.0, select)
+    if problem.rigid is not None:
+        count = problem.rigid.count
+        directions = fraction.held.directions if problem.rigid.outside else None
+        rigid = split_rigid(model.matrices, count, problem.origin, directions)
+        model = dataclasses.replace(model, rigid=rigid, rigid_count=count)
+    points = scale * basis.xi
+    difference = np.linalg.norm(_response(model.matrices, points) - response, axis=(1, 2))
+    return dataclasses.replace(model, error=float(np.max(difference / np.maximum(size, 1e-12 * size.max()))))
 
 
-def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, xi: np.ndarray) -> np.ndarray:
-    out = np.empty((xi.size, *D.shape), dtype=complex)
-    for start in range(0, xi.size, _LINES_AT_ONCE):
-        part = xi[start : start + _LINES_AT_ONCE, None, None]
+def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
+    """C moved as little as it takes to meet the conditions on the response, and the roll-off, to rounding.
+
+    The states are orthonormal on the lines, so that the smallest change of C is the smallest change of the response.
+    """
+    A, B, C, D = model
+    nu = B.shape[1]
+    rows, right = [], []
+    for condition in problem.conditions:
+        ((left, _),) = condition.terms
+        states = np.linalg.solve(condition.point * np.eye(len(A)) - A, B.astype(complex))
+        # left [I; P] = 0 with P = C states + D, as equations on vec C
+        both = np.kron(states.T, left[:, nu:])
+        fixed = -(left[:, :nu] + left[:, nu:] @ D).T.ravel() + 0j
+        rows += [both.real, both.imag]
+        right += [fixed.real, fixed.imag]
+    moment = B
+    for _ in range(0 if problem.feedthrough else problem.roll_off - 1):
+        rows.append(np.kron(moment.T, np.eye(len(C))))
+        right.append(np.zeros(moment.shape[1] * len(C)))
+        moment = A @ moment
+    if not rows:
+        return C
+    system = np.concatenate(rows)
+    size = np.linalg.norm(system, axis=1)
+    size[size == 0] = 1.0
+    inverse = scipy.linalg.pinv(system / size[:, None], rtol=1e-12)
+    vector = C.T.ravel()
+    for _ in range(2):
+        vector = vector - inverse @ ((system @ vector - np.concatenate(right)) / size)
+    return vector.reshape(C.shape[1], C.shape[0]).T
+
+
+def _tied(problem: FractionProblem, fraction: NodeFraction, basis: VectorPolynomials) -> np.ndarray:
+    """Orthonormal combinations (basis.size, order) of the rows x for which x D^{-1} is strictly proper.
+
+    Where degrees go by twos D is not column-reduced: the highest coefficients of x are tied as those of N are.
+    """
+    high, low = problem.tied
+    highest = basis.derivatives(np.inf, 1)[0].real
+    if fraction.held.highest is None:
+        raise InputError("`fraction` lacks its highest coefficients; take it from a step of the fit")
+    return scipy.linalg.null_space(highest[low] - fraction.held.highest[high[:, None], low].T @ highest[high])
+
+
+def _response(model: StateMatrices, points: np.ndarray) -> np.ndarray:
+    A, B, C, D = model
+    out = np.empty((points.size, *D.shape), dtype=complex)
+    for start in range(0, points.size, _LINES_AT_ONCE):
+        part = points[start : start + _LINES_AT_ONCE, None, None]
         out[start : start + _LINES_AT_ONCE] = C @ np.linalg.solve(part * np.eye(A.shape[0]) - A, B.astype(complex)) + D
     return out

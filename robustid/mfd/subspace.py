@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -12,9 +11,8 @@ import scipy.linalg
 from robustid._arrays import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
 from robustid.mfd.rational_basis import band, pole_choices, rational_krylov, real_rows, triangle
+from robustid.mfd.state_fit import Samples, fit_inputs, output_rows, reflected
 
-# How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
-_BOUNDARY = 1e-9
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
 
@@ -46,7 +44,7 @@ class SubspaceEstimate(Frozen):
 
     def response(self, points: np.ndarray) -> np.ndarray:
         """P at complex `points` (F,), shape (F, ny, nu)."""
-        return _output_rows(self.A, self.C, np.atleast_1d(np.asarray(points, dtype=complex))) @ self.B + self.D
+        return output_rows(self.A, self.C, np.atleast_1d(np.asarray(points, dtype=complex))) @ self.B + self.D
 
 
 def subspace_estimate(
@@ -121,7 +119,6 @@ def subspace_estimate(
     # A power of two, so that a change of the unit of time by one changes nothing but exponents.
     scale = 2.0 ** round(math.log2(np.median(band(data.points, "s")))) if domain == "s" else 1.0
     data = data._replace(points=data.points / scale)
-    boundary = _BOUNDARY * (np.min(band(data.points, "s")) if domain == "s" else 1.0)
     best = None
     for rows in _block_row_sizes(data, order, block_rows):
         for poles in pole_choices(data.points, rows - 1, domain):
@@ -129,8 +126,8 @@ def subspace_estimate(
             A, Z = scipy.linalg.schur(A, output="real")[:2]
             C = C @ Z
             if stable:
-                A = _reflected(A, domain, boundary)
-            B, D, residual = _fit_inputs(data, A, C, feedthrough)
+                A = reflected(A, data.points, domain)
+            B, D, residual = fit_inputs(data, A, C, feedthrough)
             if math.isfinite(residual) and (best is None or residual < best.residual):
                 best = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual)
     if best is None:
@@ -138,14 +135,7 @@ def subspace_estimate(
     return best
 
 
-class _Data(NamedTuple):
-    values: np.ndarray  # (F, ny, nu)
-    points: np.ndarray  # (F,)
-    weight: np.ndarray  # (F, ny, nu)
-    domain: str
-
-
-def _dynamics(data: _Data, order: int, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _dynamics(data: Samples, order: int, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, C and the singular values, by the weighted projection of `mckelvey1996`."""
     deviation, column = _noise(data.weight)
     used = np.any(column > 0, axis=1)
@@ -175,58 +165,6 @@ def _dynamics(data: _Data, order: int, poles: np.ndarray) -> tuple[np.ndarray, n
     return A, observed[0] / f[0, 0].real, singular_values  # f_0 is constant
 
 
-def _fit_inputs(data: _Data, A: np.ndarray, C: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray, float]:
-    """B, D by weighted linear least squares, one problem per input, and the weighted rms residual."""
-    values, points, weight, _ = data
-    lines, ny, nu = values.shape
-    order = len(A)
-    rows = _output_rows(A, C, points)
-    if feedthrough:
-        rows = np.concatenate([rows, np.broadcast_to(np.eye(ny), (lines, ny, ny))], axis=2)
-    if not np.all(np.isfinite(rows)):
-        return np.zeros((order, nu)), np.zeros((ny, nu)), math.inf
-    gain = np.empty((rows.shape[2], nu))
-    for j in range(nu):
-        system = np.concatenate([rows, values[:, :, j, None]], axis=2)
-        R = triangle(real_rows((weight[:, :, j, None] * system).reshape(lines * ny, -1)))
-        size = np.linalg.norm(R[:, :-1], axis=0)
-        size[size == 0] = 1.0
-        gain[:, j] = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
-    residual = np.linalg.norm(weight * (values - rows @ gain)) / math.sqrt(np.count_nonzero(weight))
-    return gain[:order], gain[order:] if feedthrough else np.zeros((ny, nu)), float(residual)
-
-
-def _output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """C (xi I - A)^{-1} at all points, (F, ny, n): complex Schur form, back-substitution for all points at once.
-
-    An eigenvector basis would be shorter and fails at double poles (rigid-body modes).
-    """
-    T, U = scipy.linalg.schur(A, output="complex")[:2]
-    CU = C @ U
-    X = np.empty((len(points), len(C), len(A)), dtype=complex)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a pole on a line: the caller sees inf
-        for j in range(len(A)):
-            X[:, :, j] = (CU[:, j] + X[:, :, :j] @ T[:j, j]) / (points - T[j, j])[:, None]
-        return X @ U.conj().T
-
-
-def _reflected(A: np.ndarray, domain: str, boundary: float) -> np.ndarray:
-    """A in real Schur form with its unstable eigenvalues reflected: -conj(s), 1/conj(z)."""
-    A = A.copy()
-    j, n = 0, len(A)
-    while j < n:
-        size = 2 if j + 1 < n and A[j + 1, j] != 0 else 1
-        block = A[j : j + size, j : j + size]  # LAPACK's standard form: equal diagonal entries, the real part
-        if domain == "s":
-            np.fill_diagonal(block, -max(abs(block[0, 0]), boundary))
-        else:
-            radius = math.sqrt(abs(np.linalg.det(block))) if size == 2 else abs(block[0, 0])
-            if radius > 1 - boundary:
-                block *= min(1 / radius, 1 - boundary) / radius
-        j += size
-    return A
-
-
 def _noise(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviation of each entry, and a weight per line and input (0 where an entry of the column is unused).
 
@@ -239,7 +177,7 @@ def _noise(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return deviation, column
 
 
-def _block_row_sizes(data: _Data, order: int, block_rows: int | None) -> list[int]:
+def _block_row_sizes(data: Samples, order: int, block_rows: int | None) -> list[int]:
     """Numbers of functions to try, within what the data allow."""
     ny, nu = data.values.shape[1:]
     points = data.points[np.any(_noise(data.weight)[1] > 0, axis=1)]
@@ -260,7 +198,7 @@ def _block_row_sizes(data: _Data, order: int, block_rows: int | None) -> list[in
     return [count]
 
 
-def _checked(values: np.ndarray, points: np.ndarray, weight: np.ndarray | None, domain: str) -> _Data:
+def _checked(values: np.ndarray, points: np.ndarray, weight: np.ndarray | None, domain: str) -> Samples:
     if domain not in ("s", "z"):
         raise InputError(f'`domain` must be "s" or "z"; got {domain!r}')
     points = as_array("points", points, dtype=complex, ndim=1)
@@ -275,7 +213,7 @@ def _checked(values: np.ndarray, points: np.ndarray, weight: np.ndarray | None, 
         raise InputError(f"`points` must be {curve} for domain {domain!r}; got {points[where]:g} at index {where}")
     if band(points, domain).size == 0:
         raise InputError("`points` has no line between zero and the Nyquist frequency; give at least one")
-    return _Data(values, points, _as_weight(weight, values), domain)
+    return Samples(values, points, _as_weight(weight, values), domain)
 
 
 def _as_weight(weight: np.ndarray | None, values: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """What people see: plots, a summary at the terminal, and a report as one HTML page."""
 
 from robustid.report.html import write_report
+from robustid.report.mfd_plots import plot_convergence, plot_fit, plot_fit_poles, plot_orders, plot_stabilisation
 from robustid.report.plots import (
     plot_frequency_response,
     plot_hankel,
@@ -13,10 +14,15 @@ from robustid.report.text import render_summary
 
 __all__ = [
     "PoleRow",
+    "plot_convergence",
+    "plot_fit",
+    "plot_fit_poles",
     "plot_frequency_response",
     "plot_hankel",
+    "plot_orders",
     "plot_poles",
     "plot_residuals",
+    "plot_stabilisation",
     "plot_time_response",
     "pole_table",
     "render_summary",

@@ -39,7 +39,7 @@ class Axis:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Layer:
-    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars."""
+    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`)."""
 
     name: str
     x: np.ndarray
@@ -51,6 +51,7 @@ class Layer:
     high: np.ndarray | None = None
     hover: tuple[str, ...] = ()
     size: float = 1.0
+    fill: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import html
 import importlib.metadata
 import json
 import os
@@ -11,55 +10,67 @@ import platform
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from robustid._files import atomic_write
 from robustid._version import __version__
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
+from robustid.mfd import MatrixFraction
 from robustid.report import charts, evidence, facts
+from robustid.report.plotly_figures import Figure, figures, plotly_figure
 from robustid.report.poles import pole_table
-from robustid.report.style import NOMINAL, number
+from robustid.report.style import number
 
 if TYPE_CHECKING:
     import control
 
+    from robustid.data import FrequencyResponse
+    from robustid.mfd.order_sweep import OrderSweep
     from robustid.reduction import Reduction
 
+__all__ = ["page", "plotly_figure", "render_report", "write_report"]
+
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
-_PLOT, _SQUARE = 240, 480  # pixels: height of one panel, and of a square figure
 
 
 def write_report(
-    identification: Identification,
+    identification: Identification | MatrixFraction,
     path: str | os.PathLike[str],
     *,
     reduction: Reduction | None = None,
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
+    data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
 ) -> None:
-    """Write everything there is to know about an identification as one self-contained HTML page.
+    """Write everything there is to know about a result as one self-contained HTML page.
 
-    Verdict, margin, assumptions, every sample against the models, residuals against their bounds, the samples that
-    limit the result, order, poles, verification, versions. The page works offline and fetches nothing.
+    Of an identification: verdict, margin, assumptions, every sample against the models, residuals against their bounds,
+    the samples that limit the result, order, poles, verification, versions. Of a fitted matrix fraction: cost, status,
+    verification, every entry of the response with its residual, convergence and condition numbers, poles, modes, and
+    the choice of the order. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification
-        Consistent or not.
+    identification : Identification or MatrixFraction
+        Whatever its outcome.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
     reduction : Reduction, optional
-        Of `identification.model`; shown beside the nominal model.
+        Of `identification.model`; shown beside the nominal model. Not for a MatrixFraction.
     title : str, optional
         Heading; default: the names of the channels.
     models : mapping of str to control.StateSpace, optional
-        Further models with the sample time of the data.
+        Further models with the sample time of the data. Not for a MatrixFraction.
+    data : FrequencyResponse, optional
+        What the matrix fraction was fitted to: names of the channels, and the noise.
+    order_sweep : OrderSweep, optional
+        From `suggest_order`, with a MatrixFraction.
 
     Raises
     ------
     InputError, InputTypeError
-        If a model has other channels or another sample time, or the file can't be written.
+        If a model has other channels or another sample time, `data` isn't what was fitted, an argument doesn't belong
+        to this kind of result, or the file can't be written.
 
     Examples
     --------
@@ -73,39 +84,68 @@ def write_report(
     ...     "Four samples" in page.read_text()
     True
     """
-    text = render_report(identification, reduction=reduction, title=title, models=models)
+    text = render_report(
+        identification, reduction=reduction, title=title, models=models, data=data, order_sweep=order_sweep
+    )
     with atomic_write(path) as file:
         file.write(text)
 
 
 def render_report(
-    identification: Identification,
+    identification: Identification | MatrixFraction,
     *,
     reduction: Reduction | None = None,
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
+    data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
 ) -> str:
     """The page of `write_report` as text."""
+    fitted = isinstance(identification, MatrixFraction)
+    if not fitted and not isinstance(identification, Identification):
+        raise InputTypeError(
+            f"`identification` must be an Identification or a MatrixFraction; got {type(identification).__name__}"
+        )
+    if title is not None and not isinstance(title, str):
+        raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
+    foreign = {"reduction": reduction, "models": models} if fitted else {"data": data, "order_sweep": order_sweep}
+    for name, value in foreign.items():
+        if value is not None:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
+    if isinstance(identification, MatrixFraction):
+        from robustid.report.mfd_page import fit_page
+
+        return fit_page(identification, data, order_sweep, title)
+    return _identification_page(identification, reduction, models, title)
+
+
+def _identification_page(
+    identification: Identification, reduction: Reduction | None, models: Any, title: str | None
+) -> str:
+    shown = further_models(reduction, models)
+    found = (
+        charts.frequency_chart(identification, shown),
+        charts.time_chart(identification, shown),
+        evidence.residual_chart(identification, shown),
+        evidence.hankel_chart(identification, reduction),
+        evidence.pole_chart(identification, shown),
+    )
+    return page(
+        "template.html.j2",
+        {chart.name: figures(chart) for chart in found},
+        title=title or f"Identification of {facts.transfer(identification)}",
+        result=identification,
+        facts=facts,
+        tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
+        reduction=reduction,
+    )
+
+
+def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:
+    """A page with its figures, by the name of their chart, as text."""
     import jinja2
     from plotly.offline import get_plotlyjs
 
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
-    if title is not None and not isinstance(title, str):
-        raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
-    shown = further_models(reduction, models)
-    figures = {
-        chart.name: [
-            _Figure(f"{chart.name}-{k}", part, square=chart.columns > 1) for k, part in enumerate(_parts(chart))
-        ]
-        for chart in (
-            charts.frequency_chart(identification, shown),
-            charts.time_chart(identification, shown),
-            evidence.residual_chart(identification, shown),
-            evidence.hankel_chart(identification, reduction),
-            evidence.pole_chart(identification, shown),
-        )
-    }
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("robustid.report", "."),
         autoescape=True,
@@ -114,18 +154,14 @@ def render_report(
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
-    return environment.get_template("template.html.j2").render(
-        title=title or f"Identification of {facts.transfer(identification)}",
-        result=identification,
-        facts=facts,
-        figures=figures,
-        tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
-        reduction=reduction,
+    return environment.get_template(template).render(
+        figures=drawn,
         versions=versions(),
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         # The only text that isn't escaped: the library itself, and JSON made safe below.
         plotly=_script(get_plotlyjs()),
-        data=_json({figure.id: figure.spec for parts in figures.values() for figure in parts}),
+        data=_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
+        **context,
     )
 
 
@@ -143,120 +179,6 @@ def versions() -> list[tuple[str, str]]:
     """What computed this."""
     first = [("robustid", __version__), ("Python", platform.python_version())]
     return first + [(name, importlib.metadata.version(name)) for name in _PACKAGES]
-
-
-class _Figure:
-    """One plotly figure: its id in the page, its description, its height."""
-
-    def __init__(self, id: str, panels: tuple[charts.Panel, ...], *, square: bool) -> None:
-        self.id = id
-        self.height = _SQUARE if square else 150 + _PLOT * len(panels)
-        self.label = "; ".join(panel.title for panel in panels)
-        self.spec = plotly_figure(panels, self.height)
-
-
-def _parts(chart: charts.Chart) -> list[tuple[charts.Panel, ...]]:
-    return [chart.panels] if chart.linked else [(panel,) for panel in chart.panels]
-
-
-def plotly_figure(panels: tuple[charts.Panel, ...], height: int) -> dict[str, Any]:
-    """Panels below each other on one x axis, as plotly's description of a figure: data and layout."""
-    layout: dict[str, Any] = {
-        "height": height,
-        "margin": {"l": 78, "r": 40, "t": 12, "b": 52},
-        "modebar": {"orientation": "v"},  # beside the plot: above it stands the legend
-        "font": {"family": "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif", "size": 13, "color": "#222222"},
-        "paper_bgcolor": "#ffffff",
-        "plot_bgcolor": "#ffffff",
-        "hovermode": "closest",
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom"},
-    }
-    count, gap, traces, named = len(panels), 0.08, [], set()
-    for k, panel in enumerate(panels):
-        suffix = "" if k == 0 else str(k + 1)
-        top = 1 - k * (1 + gap) / (count + (count - 1) * gap)
-        low = top - 1 / (count + (count - 1) * gap)
-        # One x axis for all panels, drawn under the last: zooming one zooms all.
-        if k == 0:
-            layout["xaxis"] = {**_axis(panel.x), "anchor": f"y{'' if count == 1 else count}"}
-        layout[f"yaxis{suffix}"] = {**_axis(panel.y), "domain": [max(low, 0.0), top], "anchor": "x"}
-        if panel.square:
-            layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-            layout["xaxis"] |= {"constrain": "domain"}
-        for layer in panel.layers:
-            traces.append({**_trace(layer), "xaxis": "x", "yaxis": f"y{suffix}", "showlegend": layer.name not in named})
-            named.add(layer.name)
-    return {"data": traces, "layout": layout}
-
-
-def _axis(axis: charts.Axis) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "title": {"text": _plain(axis.label), "standoff": 8},
-        "type": "log" if axis.log else "linear",
-        "gridcolor": "#e6e6e6",
-        "zeroline": False,
-        "showline": True,
-        "linecolor": "#8a8a8a",
-        "ticks": "outside",
-        "automargin": True,
-        "exponentformat": "power",
-    }
-    if axis.log:
-        out["minor"] = {"ticks": "outside"}
-        decades = np.log10(axis.range[1] / axis.range[0]) if axis.range else 9
-        # With about this many ticks plotly chooses 0.5, 1, 2, 5, …, or powers of ten only; fixed ticks would leave none
-        # after zooming in. The format has it write them in full, not as small digits between powers of ten.
-        full = decades < 4.3
-        out["nticks"] = max(3, round(decades / 0.4)) if full else int(decades / 0.75)
-        if full:
-            out["tickformat"] = "~g"
-    if axis.range is not None:
-        out["range"] = [float(v) for v in (np.log10(axis.range) if axis.log else axis.range)]
-    if axis.tick is not None:
-        out["dtick"] = axis.tick
-    return out
-
-
-def _trace(layer: charts.Layer) -> dict[str, Any]:
-    broad = layer.colour == NOMINAL
-    trace: dict[str, Any] = {
-        "type": "scatter",
-        "name": _plain(layer.name),
-        "legendgroup": _plain(layer.name),
-        "x": _numbers(layer.x),
-        "y": _numbers(layer.y),
-        "mode": "+".join([*["lines"] * bool(layer.dash), *["markers"] * bool(layer.marker)]),
-        "line": {"color": layer.colour, "width": 3 if broad else 1.6, "dash": layer.dash or "solid", "simplify": False},
-    }
-    if layer.marker:
-        line = {"width": 1.6} if layer.marker.endswith("-open") else {}
-        symbol = "x-thin" if layer.marker == "x" else layer.marker
-        if symbol == "x-thin":
-            line = {"width": 1.8, "color": layer.colour}
-        trace["marker"] = {"symbol": symbol, "color": layer.colour, "size": 6 * layer.size, "line": line}
-    if layer.hover:
-        trace |= {"hovertext": [_plain(text) for text in layer.hover], "hoverinfo": "text+name"}
-    if layer.low is not None and layer.high is not None:
-        trace["error_y"] = {
-            "type": "data",
-            "symmetric": False,
-            "array": _numbers(np.maximum(layer.high - layer.y, 0)),
-            "arrayminus": _numbers(np.maximum(layer.y - layer.low, 0)),
-            "color": layer.colour,
-            "thickness": 1.1,
-            "width": 3,
-        }
-    return trace
-
-
-def _numbers(values: np.ndarray) -> list[float | None]:
-    """JSON has no NaN: a gap."""
-    return [float(v) if np.isfinite(v) else None for v in values]
-
-
-def _plain(text: str) -> str:
-    """Text that plotly, which reads a subset of HTML in its labels, shows as it stands."""
-    return html.escape(text, quote=False).replace("\n", "<br>")
 
 
 def _json(value: Any) -> Any:

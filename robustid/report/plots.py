@@ -145,7 +145,7 @@ def draw(chart: charts.Chart) -> Figure:
 
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
-    height = 4.2 if columns > 1 else _HEIGHT
+    height = 4.2 if columns > 1 and not chart.linked else _HEIGHT
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(_WIDTH + 1.8 * (columns - 1), height * rows + 0.5), layout="constrained", dpi=120)
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
@@ -153,7 +153,7 @@ def draw(chart: charts.Chart) -> Figure:
         for k, (ax, panel) in enumerate(zip(axes, chart.panels, strict=True)):
             for layer in panel.layers:
                 handles.setdefault(layer.name, _draw_layer(ax, layer))
-            _dress(ax, panel, label_x=not chart.linked or k == len(axes) - 1)
+            _dress(ax, panel, label_x=not chart.linked or k >= len(axes) - columns)
         figure.legend(
             list(handles.values()),
             [_plain(name) for name in handles],
@@ -171,9 +171,11 @@ def _draw_layer(ax: Axes, layer: charts.Layer) -> Any:
         style["markerfacecolor"] = "none"
     style["markersize"] = 3.6 * layer.size
     # The nominal model is a broad line, so that a thin one on top of it doesn't hide it.
-    style["linewidth"] = 2.4 if layer.colour == NOMINAL else 1.2
+    style["linewidth"] = 2.4 * layer.size if layer.colour == NOMINAL else 1.2
     if layer.low is None or layer.high is None:
         return ax.plot(layer.x, layer.y, **style)[0]
+    if layer.fill:
+        return ax.fill_between(layer.x, layer.low, layer.high, color=layer.colour, alpha=0.25, linewidth=0)
     bars = np.maximum(np.stack([layer.y - layer.low, layer.high - layer.y]), 0)
     return ax.errorbar(layer.x, layer.y, yerr=bars, elinewidth=0.9, capsize=2, **style)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from robustid.mfd import MatrixFraction
 from robustid.report import facts
+from robustid.report.mfd_view import FitView
 from robustid.report.poles import pole_table
 from robustid.report.style import number
 
@@ -12,21 +14,29 @@ if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
+    from robustid.data import FrequencyResponse
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
-_COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
+COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
 _MOST_SAMPLES, _MOST_POLES = 8, 10
 
 
-def render_summary(identification: Identification, reduction: Reduction | None = None) -> Group:
-    """Verdict, margin, checks, limiting samples and poles, for ``rich.print`` or a rich console.
+def render_summary(
+    identification: Identification | MatrixFraction,
+    reduction: Reduction | None = None,
+    *,
+    data: FrequencyResponse | None = None,
+) -> Group:
+    """Verdict, margin or cost, checks, limiting samples, poles or modes, for ``rich.print`` or a rich console.
 
     Parameters
     ----------
-    identification : Identification
+    identification : Identification or MatrixFraction
     reduction : Reduction, optional
-        Of `identification.model`; its poles are then shown instead.
+        Of the model of an identification; its poles are then shown instead.
+    data : FrequencyResponse, optional
+        What a matrix fraction was fitted to, for the names of its channels.
 
     Returns
     -------
@@ -47,8 +57,12 @@ def render_summary(identification: Identification, reduction: Reduction | None =
     from rich.panel import Panel
     from rich.text import Text
 
+    if isinstance(identification, MatrixFraction):
+        from robustid.report.mfd_text import render_fit
+
+        return render_fit(FitView(identification, data))
     verdict = facts.verdict(identification)
-    colour = _COLOURS[verdict.key]
+    colour = COLOURS[verdict.key]
     # Text, never markup: names in brackets, such as units, are to be shown as they stand.
     head = Text.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence)
     parts: list[Any] = [Panel(head, border_style=colour)]
@@ -86,35 +100,36 @@ def _overview(identification: Identification, reduction: Reduction | None) -> Ta
 
 
 def _checks(identification: Identification) -> Table:
-    table = _table("Verification", "Claim", ">Number", ">Limit", "")
+    table = headed("Verification", "Claim", ">Number", ">Limit", "")
     for check in identification.verification.checks:
         mark = ("holds", "green") if check.holds else ("FAILS", "bold red")
-        _add(table, check.name, number(check.measured), number(check.limit, 6), mark)
+        add_row(table, check.name, number(check.measured), number(check.limit, 6), mark)
     return table
 
 
 def _limiting(rows: list[facts.Limiting], inconsistent: bool) -> Table:
     title = "Samples that contradict the assumptions" if inconsistent else "Samples that limit the margin"
-    table = _table(title, "Experiment", ">At", ">Share of\nthe proof", ">|residual|\n/ bound")
+    table = headed(title, "Experiment", ">At", ">Share of\nthe proof", ">|residual|\n/ bound")
     for row in rows[:_MOST_SAMPLES]:
-        _add(table, row.experiment, row.place, f"{number(100 * row.share, 2)} %", number(row.ratio))
-    return _left_out(table, len(rows) - _MOST_SAMPLES)
+        add_row(table, row.experiment, row.place, f"{number(100 * row.share, 2)} %", number(row.ratio))
+    return left_out(table, len(rows) - _MOST_SAMPLES)
 
 
 def _poles(identification: Identification, reduction: Reduction | None) -> Table:
     model, name = (identification.model, "nominal") if reduction is None else (reduction.model, "reduced")
     rows = pole_table(model)
-    table = _table(f"Slowest poles of the {name} model", ">Hz", ">Damping", ">|z|", ">Time constant [s]", ">States")
+    table = headed(f"Slowest poles of the {name} model", ">Hz", ">Damping", ">|z|", ">Time constant [s]", ">States")
     slowest = sorted(rows, key=lambda row: -row.modulus)[:_MOST_POLES]
     for row in sorted(slowest, key=lambda row: row.hz):
         cells = (number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3))
         if row.modulus == 0:
             cells = ("delay", "–", "0", "–")
-        _add(table, *cells, str(row.count))
-    return _left_out(table, len(rows) - _MOST_POLES)
+        add_row(table, *cells, str(row.count))
+    return left_out(table, len(rows) - _MOST_POLES)
 
 
-def _table(title: str, *columns: str) -> Table:
+def headed(title: str, *columns: str) -> Table:
+    """A table with a title; ">" before a column's name aligns it to the right."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -122,18 +137,21 @@ def _table(title: str, *columns: str) -> Table:
     table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
         right = name.startswith(">")
-        # Where space is short the claims wrap, never the numbers.
-        table.add_column(Text(name.removeprefix(">")), justify="right" if right else "left", no_wrap=name != "Claim")
+        # Where space is short the claims and names wrap, never the numbers.
+        words = name in ("Claim", "Largest in")
+        table.add_column(Text(name.removeprefix(">")), justify="right" if right else "left", no_wrap=not words)
     return table
 
 
-def _add(table: Table, *cells: str | tuple[str, str]) -> None:
+def add_row(table: Table, *cells: str | tuple[str, str]) -> None:
+    """Cells as text or (text, style), never read as markup."""
     from rich.text import Text
 
     table.add_row(*(Text(cell) if isinstance(cell, str) else Text(*cell) for cell in cells))
 
 
-def _left_out(table: Table, count: int) -> Table:
+def left_out(table: Table, count: int) -> Table:
+    """The table, with a word on how many rows it lacks."""
     if count > 0:
         table.caption = f"and {count} more; the HTML report lists all"
         table.caption_justify = "left"

@@ -1,0 +1,203 @@
+"""Linear constraints on the coefficients of a fraction: static gain, zeros, roll-off, entries that are zero."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from robustid._arrays import Frozen, as_array, as_count, freeze
+from robustid.bases.vector_polynomials import VectorPolynomials
+from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from robustid.mfd.problem import FractionProblem
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Condition(Frozen):
+    """``sum_t left_t X^(derivative)(point) right_t = 0`` on X = [D; N], point in the unit of the nodes.
+
+    Every linear constraint on coefficients that the library knows has this form; at infinity X stands for its
+    coefficients of the highest degrees that are free. It says what the coordinates in the orthonormal basis must
+    satisfy; their null space is orthonormal again, so that the condition number stays one.
+    """
+
+    point: complex
+    terms: tuple[tuple[np.ndarray, np.ndarray], ...]  # left (a, nu + ny), right (nu, c)
+    derivative: int = 0
+
+    def __post_init__(self) -> None:
+        self._set(terms=tuple((freeze(left), freeze(right)) for left, right in self.terms))
+
+    def on(self, basis: VectorPolynomials, column: int | None = None) -> np.ndarray:
+        """The equations (m, n), real, on coordinates in a basis for vec X, or for one `column` of X."""
+        return self._rows(basis.derivatives(self.point, self.derivative + 1), column)
+
+    def of(self, basis: VectorPolynomials, polynomial: Sequence[np.ndarray], column: int | None = None) -> np.ndarray:
+        """What a polynomial (arguments of `VectorPolynomials.evaluate`) leaves of the equations, (m,)."""
+        values = basis.derivatives_of(self.point, self.derivative + 1, polynomial)
+        return self._rows(values[..., None], column)[:, 0]
+
+    def _rows(self, derivatives: np.ndarray, column: int | None) -> np.ndarray:
+        maps = (np.kron(right.T if column is None else right[column][:, None], left) for left, right in self.terms)
+        both = sum(maps) @ derivatives[self.derivative]
+        return np.concatenate([both.real, both.imag]) if np.imag(self.point) else both.real
+
+
+class Constraint(Protocol):
+    """What `fit_mfd` takes in `constraints`."""
+
+    def apply(self, problem: FractionProblem) -> FractionProblem:
+        """The problem of a right fraction with this constraint added."""
+        ...
+
+    def transposed(self) -> Constraint:
+        """The constraint on P^T, for left fractions."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StaticGain(Frozen):
+    """P(s = 0) = gain, or P(z = 1) = gain: ``N - gain D = 0`` there.
+
+    Parameters
+    ----------
+    gain : (ny, nu) real array
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> from robustid.mfd import StaticGain
+    >>> omega = np.linspace(1, 9, 60)
+    >>> frf = rid.FrequencyResponse(omega, 1 / ((1j * omega) ** 2 + 0.2j * omega + 16))
+    >>> fit = rid.fit_mfd(frf, order=2, constraints=[StaticGain([[0.1]])])
+    >>> round(float(fit.model(0).real), 12)
+    0.1
+    """
+
+    gain: np.ndarray
+
+    def __post_init__(self) -> None:
+        self._set(gain=freeze(as_array("gain", self.gain, ndim=2)))
+
+    def apply(self, problem: FractionProblem) -> FractionProblem:
+        """Add the constraint."""
+        ny, nu = problem.values.shape[1:]
+        if self.gain.shape != (ny, nu):
+            raise InputError(f"`gain` must have shape (ny, nu) = {(ny, nu)}; got {self.gain.shape}")
+        left = np.hstack([-self.gain, np.eye(ny)])
+        return problem.with_conditions(Condition(problem.origin, ((left, np.eye(nu)),)))
+
+    def transposed(self) -> StaticGain:
+        """P^T(0) = gain^T."""
+        return StaticGain(self.gain.T)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Zero(Frozen):
+    """A transmission zero: ``direction P(point) = 0`` (right fraction) or ``P(point) direction = 0`` (left fraction).
+
+    Parameters
+    ----------
+    point : complex, s in rad/s or z
+    direction : (ny,) array for a right fraction, (nu,) for a left one, optional
+        Real. Default: the whole response vanishes there (a blocking zero).
+    """
+
+    point: complex
+    direction: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        point = complex(self.point)
+        if not np.isfinite(point):
+            raise InputError(f"`point` must be a finite number; got {self.point}")
+        direction = None if self.direction is None else freeze(as_array("direction", self.direction, ndim=1))
+        self._set(point=point, direction=direction)
+
+    def apply(self, problem: FractionProblem) -> FractionProblem:
+        """Add the constraint."""
+        ny, nu = problem.values.shape[1:]
+        rows = np.eye(ny) if self.direction is None else self.direction[None, :]
+        if rows.shape[1] != ny:
+            raise InputError(f"`direction` must have {ny} entries for this form of the fraction; got {rows.shape[1]}")
+        left = np.hstack([np.zeros((len(rows), nu)), rows])
+        return problem.with_conditions(Condition(self.point / problem.scale, ((left, np.eye(nu)),)))
+
+    def transposed(self) -> Zero:
+        """The same; the direction changes its side."""
+        return self
+
+
+@dataclasses.dataclass(frozen=True)
+class RollOff(Frozen):
+    """|P| falls at least like 1/|s|^degree (or has this many samples of delay): numerator degrees that much below.
+
+    Parameters
+    ----------
+    degree : int, at least 1
+    """
+
+    degree: int
+
+    def __post_init__(self) -> None:
+        self._set(degree=as_count("degree", self.degree, least=1))
+
+    def apply(self, problem: FractionProblem) -> FractionProblem:
+        """Add the constraint."""
+        if problem.feedthrough:
+            raise InputError("`feedthrough` and a roll-off exclude each other")
+        if self.degree > problem.degrees.min():
+            raise InputError(
+                f"`degree` = {self.degree} of the roll-off is more than an order of {problem.order} allows"
+                f" (at most {problem.degrees.min()})"
+            )
+        return dataclasses.replace(problem, roll_off=self.degree)
+
+    def transposed(self) -> RollOff:
+        """The same."""
+        return self
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ZeroEntries(Frozen):
+    """Entries of P that are zero whatever the coefficients are.
+
+    ``N_ij = 0`` for those entries, and ``D_lj = 0`` unless column l is zero wherever column j is; D^{-1} has the same
+    pattern then, so that ``P_ij = sum_l N_il (D^{-1})_lj = 0``.
+
+    Parameters
+    ----------
+    mask : (ny, nu) bool array
+        True where P is zero.
+    """
+
+    mask: np.ndarray
+
+    def __post_init__(self) -> None:
+        mask: Any = np.asarray(self.mask)
+        if mask.dtype != bool or mask.ndim != 2:
+            raise InputError(f"`mask` must be a (ny, nu) array of bool; got {mask.dtype}, shape {mask.shape}")
+        self._set(mask=freeze(mask))
+
+    def apply(self, problem: FractionProblem) -> FractionProblem:
+        """Add the constraint."""
+        if self.mask.shape != problem.values.shape[1:]:
+            raise InputError(f"`mask` must have shape (ny, nu) = {problem.values.shape[1:]}; got {self.mask.shape}")
+        # column l of the mask contains column j
+        allowed = np.all(self.mask[:, :, None] | ~self.mask[:, None, :], axis=0)
+        return dataclasses.replace(problem, zeros=problem.zeros | np.vstack([~allowed, self.mask]))
+
+    def transposed(self) -> ZeroEntries:
+        """Of P^T."""
+        return ZeroEntries(self.mask.T)
+
+
+def orthonormal_rows(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the row space: what these equations forbid. Every equation in its own unit."""
+    size = np.linalg.norm(rows, axis=1)
+    rows = rows[size > 0] / size[size > 0, None]
+    _, values, Vt = np.linalg.svd(rows, full_matrices=False)
+    return Vt[values > 1e-12 * values.max(initial=0.0)]

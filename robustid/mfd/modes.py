@@ -1,0 +1,139 @@
+"""A table of the modes of a model: frequency, damping, what each contributes, and how sure all that is."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.errors import InputTypeError
+from robustid.mfd.covariance import FitCovariance
+from robustid.mfd.modal import continuous, curve_points, modal_form, resolvent, schur_poles
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclasses.dataclass(frozen=True)
+class ModeRow:
+    """One mode: a conjugate pair, a real pole, or the rigid body.
+
+    Attributes
+    ----------
+    pole : complex
+        In the plane of the model; of a pair the one above the real axis.
+    count : int
+        Number of poles: 1, 2 for a pair, all of the rigid body.
+    hz : float
+        Natural frequency |s|/2π; 0 for the rigid body.
+    damping : float
+        -Re(s)/|s|; nan for the rigid body.
+    rigid : bool
+    multiplicity : int
+        Number of poles that share the block: larger than `count` where poles are too close to be told apart.
+    participation : float
+        Size of the mode's own response at its peak, every entry relative to the largest such peak of that entry,
+        relative to that of the largest mode: 0 to 1. inf for rigid-body and undamped modes.
+    output, input : int
+        The entry where that is largest.
+    hz_std, damping_std : float
+        Standard deviations, where a covariance is given, else nan.
+    """
+
+    pole: complex
+    count: int
+    hz: float
+    damping: float
+    rigid: bool
+    multiplicity: int
+    participation: float
+    output: int
+    input: int
+    hz_std: float = np.nan
+    damping_std: float = np.nan
+
+
+def mode_table(model: control.StateSpace, covariance: FitCovariance | None = None) -> tuple[ModeRow, ...]:
+    """Modes of a model with frequency, damping and how much each contributes, by frequency.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Continuous, or discrete with its sample time.
+    covariance : FitCovariance, optional
+        Of the fit that the model comes from: gives the standard deviations.
+
+    Returns
+    -------
+    tuple of ModeRow
+
+    Raises
+    ------
+    InputError, InputTypeError
+        As `modal_form`; `covariance` isn't one.
+
+    Examples
+    --------
+    >>> import control
+    >>> row, = mode_table(control.ss([[0, 1], [-16, -2]], [[0], [1]], [[1, 0]], 0))
+    >>> round(row.hz, 4), round(row.damping, 4), row.participation
+    (0.6366, 0.25, 1.0)
+    """
+    if covariance is not None and not isinstance(covariance, FitCovariance):
+        raise InputTypeError(f"`covariance` must be a FitCovariance; got {type(covariance).__name__}")
+    form = modal_form(model)
+    A, B, C = (np.asarray(part) for part in (form.model.A, form.model.B, form.model.C))
+    dt = form.model.dt
+    rows, peaks = [], []
+    for block in form.blocks:
+        part, inputs, outputs = A[block, block], B[block], C[:, block]
+        if form.rigid and block.start == 0:
+            pole = 1.0 if dt else 0.0
+            rows.append(ModeRow(pole, form.rigid, 0.0, np.nan, True, form.rigid, np.inf, 0, 0))
+            peaks.append(np.abs(_slowest(part - pole * np.eye(form.rigid), inputs, outputs)))
+            continue
+        for pole in schur_poles(part):
+            if pole.imag >= 0:
+                count, s = 1 + int(pole.imag > 0), continuous(pole, dt)
+                damping = float(-s.real / abs(s)) if s else np.nan
+                rows.append(ModeRow(complex(pole), count, abs(s) / (2 * np.pi), damping, False, len(part), 0.0, 0, 0))
+                peaks.append(_peak(part, inputs, outputs, s, dt))
+    found = [_with_deviation(row, covariance) for row in _with_participation(rows, peaks)]
+    return tuple(sorted(found, key=lambda row: (not row.rigid, row.hz)))
+
+
+def _slowest(N: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Gain of the rigid body at low frequency: of 1/s^2, or of 1/s where there are single integrators only."""
+    return C @ N @ B if np.any(N) else C @ B
+
+
+def _peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> np.ndarray:
+    """Largest modulus (ny, nu) of a mode's own response, inf where it isn't damped."""
+    if not np.isfinite(s):
+        return np.abs(resolvent(A, B, C, np.ones(1, dtype=complex)))[0]
+    if s.real == 0:
+        return np.where(np.abs(C) @ np.abs(B) > 0, np.inf, 0.0)
+    omega = np.array([abs(s.imag), np.sqrt(max(0.0, s.imag**2 - s.real**2))])
+    return np.max(np.abs(resolvent(A, B, C, curve_points(omega, dt))), axis=0)
+
+
+def _with_participation(rows: list[ModeRow], peaks: list[np.ndarray]) -> list[ModeRow]:
+    """Peaks of every entry relative to the largest of that entry: no unit of a channel counts."""
+    finite = [k for k, peak in enumerate(peaks) if np.all(np.isfinite(peak)) and not rows[k].rigid]
+    entry = np.max([peaks[k] for k in finite], axis=0) if finite else np.ones(1)
+    entry = np.where(entry > 0, entry, 1.0)
+    largest = max((float(np.linalg.norm(peaks[k] / entry)) for k in finite), default=1.0) or 1.0
+    found = []
+    for k, (row, peak) in enumerate(zip(rows, peaks, strict=True)):
+        output, column = np.unravel_index(int(np.argmax(peak / entry)), peak.shape)
+        share = float(np.linalg.norm(peak / entry)) / largest if k in finite else np.inf
+        found.append(dataclasses.replace(row, participation=share, output=int(output), input=int(column)))
+    return found
+
+
+def _with_deviation(row: ModeRow, covariance: FitCovariance | None) -> ModeRow:
+    if covariance is None:
+        return row
+    k = int(np.argmin(np.abs(covariance.poles - row.pole)))
+    return dataclasses.replace(row, hz_std=float(covariance.hz_std[k]), damping_std=float(covariance.damping_std[k]))

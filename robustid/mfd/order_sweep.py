@@ -1,0 +1,172 @@
+"""What a sweep of fits over the order shows: costs, information criteria and a stabilisation diagram."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.mfd.fit import MatrixFraction
+
+# A cost of this part of the weighted data (its root) is rounding.
+_EXACT = 1e-10
+_SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05
+
+
+class PoleRow(NamedTuple):
+    """One mark of a stabilisation diagram."""
+
+    order: int
+    frequency: float  # |s|, rad/s
+    damping: float  # -Re(s)/|s|; negative for an unstable pole
+    kind: str  # against the next lower order: "stable", "frequency", "damping" or "new"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class OrderSweep(Frozen):
+    """Fits over the order, with what each costs and which one the data carry.
+
+    Attributes
+    ----------
+    fits : dict of int to MatrixFraction
+        By rising order. With ``stable=False`` no cost lies above that of a lower order by more than 1e-6 of it; stable
+        fits may cost more where the best one is unstable.
+    failures : dict of int to str
+        Orders that could not be fitted, with the message.
+    parameters : (n,) int array
+        Free coefficients p: order*(ny + nu), ny*nu more with feed-through, less what constraints forbid.
+    equations : int
+        Real equations N: twice the number of complex samples with weight.
+    noise_known : bool
+        Whether the weight came from the covariance of the data.
+    singular_values : (r,) array
+        Of the subspace estimate, falling.
+    noise_edge : float
+        Noise alone keeps the singular values below this.
+    """
+
+    fits: dict[int, MatrixFraction]
+    failures: dict[int, str]
+    parameters: np.ndarray
+    equations: int
+    noise_known: bool
+    singular_values: np.ndarray
+    noise_edge: float
+
+    def __post_init__(self) -> None:
+        self._set(
+            fits=dict(sorted(self.fits.items())),
+            failures=dict(sorted(self.failures.items())),
+            parameters=freeze(self.parameters),
+            singular_values=freeze(self.singular_values),
+        )
+
+    @property
+    def orders(self) -> np.ndarray:
+        """Orders that were fitted, (n,)."""
+        return np.array(list(self.fits))
+
+    @property
+    def costs(self) -> np.ndarray:
+        """``V = sum_k |W(k) vec(P_k - model)|^2``, (n,)."""
+        return np.array([fit.cost for fit in self.fits.values()])
+
+    @property
+    def levels(self) -> np.ndarray:
+        """``sqrt(2 V/(N - p))``, (n,): 1 where the weight is the inverse of the noise and the model leaves nothing."""
+        freedom = self.equations - self.parameters
+        return np.sqrt(2 * self.costs / np.where(freedom > 0, freedom, np.nan))
+
+    @property
+    def mdl(self) -> np.ndarray:
+        """Minimum description length, (n,): ``-2 ln L + p ln N``."""
+        return self._deviance + self.parameters * math.log(self.equations)
+
+    @property
+    def aic(self) -> np.ndarray:
+        """Akaike's criterion, (n,): ``-2 ln L + 2 p``."""
+        return self._deviance + 2 * self.parameters
+
+    @property
+    def suggested(self) -> int:
+        """The order of the smallest MDL."""
+        return int(self.orders[np.argmin(self.mdl)])
+
+    @property
+    def subspace_order(self) -> int:
+        """Number of singular values above the noise."""
+        return int(np.sum(self.singular_values > self.noise_edge))
+
+    @property
+    def poles(self) -> dict[int, np.ndarray]:
+        """Poles of every order, in s (rad/s) or z."""
+        return {order: fit.fraction.poles for order, fit in self.fits.items()}
+
+    @property
+    def stabilisation(self) -> tuple[PoleRow, ...]:
+        """Every pole with Im(s) > 0, compared with those of the next lower order.
+
+        "stable": one of them has the frequency within 1 % and the damping within 5 %; "frequency": only the
+        frequency; "damping": only the damping of the nearest one; else "new", as all poles of the lowest order are.
+        """
+        rows: list[PoleRow] = []
+        last = np.zeros(0, dtype=complex)
+        for order, fit in self.fits.items():
+            here = _upper_poles(fit)
+            rows += [PoleRow(order, abs(s), -s.real / abs(s), _kind(s, last)) for s in here.tolist()]
+            last = here
+        return tuple(rows)
+
+    @property
+    def _deviance(self) -> np.ndarray:
+        """-2 ln L up to a constant."""
+        if self.noise_known:
+            return 2 * self.costs
+        problem = next(iter(self.fits.values())).problem
+        # Below that a cost is rounding, and its logarithm would reward every order above the true one.
+        exact = (_EXACT * np.linalg.norm(problem.weight.apply(problem.values))) ** 2
+        return self.equations * np.log(np.maximum(self.costs, exact) / self.equations)
+
+    def summary(self) -> str:
+        """A table with one line per order, then the suggestion."""
+        lines = [" order  parameters        cost     level    MDL-min    AIC-min  poles"]
+        mdl, aic = self.mdl - self.mdl.min(), self.aic - self.aic.min()
+        columns = zip(self.fits.items(), self.parameters, self.levels, mdl, aic, strict=True)
+        for (order, fit), count, level, more_mdl, more_aic in columns:
+            stable = "stable" if fit.stable else "unstable"
+            text = f"{order:6d}{count:12d}{fit.cost:12.5g}{level:10.4g}{more_mdl:11.5g}{more_aic:11.5g}  {stable}"
+            lines.append(text + ("  <" if order == self.suggested else ""))
+        lines += [f"{order:6d}  failed: {message}" for order, message in self.failures.items()]
+        noise = "known from the covariance" if self.noise_known else "of unknown level"
+        lines.append(
+            f"order {self.suggested} has the smallest MDL (noise {noise});"
+            f" {self.subspace_order} singular values of the subspace estimate lie above the noise"
+        )
+        if len(self.fits) > 1 and self.suggested == self.orders[-1]:
+            lines.append("the smallest MDL is at the largest order tried: give larger `orders`")
+        return "\n".join(lines)
+
+
+def _upper_poles(fit: MatrixFraction) -> np.ndarray:
+    """Poles in s with a positive imaginary part, by rising frequency."""
+    poles, dt = fit.fraction.poles.astype(complex), fit.fraction.dt
+    if dt is not None:
+        poles = np.log(poles[poles != 0]) / dt
+    poles = poles[np.imag(poles) > 0]
+    return poles[np.argsort(np.abs(poles))]
+
+
+def _kind(pole: complex, last: np.ndarray) -> str:
+    if not last.size:
+        return "new"
+    size, damping = abs(pole), -pole.real / abs(pole)
+    same_frequency = np.abs(np.abs(last) - size) <= _SAME_FREQUENCY * size
+    same_damping = np.abs(-np.real(last) / np.abs(last) - damping) <= _SAME_DAMPING * abs(damping)
+    if np.any(same_frequency & same_damping):
+        return "stable"
+    if np.any(same_frequency):
+        return "frequency"
+    return "damping" if same_damping[np.argmin(np.abs(last - pole))] else "new"

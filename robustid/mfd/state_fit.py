@@ -1,0 +1,81 @@
+"""Linear least squares with given poles: the inputs of a state-space model, its reflection into the stable region."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from robustid.mfd.rational_basis import band, real_rows, triangle
+
+# How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
+_BOUNDARY = 1e-9
+
+
+class Samples(NamedTuple):
+    """A response on its grid, with a weight per entry."""
+
+    values: np.ndarray  # (F, ny, nu)
+    points: np.ndarray  # (F,)
+    weight: np.ndarray  # (F, ny, nu)
+    domain: str
+
+
+def diagonal_blocks(*blocks: np.ndarray) -> np.ndarray:
+    """Block-diagonal matrix."""
+    return np.asarray(scipy.linalg.block_diag(*blocks))
+
+
+def fit_inputs(data: Samples, A: np.ndarray, C: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray, float]:
+    """B, D by weighted linear least squares, one problem per input, and the weighted rms residual."""
+    values, points, weight, _ = data
+    lines, ny, nu = values.shape
+    order = len(A)
+    rows = output_rows(A, C, points)
+    if feedthrough:
+        rows = np.concatenate([rows, np.broadcast_to(np.eye(ny), (lines, ny, ny))], axis=2)
+    if not np.all(np.isfinite(rows)):
+        return np.zeros((order, nu)), np.zeros((ny, nu)), math.inf
+    gain = np.empty((rows.shape[2], nu))
+    for j in range(nu):
+        system = np.concatenate([rows, values[:, :, j, None]], axis=2)
+        R = triangle(real_rows((weight[:, :, j, None] * system).reshape(lines * ny, -1)))
+        size = np.linalg.norm(R[:, :-1], axis=0)
+        size[size == 0] = 1.0
+        gain[:, j] = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
+    residual = np.linalg.norm(weight * (values - rows @ gain)) / math.sqrt(np.count_nonzero(weight))
+    return gain[:order], gain[order:] if feedthrough else np.zeros((ny, nu)), float(residual)
+
+
+def output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """C (xi I - A)^{-1} at all points, (F, ny, n): complex Schur form, back-substitution for all points at once.
+
+    An eigenvector basis would be shorter and fails at double poles (rigid-body modes).
+    """
+    T, U = scipy.linalg.schur(A, output="complex")[:2]
+    CU = C @ U
+    X = np.empty((len(points), len(C), len(A)), dtype=complex)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a pole on a line: the caller sees inf
+        for j in range(len(A)):
+            X[:, :, j] = (CU[:, j] + X[:, :, :j] @ T[:j, j]) / (points - T[j, j])[:, None]
+        return X @ U.conj().T
+
+
+def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:
+    """A in real Schur form with its unstable eigenvalues reflected: -conj(s), 1/conj(z)."""
+    boundary = _BOUNDARY * (np.min(band(points, "s")) if domain == "s" else 1.0)
+    A = A.copy()
+    j, n = 0, len(A)
+    while j < n:
+        size = 2 if j + 1 < n and A[j + 1, j] != 0 else 1
+        block = A[j : j + size, j : j + size]  # LAPACK's standard form: equal diagonal entries, the real part
+        if domain == "s":
+            np.fill_diagonal(block, -max(abs(block[0, 0]), boundary))
+        else:
+            radius = math.sqrt(abs(np.linalg.det(block))) if size == 2 else abs(block[0, 0])
+            if radius > 1 - boundary:
+                block *= min(1 / radius, 1 - boundary) / radius
+        j += size
+    return A

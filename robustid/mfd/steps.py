@@ -1,0 +1,185 @@
+"""One step of a matrix-fraction fit, in polynomials that the data make orthonormal: nothing is left to solve."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials
+from robustid.errors import InputError
+from robustid.mfd.node_fraction import NOTHING_HELD, Held, NodeFraction
+from robustid.mfd.problem import FractionProblem
+
+# Equations that contradict each other leave this much of themselves.
+_CONTRADICTION = 1e-6
+
+
+def sk_step(
+    problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD
+) -> tuple[NodeFraction, float]:
+    """One Sanathanan-Koerner step: minimise ``sum |W (D_old^{-T} kron [P_o -I]) vec([D; N])|^2``.
+
+    In the basis that these data make orthonormal the solution is the leading term made orthogonal to the free ones;
+    linear constraints add the shortest correction that fulfils them.
+
+    Parameters
+    ----------
+    denominators : (F, nu, nu) complex array
+        D_old at the lines; any function that is nonsingular there will do.
+    held : Held
+        From the last fraction.
+
+    Returns
+    -------
+    fraction : NodeFraction
+    condition : float
+        Of the normal matrix.
+    """
+    basis = problem.basis(denominators, problem.values)
+    terms = _constrained(problem, held, [basis], [basis.monic(problem.leading)[:3]])
+    return problem.tie(problem.polynomial(basis, terms[0], problem.directions(held))), basis.condition
+
+
+Terms = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _constrained(
+    problem: FractionProblem, held: Held, bases: list[VectorPolynomials], terms: list[Terms]
+) -> list[Terms]:
+    """The polynomials moved as little as it takes to fulfil the conditions.
+
+    One basis for vec X, or one for each column of X.
+    """
+    conditions = problem.conditions_at(held)
+    if not conditions:
+        return terms
+    columns = [None] if len(bases) == 1 and bases[0].limits.size == problem.leading.size else list(range(len(bases)))
+    rows = np.hstack(
+        [np.concatenate([c.on(b, column) for c in conditions]) for b, column in zip(bases, columns, strict=True)]
+    )
+    fixed = np.sum(
+        [
+            np.concatenate([c.of(b, (np.zeros(b.size), *term[1:]), column) for c in conditions])
+            for b, term, column in zip(bases, terms, columns, strict=True)
+        ],
+        axis=0,
+    )
+    ends = np.cumsum([basis.size for basis in bases])[:-1]
+    moved = _nearest(np.concatenate([term[0] for term in terms]), rows, fixed)
+    return [(part, term[1], term[2]) for part, term in zip(np.split(moved, ends), terms, strict=True)]
+
+
+def _nearest(coordinates: np.ndarray, rows: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """The nearest coordinates with ``rows coordinates + fixed = 0``."""
+    size = np.linalg.norm(rows, axis=1)
+    size[size == 0] = 1.0
+    rows, fixed = rows / size[:, None], fixed / size
+    inverse = scipy.linalg.pinv(rows, rtol=1e-13)
+    for _ in range(2):  # the second pass takes away what rounding left of the first
+        coordinates = coordinates - inverse @ (rows @ coordinates + fixed)
+    left = np.abs(rows @ coordinates + fixed)
+    if np.any(left > _CONTRADICTION * (np.abs(fixed) + np.linalg.norm(coordinates))):
+        raise InputError(
+            "`constraints` and rigid-body modes contradict each other, or the order is too small for them; take some"
+            " away or raise `order`"
+        )
+    return coordinates
+
+
+class Direction(NamedTuple):
+    """A Gauss-Newton direction."""
+
+    fraction: NodeFraction
+    slope: float
+    condition: float
+
+
+def gauss_newton_direction(problem: FractionProblem, fraction: NodeFraction) -> Direction:
+    """Gauss-Newton direction of the true criterion, from ``d vec(P) = -(D^{-T} kron [P -I]) vec(d[D; N])``.
+
+    The Jacobian's columns are orthonormal, so that the direction is minus the projection of the residual, and
+    Levenberg-Marquardt's damping in these coordinates is a shorter step along it. Constraints, and rigid-body
+    directions that turn with the fit, take a part of the coordinates away: the tangent space of the constrained set.
+
+    Returns
+    -------
+    fraction : NodeFraction
+        The direction.
+    slope : float
+        Part of the residual that lies in the tangent space: 0 at a stationary point, at most 1.
+    condition : float
+        Of the normal matrix.
+    """
+    response = fraction.response
+    basis = problem.basis(fraction.denominators, response)
+    residual = problem.residual(response)
+    coordinates = -basis.project(residual)
+    forbidden = problem.forbidden(basis, fraction)
+    coordinates -= forbidden.T @ (forbidden @ coordinates)
+    size = float(np.linalg.norm(residual))
+    slope = float(np.linalg.norm(coordinates)) / size if size > 0 else 0.0
+    turn = problem.turn(basis, fraction, coordinates)
+    return Direction(problem.polynomial(basis, (coordinates,), turn), slope, basis.condition)
+
+
+def retract(
+    problem: FractionProblem,
+    response: np.ndarray,
+    denominators: np.ndarray,
+    held: Held = NOTHING_HELD,
+    *,
+    steps: int = 2,
+    columnwise: int = 0,
+) -> NodeFraction:
+    """A fraction of the problem's form close to a response that nearly has one.
+
+    SK with the response in place of the data: exact data are reproduced in about two steps from any start, and what is
+    off by e comes back with an error of the order of e.
+
+    Parameters
+    ----------
+    response : (F, ny, nu) complex array
+    denominators : (F, nu, nu) complex array
+        Start.
+    held : Held
+        From the last fraction; the rigid-body directions stay.
+    steps, columnwise : int
+        Numbers of full steps, and of steps column by column (`column_step`) before them.
+    """
+    target = dataclasses.replace(problem, values=response)
+    best, error = None, np.inf
+    for step in range(columnwise + steps):
+        if step < columnwise:
+            fraction = column_step(target, denominators, held)
+        else:
+            fraction, _ = sk_step(target, denominators, held)
+        reached = target.cost(fraction)
+        if best is None or reached < error:
+            best, error = fraction, reached
+        denominators, held = fraction.denominators, fraction.held
+    if best is None:
+        raise InputError("`steps` must be at least 1")
+    return best
+
+
+def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
+    """SK step with ``|W| |D_old^{-1}|``, a number per line, as weight: the columns of [D; N] come apart.
+
+    nu^2 times cheaper than `sk_step`, and as exact where the data are those of a fraction; with noise it weighs them
+    wrongly wherever D_old is ill-conditioned.
+    """
+    lines, ny, nu = problem.values.shape
+    weight = problem.weight.size / np.linalg.svd(denominators, compute_uv=False)[:, -1]
+    left = np.concatenate([problem.values, np.broadcast_to(-np.eye(ny), (lines, ny, ny))], axis=2)
+    limits = problem.limits.reshape(nu, -1)
+    groups: dict[tuple[int, ...], VectorPolynomials] = {}
+    for row in limits:
+        if tuple(row) not in groups:
+            groups[tuple(row)] = orthonormal_polynomials(weight[:, None, None] * left, problem.xi, row)
+    bases = [groups[tuple(row)] for row in limits]
+    ones = np.eye(nu, nu + ny)
+    terms = [basis.monic(one)[:3] for basis, one in zip(bases, ones, strict=True)]
+    return problem.tie(problem.assembled(bases, _constrained(problem, held, bases, terms), problem.directions(held)))

@@ -1,0 +1,131 @@
+"""What is drawn of a sweep over the order: singular values, costs, criteria and the stabilisation diagram."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.errors import InputTypeError
+from robustid.mfd.order_sweep import OrderSweep
+from robustid.report.charts import HZ, Axis, Chart, Layer, Panel
+from robustid.report.mfd_charts import frequency_axis, rounded, thinned
+from robustid.report.style import ALERT, DATA, FAINT, FURTHER, NOMINAL
+
+_KINDS = (
+    ("stable", "frequency and damping as one order below", NOMINAL, "circle"),
+    ("frequency", "frequency only", FURTHER[0], "diamond-open"),
+    ("damping", "damping only", FURTHER[1], "triangle-up-open"),
+    ("new", "new", FAINT, "x"),
+)
+_CELLS = 400
+
+
+def checked_sweep(sweep: OrderSweep) -> OrderSweep:
+    """The sweep, or a sentence that it isn't one."""
+    if not isinstance(sweep, OrderSweep):
+        raise InputTypeError(f"`order_sweep` must be an OrderSweep from suggest_order; got {type(sweep).__name__}")
+    return sweep
+
+
+def order_chart(sweep: OrderSweep) -> Chart:
+    """Singular values against the noise, cost and information criteria against the order."""
+    return Chart(name="orders", panels=(_singular_values(sweep), _costs(sweep), _criteria(sweep)))
+
+
+def _singular_values(sweep: OrderSweep) -> Panel:
+    values, edge = sweep.singular_values, sweep.noise_edge
+    # Far beyond the order asked there is nothing but noise.
+    values = values[: max(2 * sweep.subspace_order + 10, int(sweep.orders.max()) + 5)]
+    index = np.arange(1.0, values.size + 1)
+    above = values > edge
+    layers = [
+        Layer(name=name, x=index[mask], y=values[mask], colour=colour, marker=marker)
+        for mask, name, colour, marker in (
+            (above, "above the noise", NOMINAL, "circle"),
+            (~above, "noise", FAINT, "circle-open"),
+        )
+        if np.any(mask)
+    ]
+    ends = np.array([0.0, values.size + 1.0])
+    layers.append(Layer(name="largest of noise alone", x=ends, y=np.full(2, edge), colour=ALERT, dash="dash"))
+    return Panel(
+        title="Singular values of the subspace estimate",
+        x=Axis(label="number [–]", range=(0.0, values.size + 1.0)),
+        y=Axis(label="singular value [–]", log=True, range=_span(np.append(values, edge))),
+        layers=tuple(layers),
+    )
+
+
+def _costs(sweep: OrderSweep) -> Panel:
+    orders = sweep.orders.astype(float)
+    curve = Layer(name="cost", x=orders, y=sweep.costs, colour=NOMINAL, dash="solid", marker="circle")
+    unstable = np.array([not fit.stable for fit in sweep.fits.values()])
+    layers = [curve]
+    if np.any(unstable):
+        x, y = orders[unstable], sweep.costs[unstable]
+        layers.append(Layer(name="unstable poles", x=x, y=y, colour=ALERT, marker="diamond-open", size=2.0))
+    span = _span(sweep.costs)
+    layers.append(_suggested(sweep, span))
+    return Panel(title="Cost", x=_orders(sweep), y=Axis(label="cost [–]", log=True, range=span), layers=tuple(layers))
+
+
+def _criteria(sweep: OrderSweep) -> Panel:
+    orders = sweep.orders.astype(float)
+    layers = [
+        # One more, so that the smallest has a place on the axis.
+        Layer(name=name, x=orders, y=values - values.min() + 1, colour=colour, dash=dash, marker=marker)
+        for name, values, colour, dash, marker in (
+            ("MDL", sweep.mdl, NOMINAL, "solid", "circle"),
+            ("AIC", sweep.aic, FURTHER[0], "dash", "square-open"),
+        )
+    ]
+    span = _span(np.concatenate([layer.y for layer in layers]))
+    layers.append(_suggested(sweep, span))
+    y = Axis(label="criterion − smallest + 1 [–]", log=True, range=span)
+    return Panel(title="Information criteria", x=_orders(sweep), y=y, layers=tuple(layers))
+
+
+def _orders(sweep: OrderSweep) -> Axis:
+    low, high = float(sweep.orders.min()), float(sweep.orders.max())
+    return Axis(label="order [–]", range=(low - 0.7, high + 0.7), tick=float(max(1, np.ceil((high - low) / 14))))
+
+
+def _suggested(sweep: OrderSweep, span: tuple[float, float]) -> Layer:
+    name = f"suggested order {sweep.suggested}"
+    return Layer(name=name, x=np.full(2, float(sweep.suggested)), y=np.array(span), colour=DATA, dash="dot")
+
+
+def _span(values: np.ndarray) -> tuple[float, float]:
+    values = values[np.isfinite(values) & (values > 0)]
+    if not values.size:
+        return 0.1, 1.0
+    return float(values.min()) / 2, float(values.max()) * 2
+
+
+def stabilisation_chart(sweep: OrderSweep) -> Chart:
+    """Every pole of every order over the sum of all magnitudes: physical modes stand in columns."""
+    orders = sweep.orders
+    problem = next(iter(sweep.fits.values())).problem
+    axis = frequency_axis(problem.omega)
+    low, high = float(orders.min()) - 0.8, float(orders.max()) + 0.8
+    total = np.sum(np.abs(problem.values), axis=(1, 2))
+    position = np.log(np.maximum(problem.omega, 1e-300)) if axis.log else problem.omega
+    kept = thinned(position, [total], _CELLS)
+    kept = kept[(problem.omega[kept] > 0) & (total[kept] > 0)]
+    level = np.log(total[kept])
+    level = low + (high - low) * (level - level.min()) / (np.ptp(level) or 1.0)
+    x = rounded(problem.omega[kept] / HZ)
+    layers = [Layer(name="Σ |P_o|, logarithmic", x=x, y=rounded(level), colour="#c4cad1", dash="solid")]
+    rows = [row for row in sweep.stabilisation if problem.omega.min() <= row.frequency <= problem.omega.max()]
+    for kind, words, colour, marker in _KINDS:
+        layers += _marks([row for row in rows if row.kind == kind and row.damping > 0], words, colour, marker)
+    layers += _marks([row for row in rows if row.damping <= 0], "unstable", ALERT, "square-open")
+    order = Axis(label="order [–]", range=(low, high), tick=float(max(1, np.ceil((high - low) / 14))))
+    return Chart(name="stabilisation", panels=(Panel(title="Stabilisation", x=axis, y=order, layers=tuple(layers)),))
+
+
+def _marks(rows: list, name: str, colour: str, marker: str) -> list[Layer]:
+    if not rows:
+        return []
+    x, y = np.array([row.frequency / HZ for row in rows]), np.array([float(row.order) for row in rows])
+    hover = tuple(f"order {row.order}: {row.frequency / HZ:.6g} Hz, damping {row.damping:.3g}" for row in rows)
+    return [Layer(name=name, x=x, y=y, colour=colour, marker=marker, hover=hover)]
