@@ -130,3 +130,26 @@ def input_priority(model: StateMatrices, states: np.ndarray, step: int) -> tuple
         Q = np.hstack([Q, scipy.linalg.orth(block)])
         block = A @ block / max(float(np.linalg.norm(block)), 1e-300)
     return tuple(int(k) for k in scipy.linalg.qr(block, pivoting=True, mode="r")[1])  # type: ignore[index]
+
+
+class Decoupling(NamedTuple):
+    """Transformations that show the rigid body alone: ``output P input`` has ``I/s^2`` in its first rows and columns.
+
+    Attributes
+    ----------
+    output : (ny, ny) array
+        T_y: the first rows read the rigid-body coordinates, the others do not see them.
+    input : (nu, nu) array
+        T_u: the first columns push one rigid-body mode each, the others none.
+    """
+
+    output: np.ndarray
+    input: np.ndarray
+
+
+def decoupling(model: StateMatrices, count: int) -> Decoupling:
+    """T_y and T_u of a model with `count` exact chains of integrators at the end of its state (`split_rigid`)."""
+    directions, shapes = model.B[-count:], model.C[:, -2 * count : len(model.A) - count]
+    T_u = np.hstack([np.linalg.pinv(directions), scipy.linalg.null_space(directions)])
+    T_y = np.vstack([np.linalg.pinv(shapes), scipy.linalg.null_space(shapes.T).T])
+    return Decoupling(T_y, T_u)

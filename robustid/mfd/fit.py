@@ -11,19 +11,17 @@ import numpy as np
 from robustid._arrays import Frozen, as_count
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.mfd.attempt import Attempt, Settings, attempt, response, unstable_poles
-from robustid.mfd.chains import StateMatrices
+from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
+from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain
 from robustid.mfd.criterion import Weight
+from robustid.mfd.first_model import first_model
 from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.model import FractionModel
 from robustid.mfd.problem import FractionProblem, NodeFraction
 from robustid.mfd.restart import EXTRA, strongest, suspicious
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples
-from robustid.mfd.subspace import subspace_estimate
-
-_SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,6 +88,14 @@ class MatrixFraction(Frozen):
         return directions.T if self.fraction.form == "left" else directions
 
     @property
+    def decoupling(self) -> Decoupling | None:
+        """T_y and T_u with ``T_y P T_u = diag(I/s^2, 0) + less``: the rigid body by itself (`voorhoeve2016` section III)."""
+        if self.fraction.rigid is None:
+            return None
+        found = decoupling(self.fraction.rigid, self.fraction.rigid_count)
+        return Decoupling(found.input.T, found.output.T) if self.fraction.form == "left" else found
+
+    @property
     def stable(self) -> bool:
         """Whether every pole but those of rigid-body modes lies inside the stability region."""
         return not np.any(unstable_poles(self.fraction))
@@ -132,8 +138,9 @@ def fit_mfd(
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
     rigid_body : RigidBody, optional
         Modes that are exact: ``RigidBody(3)``.
-    start : control.StateSpace, optional
-        A model to start from in place of the subspace estimate; any order.
+    start : control.StateSpace or (n,) array of poles, optional
+        Where to start in place of the subspace estimate: a model of any order, or poles (s in rad/s, or z), which SK
+        takes as ``D = prod (s - pole) I``; not with `rigid_body`.
     feedthrough : bool
         Whether P(infinity) may differ from 0.
     constraints : iterable of StaticGain, Zero, RollOff, ZeroEntries
@@ -175,7 +182,7 @@ def fit_mfd(
         problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
     data = _samples(problem, frf, form, given=weight is not None)
     settings = Settings(method, rigid_body, form, bool(stable), progress)
-    best = attempt(problem, data, _first_model(problem, data, start, form), settings)
+    best = attempt(problem, data, first_model(problem, data, start, form, rigid_body), settings)
     if restart and suspicious(best):
         other = _second(problem, data, settings)
         if (
@@ -203,7 +210,7 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Atte
     try:
         richer = dataclasses.replace(problem, order=problem.order + EXTRA)
         quiet = dataclasses.replace(settings, progress=None)
-        found = attempt(richer, data, _first_model(richer, data, None, settings.form), quiet).found
+        found = attempt(richer, data, first_model(richer, data, None, settings.form, settings.body), quiet).found
     except (InputError, np.linalg.LinAlgError):
         return None
     model = strongest(found, data, problem.feedthrough)
@@ -261,44 +268,3 @@ def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str, *, giv
         variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
         entries = entries / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
     return Samples(problem.values, problem.scale * problem.xi, entries, "s" if problem.dt is None else "z")
-
-
-def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
-    """Subspace estimates: with the entries' weights, and relative where those are something else.
-
-    The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
-    """
-    size = np.abs(data.values)
-    used = data.weight > 0
-    relative = used / np.where(size > 0, size, 1.0)
-    weights = [data.weight]
-    ratio = data.weight[used & (size > 0)] * size[used & (size > 0)]
-    if np.all(size[used] > 0) and ratio.size and ratio.max() > _SAME_WEIGHT * ratio.min():
-        weights.append(relative)
-    options = {"feedthrough": problem.feedthrough, "domain": data.domain}
-    found = [subspace_estimate(data.values, data.points, problem.order, weight=w, **options) for w in weights]
-    return [StateMatrices(one.A, one.B, one.C, one.D) for one in found]
-
-
-def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
-    cost = float(np.linalg.norm(problem.residual(response(model, data.points))))
-    return cost if np.isfinite(cost) else np.inf
-
-
-def _first_model(problem: FractionProblem, data: Samples, start: Any, form: str) -> StateMatrices:
-    """The subspace estimate, or the model that was given."""
-    if start is None:
-        return min(_estimates(problem, data), key=lambda model: _start_cost(problem, data, model))
-    import control
-
-    if not isinstance(start, control.StateSpace):
-        raise InputTypeError(f"`start` must be a control.StateSpace; got {type(start).__name__}")
-    A, B, C, D = (np.asarray(M, dtype=float) for M in (start.A, start.B, start.C, start.D))
-    if form == "left":
-        A, B, C, D = A.T, C.T, B.T, D.T
-    if D.shape != problem.values.shape[1:]:
-        ny, nu = D.shape if form == "right" else D.shape[::-1]
-        raise InputError(f"`start` must have the channels of `frf`; got {ny} outputs and {nu} inputs")
-    if start.isdtime(strict=True) != (problem.dt is not None):
-        raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
-    return StateMatrices(A, B, C, D)

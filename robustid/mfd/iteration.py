@@ -24,6 +24,7 @@ _EXACT = 1e-10
 _HALVINGS = 8
 # Length of a Gauss-Newton step in standard deviations of the parameters, all together: slope^2 = length^2/equations.
 _TINY = 1e-2
+_RTOL = 1e-10
 _SMALL = 0.3
 # SK, IV and Gauss-Newton aren't descent methods: they may rise before they fall, but not for ever.
 _PATIENCE = 4
@@ -85,7 +86,7 @@ def fit_fraction(
     start: NodeFraction | None = None,
     method: str = "sk+lm",
     steps: int | None = None,
-    rtol: float = 1e-10,
+    rtol: float | None = None,
     admit: Callable[[NodeFraction], NodeFraction | None] | None = None,
     report: Callable[[FitStep], None] | None = None,
 ) -> FractionFit:
@@ -101,9 +102,9 @@ def fit_fraction(
         "sk", "sk-relaxed", "sk-minimum-norm" (one input), "iv", "gn", "lm" or a sequence of them, such as "sk+lm".
     steps : int, optional
         Largest number of steps of each phase; default 20 (SK) or 30.
-    rtol : float
-        Converged when a Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below this;
-        or when the step is shorter than 0.01 standard deviations of the parameters, all together.
+    rtol : float, optional
+        Converged when a Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below this.
+        Default 1e-10, or what a step of 0.01 standard deviations of the parameters, all together, would bring.
     admit : callable, optional
         Gives a fraction back, or an admissible one in its place (with its poles reflected), or None. Default: all are
         admissible.
@@ -160,14 +161,17 @@ class _Run:
         self,
         problem: FractionProblem,
         start: NodeFraction | None,
-        rtol: float,
+        rtol: float | None,
         admit: Callable[[NodeFraction], NodeFraction | None] | None,
         report: Callable[[FitStep], None] | None,
     ) -> None:
-        self.problem, self.rtol, self.admit, self.report = problem, rtol, admit, report
+        self.problem, self.admit, self.report = problem, admit, report
         self.best, self.cost = start, np.inf if start is None else problem.cost(start)
         self.exact = (_EXACT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2
-        self.equations = 2 * int(np.count_nonzero(problem.weight.entries))
+        equations = 2 * int(np.count_nonzero(problem.weight.entries))
+        self.rtol = max(_RTOL, _TINY**2 / equations) if rtol is None else rtol
+        # What is left then lies within the noise: worth a step, but no search.
+        self.enough = _SMALL**2 / equations if rtol is None else 0.0
         self.status = FitStatus.LIMIT
         self.history: list[FitStep] = []
 
@@ -227,11 +231,10 @@ class _Run:
             if self.best is None or self.cost <= self.exact:
                 return
             direction = gauss_newton_direction(self.problem, self.best)
-            if direction.slope**2 <= max(self.rtol, _TINY**2 / self.equations):
+            if direction.slope**2 <= self.rtol:
                 self.status = FitStatus.STATIONARY
                 return
-            # What is left lies within the noise: worth a step, but no search.
-            enough = direction.slope**2 <= _SMALL**2 / self.equations
+            enough = direction.slope**2 <= self.enough
             trial, reached, step, barred = self.search(self.best, direction, 1 if enough else _HALVINGS)
             if trial is None:
                 self.status = FitStatus.FLAT if enough else FitStatus.BOUNDARY if barred else FitStatus.STALLED

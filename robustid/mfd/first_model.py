@@ -1,0 +1,79 @@
+"""Where a fit begins: a subspace estimate, a model that was given, or poles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import as_array
+from robustid.errors import InputError, InputTypeError
+from robustid.mfd.attempt import response
+from robustid.mfd.chains import StateMatrices
+from robustid.mfd.iteration import fit_fraction
+from robustid.mfd.model import realise
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.state_fit import Samples
+from robustid.mfd.subspace import subspace_estimate
+
+_SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
+
+
+def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
+    """Subspace estimates: with the entries' weights, and relative where those are something else.
+
+    The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
+    """
+    size = np.abs(data.values)
+    used = data.weight > 0
+    relative = used / np.where(size > 0, size, 1.0)
+    weights = [data.weight]
+    ratio = data.weight[used & (size > 0)] * size[used & (size > 0)]
+    if np.all(size[used] > 0) and ratio.size and ratio.max() > _SAME_WEIGHT * ratio.min():
+        weights.append(relative)
+    options = {"feedthrough": problem.feedthrough, "domain": data.domain}
+    found = [subspace_estimate(data.values, data.points, problem.order, weight=w, **options) for w in weights]
+    return [StateMatrices(one.A, one.B, one.C, one.D) for one in found]
+
+
+def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
+    cost = float(np.linalg.norm(problem.residual(response(model, data.points))))
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
+    """The best fraction of a few SK steps from ``D_old = prod (xi - pole) I``, as a state space."""
+    if not poles.size:
+        raise InputError("`start` must hold at least one pole")
+    logarithm = np.sum(np.log(problem.xi[:, None] - poles / problem.scale), axis=1)
+    scalar = np.exp(logarithm - logarithm.real.max())  # relative to the largest: a product of 80 poles would underflow
+    fit = fit_fraction(problem, denominators=scalar[:, None, None] * np.eye(problem.values.shape[2]), method="sk")
+    return realise(problem, fit.fraction).matrices
+
+
+def first_model(
+    problem: FractionProblem, data: Samples, start: Any, form: str, body: RigidBody | None
+) -> StateMatrices:
+    """The subspace estimate, the model that was given, or what SK makes of poles."""
+    if start is None:
+        return min(_estimates(problem, data), key=lambda model: _start_cost(problem, data, model))
+    import control
+
+    if not isinstance(start, control.StateSpace):
+        if not isinstance(start, np.ndarray | list | tuple):
+            raise InputTypeError(
+                f"`start` must be a control.StateSpace or an array of poles; got {type(start).__name__}"
+            )
+        if body is not None:
+            raise InputError("`start` must be a model where a rigid body is asked for; poles don't say what moves it")
+        return _from_poles(problem, as_array("start", start, dtype=complex, ndim=1))
+    A, B, C, D = (np.asarray(M, dtype=float) for M in (start.A, start.B, start.C, start.D))
+    if form == "left":
+        A, B, C, D = A.T, C.T, B.T, D.T
+    if D.shape != problem.values.shape[1:]:
+        ny, nu = D.shape if form == "right" else D.shape[::-1]
+        raise InputError(f"`start` must have the channels of `frf`; got {ny} outputs and {nu} inputs")
+    if start.isdtime(strict=True) != (problem.dt is not None):
+        raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
+    return StateMatrices(A, B, C, D)
