@@ -16,7 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
 import robustid as rid
 from problems import random_problem
 from robustid.identification import margin
-from robustid.identification.exact import exact_data
+from robustid.identification.forms import pose
 from robustid.solve import available_solvers
 
 
@@ -24,7 +24,7 @@ def full_lmi(problem):
     """The margin from [I X; X' I] >= 0, one block of size 2n, through cvxpy and Clarabel."""
     import cvxpy as cp
 
-    data = exact_data(problem)
+    data = pose(problem).data
     y, E, Q, _ = data.stacked
     n, samples, discs = data.sarason.pair.order, data.rows.y.size, data.rows.discs
     x, q, s = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()

@@ -21,6 +21,7 @@ import robustid as rid
 from mfd_systems import noisy, random_modal_system, relative_error
 from robustid.mfd import Weight, fit_mfd
 from robustid.mfd.comparison import BASES, conditioning, sk_in_basis
+from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.problem import FractionProblem
 
 try:
@@ -217,6 +218,19 @@ def bases(channels, plot=None):
         draw(curves, plot)
 
 
+def every_step(large):
+    """Condition along whole iterations: SK from D = I, Levenberg-Marquardt as by default, then IV from its end."""
+    print("\nlargest condition - 1 of the normal matrix over all steps, noisy 4x4, 1000 lines")
+    print(f"{'order':>7}{'method':>8}{'steps':>7}{'condition - 1':>15}")
+    for order in (40, 82)[: 1 + large]:
+        problem, start = problem_of(4, order, 1000)
+        history = fit_fraction(problem, denominators=start, method="sk").history
+        history += fit_mfd(rid.FrequencyResponse(problem.omega, problem.values), order=order, method="lm+iv").history
+        for method in ("sk", "lm", "iv"):
+            conditions = [step.condition for step in history if step.method == method]
+            print(f"{order:7}{method:>8}{len(conditions):7}{max(conditions) - 1:15.1e}", flush=True)
+
+
 def draw(curves, path):
     import matplotlib
 
@@ -236,12 +250,13 @@ def draw(curves, path):
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--large", action="store_true", help="also a step at order 82 with 5000 lines (3 GB)")
+    parser.add_argument("--large", action="store_true", help="also at order 82; a step with 5000 lines (3 GB)")
     parser.add_argument("--plot", help="draw the condition numbers to this file")
     arguments = parser.parse_args(argv)
     warnings.simplefilter("ignore")  # vector fitting says so when it stops at its iteration limit
     bases(4, arguments.plot)
     bases(1)
+    every_step(arguments.large)
     accuracy("4x4, 40 states, 1 % noise", arguments.seeds, 4, 20, 0.01)
     accuracy("single channel, 20 states, 1 % noise", arguments.seeds, 1, 10, 0.01)
     accuracy("4x4, 40 states, no noise", 1, 4, 20, 0.0)

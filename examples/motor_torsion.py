@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 import robustid as rid
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.errors import DatasetNotFoundError
-from robustid.identification.verification import model_residuals
+from robustid.identification.residuals import model_residuals
 from robustid.report import plot_frequency_response, plot_residuals, plot_time_response, write_report
 
 NAME = "two_mass/MultisineTypeA.mat"

@@ -1,9 +1,9 @@
 """A simulated wafer stage: rigid-body modes that are exact, fitted from the inputs' number alone.
 
-A plate that floats, seen out of plane: three forces and a bending piezo, three position sensors and a strain gauge. Three
-rigid-body modes (z, Rx, Ry), flexible modes from 100 Hz on. Measured in closed loop: the controller takes away what one
-wants to see at low frequency, so that the noise is worst there. After R. Voorhoeve et al., IFAC 2016, section V.
-Run: python wafer_stage.py --out folder (--full: 38 flexible modes, order 82, 5000 lines from 0.5 Hz to 4 kHz: minutes)
+A plate that floats, seen out of plane: three forces and a bending piezo, three position sensors and a strain gauge.
+Three rigid-body modes (z, Rx, Ry), flexible modes from 100 Hz on. Measured in closed loop: the controller takes away
+what one wants to see at low frequency: the noise is worst there. After R. Voorhoeve et al., IFAC 2016, section V.
+Run: python wafer_stage.py --out folder (--full: 38 flexible modes, order 82, 5000 lines to 4 kHz: 10 minutes)
 """
 
 import argparse
@@ -15,13 +15,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.mfd import Weight
+from robustid.report import plot_convergence, plot_fit
 
 MASS, SIDES = 12.0, np.array([0.62, 0.5])  # kg, m: a plate, evenly filled
 FORCES = np.array([[-0.19, -0.21], [0.23, -0.17], [0.02, 0.2]])  # where the actuators act, m from the centre
 SENSORS = np.array([[-0.27, 0.11], [0.24, 0.19], [0.05, -0.23]])  # where the position sensors look
 PIEZO, GAUGE = np.array([0.06, 0.04]), np.array([-0.08, 0.05])  # the pair on the plate that sees bending only
-CHANNELS = ("force 1", "force 2", "force 3", "piezo"), ("position 1", "position 2", "position 3", "strain")
+INPUTS = ["force 1 [N]", "force 2 [N]", "force 3 [N]", "piezo [V]"]
+OUTPUTS = ["position 1 [µm]", "position 2 [µm]", "position 3 [µm]", "strain [1e-6]"]
+EDGES = 0.5, 5, 15, 160, 2000, 4000  # Hz: the bands of the paper, the lowest one cut in three
 
 
 def bending(points, numbers):
@@ -52,11 +54,6 @@ def stage(modes):
     return plant, frequency
 
 
-def noise_level(omega, corner_hz=5.0):
-    """Relative standard deviation: 1 %, and more where the loop suppresses the excitation (inverse sensitivity)."""
-    return 0.01 * np.sqrt(1 + (2 * np.pi * corner_hz / omega) ** 4)
-
-
 def measure(truth, sigma, seed):
     """The response with circular noise of standard deviation sigma per entry."""
     rng = np.random.default_rng(seed)
@@ -69,38 +66,24 @@ def errors(response, truth, omega, bands):
     return [np.sqrt(np.mean(ratio[(omega >= low) & (omega <= high)] ** 2)) for low, high in bands]
 
 
-def matrix(path, omega, curves, data, label):
-    """4x4 pictures: dots for the data, a line for each of the curves (name to values and format)."""
+def plot_low(frf, truth, fits):
+    """Magnitude of data and models over that of the truth, up to 15 Hz."""
+    k = frf.freq_hz <= 15
+    curves = {name: np.abs(fit.fraction.response(frf.omega[k]) / truth[k]) for name, fit in fits.items()}
     figure = Figure(figsize=(11, 8.5), layout="constrained")
     grid = figure.subplots(4, 4, sharex=True, sharey=True)
     for (i, j), axes in np.ndenumerate(grid):
-        axes.semilogx(omega / (2 * np.pi), data[:, i, j], ".", ms=2.5, color="0.65", label="data")
-        for name, (values, style) in curves.items():
-            axes.semilogx(omega / (2 * np.pi), values[:, i, j], style, lw=1.1, label=name)
-        axes.set_title(f"{CHANNELS[0][j]} to {CHANNELS[1][i]}", fontsize=9)
+        measured = np.abs(frf.values[k, i, j] / truth[k, i, j])
+        axes.semilogx(frf.freq_hz[k], measured, ".", ms=2.5, color="0.65", label="data")
+        for name, values in curves.items():
+            axes.plot(frf.freq_hz[k], values[:, i, j], lw=1.1, label=name)
+        axes.set_title(f"{frf.inputs[j].name} to {frf.outputs[i].name}", fontsize=9)
         axes.grid(alpha=0.3)
-    grid[0, 0].set(**label)
+    grid[0, 0].set(ylim=(0.8, 1.2))
     figure.supxlabel("frequency in Hz")
-    figure.supylabel("magnitude, µm or 10⁻⁶ per N or V" if "yscale" in label else "magnitude over that of the truth")
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    figure.savefig(path, dpi=110)
-
-
-def convergence(path, fits):
-    """Cost over the lowest of the fit, and condition number, at every iteration."""
-    figure = Figure(figsize=(10, 3.6), layout="constrained")
-    cost, condition = figure.subplots(1, 2)
-    for (name, fit), style in zip(fits.items(), ("o-", "s--", "d:"), strict=True):
-        costs = np.array([fit.start_cost] + [step.cost for step in fit.history])
-        cost.semilogy(costs / fit.cost, style, label=name)
-        condition.plot(np.arange(1, len(costs)), (fit.condition_numbers - 1) * 1e15, style)
-    cost.set(xlabel="iteration", ylabel="cost over the lowest")
-    condition.set(xlabel="iteration", ylabel="(condition number - 1) / 10⁻¹⁵", ylim=(0, 10))
-    for axes in (cost, condition):
-        axes.xaxis.get_major_locator().set_params(integer=True)
-        axes.grid(alpha=0.3)
-    cost.legend()
-    figure.savefig(path, dpi=110)
+    figure.supylabel("magnitude over that of the truth")
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
 
 
 def main(argv=None):
@@ -110,62 +93,46 @@ def main(argv=None):
     arguments = parser.parse_args(argv)
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
-    modes, lines, top = (38, 5000, 4000.0) if arguments.full else (9, 600, 1500.0)
-    realisations = 1 if arguments.full else 4
 
+    modes, lines = (38, 5000) if arguments.full else (9, 600)
     plant, frequency = stage(modes)
-    omega, order = 2 * np.pi * np.geomspace(0.5, top, lines), 2 * modes + 6
+    omega, order = 2 * np.pi * np.geomspace(EDGES[0], EDGES[-1], lines), 2 * modes + 6
     truth = plant(omega)
-    sigma = noise_level(omega)[:, None, None] * np.abs(truth)  # repeated periods tell it
-    # The paper's bands: ten times the weight from 15 to 160 Hz, a hundredth in the upper half (of 4 kHz).
-    weight = Weight(1 / sigma).banded(omega, [(2 * np.pi * 15, 2 * np.pi * 160, 10), (np.pi * top, omega[-1], 0.01)])
-    edges = [0.5, 5, 15, 160, top / 2, top]
-    bands = [(2 * np.pi * a, 2 * np.pi * b) for a, b in itertools.pairwise(edges)]
-
+    # 1 %, and more where the loop suppresses the excitation (inverse sensitivity); repeated periods tell it.
+    sigma = 0.01 * np.sqrt(1 + (2 * np.pi * 5 / omega[:, None, None]) ** 4) * np.abs(truth)
+    frf = rid.FrequencyResponse(omega, measure(truth, sigma, seed=0), inputs=INPUTS, outputs=OUTPUTS)
+    bands = 2 * np.pi * np.array(list(itertools.pairwise(EDGES)))
+    noise = rid.Weight(1 / sigma)
+    weight = noise.banded(omega, [(*bands[2], 10), (*bands[-1], 0.01)])  # as in the paper
     low, high = frequency[[0, -1]] / (2 * np.pi)
     print(
         f"{modes} flexible modes from {low:.0f} to {high:.0f} Hz and 3 rigid-body modes: order {order}, {lines} lines"
     )
-    found = {"rigid body": [], "unconstrained": []}
-    for seed in range(realisations):
-        data = measure(truth, sigma, seed)
-        frf = rid.FrequencyResponse(omega, data)
-        # The noise's own weight first: in bands of very different weight the subspace start sees one band only.
-        body = rid.RigidBody(3)
-        likely = rid.fit_mfd(frf, order=order, rigid_body=body, weight=Weight(1 / sigma))
-        rigid = rid.fit_mfd(frf, order=order, rigid_body=body, weight=weight, start=likely.model)
-        # Started from the constrained model, which it can only improve on these data; unstable poles are left.
-        free = rid.fit_mfd(frf, order=order, weight=weight, start=rigid.model, stable=False)
-        fits = dict(zip(found, (rigid, free), strict=True))
-        for name, fit in fits.items():
-            found[name].append(errors(fit.fraction.response(omega), truth, omega, bands))
 
-    print(f"\nRelative rms error over {realisations} noise realisation(s), by band in Hz; cost and poles of the last:")
-    print(
-        f"{'':14}"
-        + "".join(f"{f'{a:.4g}-{b:.4g}':>10}" for a, b in itertools.pairwise(edges))
-        + "      cost  slowest |pole|, rad/s"
-    )
+    # First with the weight of the noise: where bands weigh 1000 times more than others, the start can miss a mode.
+    body = rid.RigidBody(3)
+    likely = rid.fit_mfd(frf, order=order, rigid_body=body, weight=noise)
+    rigid = rid.fit_mfd(frf, order=order, rigid_body=body, weight=weight, start=likely.model)
+    # Started from the constrained model, which it can only improve on these data; unstable poles are left.
+    free = rid.fit_mfd(frf, order=order, weight=weight, start=rigid.model, stable=False)
+
+    print("\nRelative rms error by band in Hz, cost, slowest |pole| in rad/s:")
+    print(f"{'':14}" + "".join(f"{f'{a:g}-{b:g}':>10}" for a, b in itertools.pairwise(EDGES)))
+    fits = {"rigid body": rigid, "unconstrained": free}
     for name, fit in fits.items():
-        rms = np.sqrt(np.mean(np.square(found[name]), axis=0))
-        slow = np.sort(np.abs(fit.fraction.poles))[:6]
-        print(f"{name:14}" + "".join(f"{each:10.1e}" for each in rms) + f"{fit.cost:10.4g}  {np.round(slow, 2)}")
+        rms = "".join(f"{each:10.1e}" for each in errors(fit.fraction.response(omega), truth, omega, bands))
+        print(f"{name:14}{rms}{fit.cost:12.5g}  {np.sort(np.abs(fit.fraction.poles))[:6].round(2)}")
     unstable = int(np.sum(free.fraction.poles.real > 0))
     print(
-        f"\nThe unconstrained fit has the lower cost and {unstable} unstable pole(s). What it gains, it gains on noise.\n"
+        f"\nThe unconstrained fit has the lower cost and {unstable} unstable pole(s): it gains on noise.\n"
         "How the inputs drive the rigid body, found from the data (row space; truth: the piezo doesn't):"
     )
     print(np.array2string(rigid.rigid_directions, precision=3, suppress_small=True))
     print(f"Condition number of every normal matrix - 1: at most {rigid.condition_numbers.max() - 1:.0e}")
 
-    curves = {"truth": (np.abs(truth), "k-")}
-    for (name, fit), style in zip(fits.items(), ("C0--", "C1:"), strict=True):
-        curves[name] = (np.abs(fit.fraction.response(omega)), style)
-    matrix(out / "wafer_stage.png", omega, curves, np.abs(data), {"yscale": "log"})
-    k = omega <= 2 * np.pi * 15
-    ratios = {name: (values[k] / np.abs(truth[k]), style) for name, (values, style) in curves.items()}
-    matrix(out / "wafer_stage_low.png", omega[k], ratios, np.abs(data[k] / truth[k]), {"ylim": (0.8, 1.2)})
-    convergence(out / "wafer_stage_steps.png", {"rigid body, weight of the noise": likely, **fits})
+    plot_fit(rigid, frf).savefig(out / "wafer_stage.png", dpi=110)
+    plot_convergence(likely).savefig(out / "wafer_stage_steps.png", dpi=110)
+    plot_low(frf, truth, fits).savefig(out / "wafer_stage_low.png", dpi=110)
     print(f"\nPictures: {out}")
 
 

@@ -66,7 +66,7 @@ def measurements(out: Any, paths: list[Path] | None, options: Options) -> list[A
 
 
 def _measurement(out: Any, path: Path, options: Options) -> Any:
-    kind, fields = options.kind, _pairs(options)
+    kind, fields = options.kind, field_pairs(options)
     try:
         found = origin(path, kind, fields)
         if found.kind not in (None, kind):
@@ -83,7 +83,7 @@ def _measurement(out: Any, path: Path, options: Options) -> Any:
         if options.bound is not None:
             data = data.with_bound(data.bound, note=_NOTE)
         text, data = _channel(data, options.channel, path.name)
-        data = _part(data, options)
+        data = part(data, options)
     except (InputError, InputTypeError, FileFormatError) as error:
         words = in_options(str(error), kind)
         raise type(error)(words if path.name in words else f"{path.name}: {words}") from None
@@ -110,7 +110,7 @@ def _described(path: Path, data: Any, channel: str, unit: str) -> str:
 def _channel(data: Any, wanted: str | None, name: str) -> tuple[str, Any]:
     """One input and one output, and which."""
     try:
-        row, column = (int(part) for part in (wanted or "0,0").split(","))
+        row, column = (int(number) for number in (wanted or "0,0").split(","))
     except ValueError:
         raise InputError(f"--channel must be OUTPUT,INPUT such as 0,0; got {wanted!r}") from None
     outputs, inputs = len(data.outputs), len(data.inputs)
@@ -124,11 +124,11 @@ def _channel(data: Any, wanted: str | None, name: str) -> tuple[str, Any]:
     return words, data.channel(row, column)
 
 
-def _part(data: Any, options: Options) -> Any:
+def part(data: Any, options: Options) -> Any:
     """The band and the first samples asked for."""
     if options.band is not None:
         try:
-            low, high = (float(part) for part in options.band.split(":"))
+            low, high = (float(number) for number in options.band.split(":"))
         except ValueError:
             raise InputError(f"--band must be LOW:HIGH in Hz, such as 1:21; got {options.band!r}") from None
         return data.band(low, high)
@@ -140,7 +140,8 @@ def _part(data: Any, options: Options) -> Any:
     return dataclasses.replace(data, **{k: v[: options.first] for k, v in arrays.items() if v is not None})
 
 
-def _pairs(options: Options) -> dict[str, str] | None:
+def field_pairs(options: Options) -> dict[str, str] | None:
+    """Which role has which name in the file."""
     for field in options.fields or []:
         if "=" not in field:
             raise InputError(f"--{options.kind}-field must be ROLE=NAME, such as u=current; got {field!r}")
@@ -177,7 +178,7 @@ def parse_modes(texts: list[str] | None, dt: float) -> list[tuple[float, float]]
     modes, nyquist = [], 0.5 / dt
     for text in texts:
         try:
-            hz, damping = (float(part) for part in text.split(":"))
+            hz, damping = (float(number) for number in text.split(":"))
         except ValueError:
             raise InputError(f'--mode must be HZ:DAMPING such as 17.67:0.004, or "none"; got {text!r}') from None
         if not 0 < damping < 1:

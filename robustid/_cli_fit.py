@@ -129,20 +129,20 @@ def _model_file(output: Path) -> Path:
 
 def _read(console: Any, source: Path, options: Any) -> Any:
     """All channels of the file, and a line that says what was read."""
-    from robustid._cli_data import _pairs, _part, in_options
+    from robustid._cli_data import field_pairs, in_options, part
     from robustid.data import load
     from robustid.data.files import origin
 
-    fields = _pairs(options)
+    fields = field_pairs(options)
     try:
         found = origin(source, "frequency", fields)
         if found.kind not in (None, "frequency"):
             raise InputError(f"{source.name} holds {found.kind} data; a frequency response is needed")
         unit = options.unit or "rad/s"
         frf: Any = load(source, kind="frequency", fields=fields, dt=options.dt, frequency_unit=unit)
-        frf = _part(frf, options)
+        frf = part(frf, options)
     except (InputError, InputTypeError, FileFormatError) as error:
-        words = in_options(str(error), "frequency").replace("`", "")
+        words = in_options(str(error), "frequency")
         raise type(error)(words if source.name in words else f"{source.name}: {words}") from None
     size = f"{len(frf.outputs)} x {len(frf.inputs)} (outputs x inputs)"
     text = f"read {source}: {frf.omega.size} lines, {frf.freq_hz[0]:.5g} to {frf.freq_hz[-1]:.5g} Hz, {size}"
@@ -247,5 +247,5 @@ def _in_options(name: str) -> Iterator[None]:
         yield
     except (InputError, InputTypeError) as error:
         text = re.sub(r"`(frf|values)`", name, str(error))
-        text = re.sub(r"`(\w+)`", lambda found: _OPTIONS.get(found[1], found[1]), text)
+        text = re.sub(r"`(\w+)`", lambda found: _OPTIONS.get(found[1], found[0]), text)
         raise type(error)(text) from None

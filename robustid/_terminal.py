@@ -52,9 +52,9 @@ def _end(sentence: str, code: int) -> None:
 
 
 def _spoken(text: str) -> str:
-    """A sentence of the library, with options in place of Python's arguments."""
-    text = re.sub(r"`path` = '([^']*)':?", r"\1", text).replace("`path`: ", "")
-    return re.sub(r"`(\w+)`", lambda found: _OPTIONS.get(found[1], found[0]), text)
+    """A sentence of the library, with options in place of Python's arguments, and names of files as they stand."""
+    text = re.sub(r"`path` = (['\"])(.*?)\1", r"\2", text).replace("`path`: ", "")
+    return re.sub(r"`([^`]*)`", lambda found: _OPTIONS.get(found[1], found[1]), text)
 
 
 def console(**options: Any) -> Any:

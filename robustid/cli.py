@@ -155,7 +155,7 @@ def identify(
             " that fits best), gain (smallest K) or order (smallest Hankel nuclear norm, the easiest to reduce)."
         ),
     ] = "center",
-    solver: Annotated[str, typer.Option(help='"auto", "cvxpy", or an installed cvxpy solver.')] = "auto",
+    solver: Annotated[str, typer.Option(help='"auto", "structured", "cvxpy", or an installed cvxpy solver.')] = "auto",
     accuracy: Annotated[float, typer.Option(help="Width of the proven interval of the margin.")] = 1e-4,
     output: Output = Path("result"),
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,

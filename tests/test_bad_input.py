@@ -73,10 +73,20 @@ def test_a_function_that_no_sample_sees():
         rid.identify(problem(frequency=None, time=RECORD, parametric=late))
 
 
-def test_ten_thousand_samples_are_refused_at_once():
+def test_what_is_too_large_is_refused_at_once():
     record = rid.TimeRecord(np.ones(10_000), np.ones(10_000), dt=0.1, bound=0.1)
     with pytest.raises(rid.SizeError, match=r"10000 coefficients.*[Tt]hin"):
-        rid.identify(problem(frequency=None, time=record))
+        rid.identify(problem(frequency=None, time=record), form="orthonormal")
+    slow = rid.Prior(gain_bound=1.0, decay_rate=1.001)
+    with pytest.raises(rid.SizeError, match=r"10000 coefficients.*\d+ Taylor.*decay rate 1.001.*thin"):
+        rid.identify(problem(frequency=None, time=record, prior=slow))
+
+
+def test_ten_thousand_samples_are_answered():
+    record = rid.TimeRecord(np.ones(10_000), np.ones(10_000), dt=0.1, bound=0.1)
+    result = rid.identify(problem(frequency=None, time=record))
+    assert result.consistent
+    assert result.verification.passed
 
 
 def test_a_general_solver_is_refused_where_it_would_take_hours():

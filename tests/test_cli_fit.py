@@ -34,6 +34,8 @@ def made(tmp_path_factory):
     broken = VALUES.copy()
     broken[3, 0, 1] = np.nan
     np.savez(folder / "nan.npz", omega=OMEGA, values=broken)
+    np.savez(folder / "zero.npz", omega=OMEGA, values=0 * FEW)
+    np.savez(folder / "twice.npz", omega=OMEGA[[0, 1, 1]], values=FEW[:3])
     rid.save(folder / "step.csv", rid.flexible_structure().time)
     return folder
 
@@ -153,7 +155,11 @@ def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["missing.npz", "--order", "8"], "missing.npz"),
+        (["missing.npz", "--order", "8"], "error: missing.npz: there is no such file; check the name and the folder"),
+        (["it's.npz", "--order", "8"], "error: it's.npz: there is no such file"),
+        ([".", "--order", "8"], "error: . is a folder; give the name of a file in it"),
+        (["zero.npz", "--order", "8"], "error: zero.npz is zero everywhere; there is nothing to fit"),
+        (["twice.npz", "--order", "8"], "error: twice.npz has 2 lines at"),
         (["nan.npz", "--order", "8"], "nan.npz: values must be finite; got (nan+0j) at index (3, 0, 1)"),
         (["step.csv", "--order", "8"], "step.csv holds time data"),
         (["frf.csv", "--order", "400"], "--order = 400 has 1600 free coefficients, but the 100 lines"),
@@ -167,9 +173,15 @@ def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch)
         (["frf.csv", "--order", "8", "--domain", "z"], "--domain must be"),
         (["frf.csv", "--order", "8", "--method", "foo"], "--method must be one of"),
         (["frf.csv", "--order", "8", "--covariance"], "frf.csv holds no covariance"),
-        (["frf.csv", "--order", "8", "--rigid-body", "3"], "--rigid-body asks for 3 modes"),
+        (
+            ["frf.csv", "--order", "8", "--rigid-body", "3"],
+            "--rigid-body asks for 3 modes, more than there are inputs (2); each needs",
+        ),
         (["frf.csv", "--order", "2", "--rigid-body", "2"], "--order = 2 has no room for 2 rigid-body modes"),
-        (["frf.csv", "--order", "8", "--roll-off", "9"], "--roll-off = 9"),
+        (
+            ["frf.csv", "--order", "8", "--roll-off", "9"],
+            "--roll-off = 9 is more roll-off than an order of 8 allows (at most 4)",
+        ),
         (["frf.csv", "--order", "8", "-o", "fit.csv"], "must end in .npz or .mat"),
         (["frf.csv", "--order", "8", "--report", "frf.csv", "--force"], "is one of the files to be read"),
         (["frf.csv", "--order", "8", "-o", "known.npz"], "--force"),

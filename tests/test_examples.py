@@ -138,7 +138,7 @@ def test_steering_mirror_at_all_orders(tmp_path, capsys):
     # A model of few numbers takes the mean over many lines: better than the lines themselves, no better than linear.
     assert np.all(best < lines)
     assert np.all(best > nonlinear)
-    assert "test, order 34: stationary" in printed
+    assert "test, order 34: stationary" in printed or "test, order 34: flat" in printed
     modes = np.array([[float(v) for v in line.split()[:2]] for line in printed.splitlines() if " to sensor " in line])
     for hz in (635, 806, 921, 1315, 1674, 2124, 2310, 2544):
         nearest = modes[np.argmin(np.abs(modes[:, 0] - hz))]

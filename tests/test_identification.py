@@ -6,8 +6,8 @@ import pytest
 
 import robustid as rid
 from problems import CASES, judge_margin, random_problem
+from robustid.identification.residuals import model_residuals
 from robustid.identification.simulation import simulate as simulate_all
-from robustid.identification.verification import model_residuals
 from robustid.solve import available_solvers
 
 
@@ -71,10 +71,10 @@ def test_margin_agrees_with_general_solvers_up_to_60_coefficients(case, coeffici
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_central_path_agrees_with_the_conic_solver(case):
+def test_the_structured_solver_agrees_with_the_conic_solver(case):
     problem = random_problem(7, case, 28, spread=0.2, noise=4.0)
     ours, other = rid.identify(problem), rid.identify(problem, solver="cvxpy")
-    assert "central path" in ours.solver
+    assert ours.solver == "structured"
     assert ours.margin == pytest.approx(other.margin, abs=1e-5 * max(1, other.margin))
 
 
@@ -125,9 +125,9 @@ def test_smallest_gain_is_the_threshold_of_consistency(solver):
 
 def test_order_objective_lowers_the_nuclear_norm():
     problem = random_problem(8, "time", 20)
-    from robustid.identification.exact import exact_data
+    from robustid.identification.forms import pose
 
-    data = exact_data(problem)
+    data = pose(problem).data
     norms = {}
     for name in ("center", "order"):
         X = data.sarason.matrix(rid.identify(problem, objective=name).coefficients)
@@ -296,7 +296,7 @@ def test_every_installed_solver_is_taken_by_name_and_checked():
 
 @pytest.mark.parametrize("fault", ["raises", "lies"])
 def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
-    """No answer, or an answer far outside the ball with multipliers of the wrong sign: the central path decides."""
+    """No answer, or an answer far outside the ball with multipliers of the wrong sign: our own solver decides."""
     from robustid.identification import margin
 
     problem = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
@@ -310,7 +310,7 @@ def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
 
     monkeypatch.setattr(margin, "solve_conic", faulty)
     result = rid.identify(problem)
-    assert result.solver == "central path"
+    assert result.solver == "structured"
     assert result.margin == pytest.approx(honest.margin, abs=1e-5)
     assert result.verification.passed
 

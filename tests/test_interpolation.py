@@ -173,13 +173,13 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
 def test_any_multipliers_prove_a_true_bound():
     """20 problems x 20 random multipliers: none claims more than the margin that a system reaches."""
     from problems import CASES, random_problem
-    from robustid.identification.exact import exact_data
+    from robustid.identification.forms import pose
 
     held = 0
     for seed in range(5):
         for case in CASES:
             problem = random_problem(seed, case, 8, spread=0.2, noise=4.0)
-            result, data = rid.identify(problem), exact_data(problem)
+            result, data = rid.identify(problem), pose(problem).data
             rng = np.random.default_rng(seed)
             best = result.certificate
             for size in np.logspace(-9, 1, 20):

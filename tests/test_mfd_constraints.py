@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 from mfd_systems import noisy, random_modal_system, relative_error
-from robustid.mfd import RollOff, StaticGain, Zero, ZeroEntries, fit_mfd
+from robustid.mfd import RollOff, StaticGain, Zero, ZeroEntries, fit_mfd, suggest_order
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 100)
 POINTS = [-30000.0, 2 * np.pi * 2000j, -500.0 + 2 * np.pi * 2500j]  # beyond the band: within it the data say otherwise
@@ -175,11 +175,23 @@ def test_contradictory_or_wrong(constraints, words):
         (lambda: StaticGain([1.0, 2.0]), "gain"),
         (lambda: StaticGain([[np.nan]]), "gain"),
         (lambda: ZeroEntries(np.zeros((2, 2))), "mask"),
+        (lambda: Zero("a"), "`point` must be a number"),
     ],
 )
 def test_bad_arguments(make, words):
-    with pytest.raises(rid.InputError, match=words):
+    with pytest.raises((rid.InputError, rid.InputTypeError), match=words):
         make()
+
+
+@pytest.mark.parametrize(("constraints", "got"), [(None, "NoneType"), (RollOff(2), "RollOff"), ([3], "int")])
+def test_what_is_no_sequence_of_constraints_is_refused(constraints, got):
+    _, _, frf = data(0, 1, 1, 2)
+    for ask in (
+        lambda: fit_mfd(frf, order=4, constraints=constraints),
+        lambda: suggest_order(frf, constraints=constraints),
+    ):
+        with pytest.raises(rid.InputTypeError, match=f"`constraints` must be a sequence .* got {got}"):
+            ask()
 
 
 def test_roll_off_with_feedthrough_is_refused():

@@ -111,6 +111,17 @@ def test_bad_weights_are_named():
         Weight(ones).scaled(np.ones(2))
 
 
+def test_weights_of_single_entries_are_the_column_lengths():
+    rng = np.random.default_rng(2)
+    parts = {"output": gaussian(rng, 5, 2, 2), "input": gaussian(rng, 5, 3, 3), "matrix": gaussian(rng, 5, 6, 6)}
+    weight = Weight(rng.uniform(0.5, 2, (5, 2, 3)), **parts)
+    for k in range(5):
+        W = np.kron(parts["input"][k].T, parts["output"][k])
+        columns = np.linalg.norm(parts["matrix"][k] @ (vec(weight.entries[k])[:, None] * W), axis=0)
+        np.testing.assert_allclose(vec(weight.entrywise[k]), columns, rtol=1e-13)
+        assert weight.size[k] == pytest.approx(np.sqrt(np.mean(columns**2)), rel=1e-13)
+
+
 # one step against brute force with monomials
 
 

@@ -76,6 +76,16 @@ def test_noisy_single_channel_order_20_from_a_cold_start():
     assert np.sum(errors <= 2.7e-3) >= 19
 
 
+def test_the_start_is_the_same_however_the_weight_is_written():
+    _, truth, values = case(0, 2, 2, 3)
+    spread = 0.01 * np.abs(truth).transpose(0, 2, 1).reshape(-1, 4)
+    covariance = np.eye(4) * spread[:, None, :] ** 2
+    frf = rid.FrequencyResponse(OMEGA, values, covariance=covariance)
+    weights = [None, Weight.from_covariance(covariance, 2, 2), 100 / np.abs(truth)]
+    costs = [fit_mfd(frf, order=6, weight=weight).start_cost for weight in weights]
+    np.testing.assert_allclose(costs, costs[0], rtol=1e-6)
+
+
 @pytest.mark.parametrize("form", ["right", "left"])
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (3, 2)])
 def test_noise_free_data_are_reproduced(form, shape):
@@ -109,6 +119,10 @@ def test_a_given_model_is_a_start():
     assert other.cost == pytest.approx(one.cost, rel=1e-2)
 
 
+PAIR = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 2, 2)))
+DEAD = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 1, 1)) * [[1, 1], [0, 0]])
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
@@ -117,6 +131,26 @@ def test_a_given_model_is_a_start():
         ({"domain": "z"}, rid.InputError, "domain"),
         ({"form": "middle"}, rid.InputError, "form"),
         ({"start": 3}, rid.InputTypeError, "start"),
+        ({"start": [1j * OMEGA[40]]}, rid.InputError, "`start` has a pole on a line"),
+        ({"start": control.ss([], [], [], 1)}, rid.InputError, "`start` must have at least 1 state"),
+        ({"method": None}, rid.InputError, "`method` must be one of"),
+        ({"method": "lm+foo"}, rid.InputError, "`method` must be one of"),
+        ({"weight": np.ones(50)}, rid.InputError, "`weight` must have 3 dimensions"),
+        ({"weight": np.zeros((50, 1, 1))}, rid.InputError, "weight mask everything"),
+        (
+            {"frf": rid.FrequencyResponse(OMEGA[:9], np.zeros(9)), "weight": np.ones((9, 1, 1))},
+            rid.InputError,
+            "is zero",
+        ),
+        ({"frf": rid.FrequencyResponse([1, 2, 2, 3], np.ones(4))}, rid.InputError, "2 lines at 2 rad/s"),
+        ({"frf": PAIR, "weight": np.ones((9, 1, 1)) * [[1, 1], [0, 0]]}, rid.InputError, "all of channel y2; leave"),
+        ({"frf": PAIR, "weight": np.ones((9, 1, 1)) * [[0, 1], [0, 1]]}, rid.InputError, "all of channel u1; leave"),
+        ({"frf": DEAD}, rid.InputError, r"zero at line 0, entry \(1, 0\).* leave dead channels out"),
+        (
+            {"frf": PAIR, "weight": np.ones((9, 1, 1)) * np.eye(2)},
+            rid.InputError,
+            "`weight` leaves no line",
+        ),
         ({"frf": np.ones(3)}, rid.InputTypeError, "frf"),
     ],
 )

@@ -7,7 +7,8 @@ import pytest
 
 from mfd_systems import noisy, random_modal_system, relative_error
 from robustid.bases.biorthonormal_polynomials import BreakdownError, biorthonormal_polynomials
-from robustid.bases.vector_polynomials import polynomial_nodes, stacked
+from robustid.bases.krylov_blocks import stacked
+from robustid.bases.vector_polynomials import polynomial_nodes
 from robustid.errors import InputError
 from robustid.mfd.criterion import Weight
 from robustid.mfd.instrumental import instrumental_pair, iv_step

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 import scipy.linalg
@@ -234,10 +235,20 @@ def test_bad_rigid_bodies(make, words):
         ({"rigid_body": RigidBody(3)}, rid.InputError, "outputs"),
         ({"rigid_body": RigidBody(3, side="output")}, rid.InputError, "outputs"),
         ({"order": 3, "rigid_body": RigidBody(2)}, rid.InputError, "order"),
-        ({"rigid_body": RigidBody(1, directions=[[1.0, 2.0]])}, rid.InputError, "directions"),
-        ({"rigid_body": RigidBody(1, directions=[[1.0, 2.0, 3.0, 4.0]])}, rid.InputError, "directions"),
+        ({"rigid_body": RigidBody(1, directions=[[1.0, 2.0]])}, rid.InputError, r"shape \(1, 3\) for 3 inputs"),
+        ({"rigid_body": RigidBody(1, directions=[[1.0, 2.0, 3.0, 4.0]])}, rid.InputError, r"got \(1, 4\)"),
+        (
+            {"rigid_body": RigidBody(1, directions=np.ones((3, 1)), side="output")},
+            rid.InputError,
+            r"shape \(2, 1\) for 2 outputs; got \(3, 1\)",
+        ),
         ({"rigid_body": RigidBody(1), "form": "left"}, rid.InputError, "form"),
         ({"rigid_body": RigidBody(1, side="output"), "form": "right"}, rid.InputError, "form"),
+        (
+            {"rigid_body": RigidBody(1), "start": control.ss(-1, np.ones((1, 3)), np.ones((2, 1)), 0)},
+            rid.InputError,
+            "`start` must have at least 2 states",
+        ),
         ({"rigid_body": 3}, rid.InputTypeError, "RigidBody"),
         ({"rigid_body": RigidBody(1), "constraints": [StaticGain(np.ones((2, 3)))]}, rid.InputError, "static"),
     ],

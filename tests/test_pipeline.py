@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.identification.verification import model_residuals
+from robustid.identification.residuals import model_residuals
 from robustid.pipeline import propose
 
 

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from mfd_systems import noisy, random_modal_system
+from robustid.mfd import suggest_order
 from robustid.report import write_report
 
 CHROMIUM = shutil.which("chromium")
@@ -23,9 +25,9 @@ _FLAGS = (
 )
 
 
-def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
+def opened(page: Path, profile: Path, *flags: str) -> tuple[str, list[str]]:
     """The document after its scripts ran, and what they wrote to the console."""
-    command = [str(CHROMIUM), *_FLAGS.split(), f"--user-data-dir={profile}", page.as_uri()]
+    command = [str(CHROMIUM), *_FLAGS.split(), *flags, f"--user-data-dir={profile}", page.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
@@ -64,6 +66,51 @@ def test_the_page_draws_every_plot_without_an_error(tmp_path: Path) -> None:
         assert "Share chart" not in markup, name
     assert "errorbar" in found["frequency-0"]
     assert "displacement [mm] / force [N]" in found["frequency-0"]
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a 2 x 2 fit with one rigid-body mode, of a sweep over the order, on noisy data."""
+    omega = 2 * np.pi * np.geomspace(4, 1200, 120)
+    s = 1j * omega
+    flexible = noisy(np.random.default_rng(0), random_modal_system(3, 2, 2, 2).response(s))
+    rigid = np.array([[1.0], [-0.3]]) @ np.array([[2.0, 1.0]]) * 1e4 / (s**2)[:, None, None]
+    names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement [mm]", "rotation [mrad]"]}
+    data = rid.FrequencyResponse(omega, flexible + rigid, **names)
+    sweep = suggest_order(data, orders=range(5, 9), rigid_body=rid.RigidBody(1))
+    path = tmp_path_factory.mktemp("fit") / "fit.html"
+    write_report(rid.fit_mfd(data, order=6, rigid_body=rid.RigidBody(1)), path, data=data, order_sweep=sweep)
+    return path
+
+
+def test_the_page_of_a_fit_draws_every_plot_without_an_error(fitted: Path, tmp_path: Path) -> None:
+    dom, console = opened(fitted, tmp_path / "profile")
+    assert console == []
+    found = plots(dom)
+    assert len(found) == len(re.findall('<figure class="plot', fitted.read_text(encoding="utf-8")))
+    for name, markup in found.items():
+        assert 'class="main-svg"' in markup, name
+        assert re.search(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', markup, re.S), name
+        assert "sendChartToCloud" not in markup, name
+    assert any("rotation [mrad] / torque [Nm]" in markup for markup in found.values())
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_page_of_a_fit_needs_no_sideways_scroll(fitted: Path, tmp_path: Path, width: int) -> None:
+    """Measured in a frame of that width: the window of a headless browser has a least width of its own."""
+    frame = tmp_path / "frame.html"
+    frame.write_text(
+        f'<iframe src="{fitted.as_uri()}" width="{width}" height="800" style="border:0"></iframe><script>'
+        'onload = () => setTimeout(() => { const page = document.querySelector("iframe").contentDocument.documentElement;'
+        ' document.title = page.clientWidth + " " + page.scrollWidth; }, 3000)</script>',
+        encoding="utf-8",
+    )
+    dom, _ = opened(frame, tmp_path / "profile", "--allow-file-access-from-files")
+    shown = re.search(r"<title>(\d+) (\d+)</title>", dom)
+    assert shown is not None
+    client, scroll = map(int, shown.groups())
+    assert width - 20 <= client <= width
+    assert scroll <= client
 
 
 def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 
 import robustid as rid
 from problems import CASES, random_problem
-from robustid.identification.exact import exact_data
+from robustid.identification.forms import pose
+from robustid.identification.model import Nominal
 from robustid.identification.verification import verify
 from robustid.interpolation import MarginCertificate
 from robustid.interpolation.certificate import evaluate_certificate
@@ -25,7 +26,7 @@ def result():
 
 def checks(result, *, claim=None, x=None, p=None, model=None, level=None):
     """The names of the checks that fail when one thing is replaced."""
-    data = exact_data(PROBLEM)
+    posed = pose(PROBLEM)
     point = Candidate(
         result.coefficients if x is None else x,
         result.scaled_parameters if p is None else p,
@@ -35,7 +36,8 @@ def checks(result, *, claim=None, x=None, p=None, model=None, level=None):
     )
     claim, model = claim or result.claim, model or result.model
     level = max(1.0, result.margin * (1 + 1e-6)) if level is None else level
-    verified = verify(PROBLEM, data, point, model, claim, data, level)
+    states = model.nstates - (0 if PROBLEM.parametric is None else PROBLEM.parametric.states)
+    verified = verify(posed, point, Nominal(model, states, 0.0), claim, posed.data, level)
     return [check.name for check in verified.checks if not check.holds]
 
 
@@ -47,7 +49,7 @@ def test_each_check_sees_the_one_number_that_is_wrong(result):
     import control
 
     assert any("largest |residual|" in name for name in checks(result, level=0.5 * result.margin))
-    large = result.coefficients * 1.5 / exact_data(PROBLEM).sarason.norm(result.coefficients)
+    large = result.coefficients * 1.5 / pose(PROBLEM).data.sarason.norm(result.coefficients)
     assert any("in the ball" in name for name in checks(result, x=large))
     moved = result.coefficients.copy()
     moved[0] += 1e-6
@@ -89,7 +91,7 @@ def exact_value(certificate, data):
     fit = mp.fsum(mp.re(mp.conj(a) * mp.mpc(b)) for a, b in zip(multipliers, data.rows.y, strict=True))
     cS = c * S
     gain = [
-        mp.fsum(mp.re(mp.conj(mp.mpc(e)) * v) for e, v in zip(data.rows.E[:, j], multipliers, strict=True))
+        mp.fsum(mp.re(mp.conj(mp.mpc(e)) * v) for e, v in zip(data.rows.E.dense()[:, j], multipliers, strict=True))
         for j in range(S.rows)
     ]
     mismatch = mp.sqrt(mp.fsum((g - cS[0, j]) ** 2 for j, g in enumerate(gain)))
@@ -103,7 +105,7 @@ def test_the_rounding_allowance_covers_the_rounding(case):
     for seed in range(2):
         base = random_problem(seed, case, 8, spread=1e-4)
         problem = base.with_prior(decay_rate=1 + 1e-5, gain_bound=0.02)
-        result, data = rid.identify(problem), exact_data(problem)
+        result, data = rid.identify(problem), pose(problem).data
         claimed = evaluate_certificate(
             result.certificate.samples, result.certificate.ball, result.margin, data.rows, data.sarason
         )
@@ -264,6 +266,6 @@ def test_a_certificate_of_the_wrong_size_is_no_certificate(result):
     short = MarginCertificate(
         result.certificate.samples[:-1], result.certificate.ball, result.margin, result.margin_lower
     )
-    data = exact_data(PROBLEM)
+    data = pose(PROBLEM).data
     with pytest.raises(ValueError, match=r"."):
         short.verify(data.rows, data.sarason)

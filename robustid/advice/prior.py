@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
-from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification.exact import exact_data
+from robustid.errors import InputError, InputTypeError, SizeError, SolverError
+from robustid.identification.forms import length_of, pose
 from robustid.interpolation import MixedProblem, Prior
 from robustid.solve import analytic_center, gain_path
 
@@ -19,6 +19,10 @@ _log = logging.getLogger("robustid")
 SAFETY = 2.0  # recommended gain bound over the smallest one
 _RATES = 9
 # Gain bounds tried, in units of the largest response in the data; above the last a bound is as good as none.
+_DIGITS = 1e-3  # relative, of the smallest gain
+_TAILS = (
+    0.1  # accuracy that sets the number of Taylor coefficients: tails up to 1 % of a bound only make K a little larger
+)
 _CEILINGS = (8.0, 8e3)
 _NEGLIGIBLE = 0.01  # a rest below this part of the smallest bound can't be told from none
 
@@ -105,7 +109,7 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSug
     """
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    rates = _default_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    rates = _possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if rates.size == 0 or rates[0] <= 1:
         raise InputError(f"`decay_rates` must hold numbers above 1; got {decay_rates!r}")
     gains = np.full(rates.size, np.inf)
@@ -123,14 +127,15 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     largest, smallest = _sizes(problem)
     for ceiling in _CEILINGS:
         K = ceiling * largest
-        data = exact_data(problem.with_prior(gain_bound=K, decay_rate=decay_rate))
+        trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
+        data = pose(trial, length_of(trial, "auto", _TAILS)).data
         try:
             center = analytic_center(data, 1.0)
         except SolverError:
             continue
         kappa = 1.0
         for _, kappa, gap in gain_path(data, center, 1.0):
-            if gap <= 1e-3 * kappa or kappa * K <= _NEGLIGIBLE * smallest:
+            if gap <= _DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
                 break
         return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
     return np.inf
@@ -145,6 +150,21 @@ def _sizes(problem: MixedProblem) -> tuple[float, float]:
         values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)
         bounds.append(float(record.bound.min()) / drive)
     return max(*values, *bounds), min(bounds)
+
+
+def _possible_rates(problem: MixedProblem) -> np.ndarray:
+    """The default rates without the slowest ones, at which many data need too many coefficients."""
+    rates, refusal = _default_rates(problem), None
+    for first, rho in enumerate(rates):
+        try:
+            length_of(
+                problem.with_prior(gain_bound=_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)), "auto", _DIGITS
+            )
+        except SizeError as error:
+            refusal = error
+            continue
+        return rates[first:]
+    raise refusal or InputError("`problem` has no decay rate to try")
 
 
 def _default_rates(problem: MixedProblem) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The functions in which systems are described: interpolation bases and parametric bases."""
 
-from robustid.bases.input_normal import InputNormalPair, input_normal_pair, solve_stein
+from robustid.bases.input_normal import InputNormalPair, input_normal_pair, shift_pair, solve_stein
 from robustid.bases.parametric import ParametricBasis, as_basis, kautz, stack_bases
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "as_basis",
     "input_normal_pair",
     "kautz",
+    "shift_pair",
     "solve_stein",
     "stack_bases",
 ]

@@ -8,14 +8,17 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import as_array
-from robustid.bases.vector_polynomials import (
-    _NULL,
-    VectorPolynomials,
-    _gemm,
-    _orthonormal_columns,
+from robustid.bases.krylov_blocks import (
+    NULL,
+    block_layout,
+    check_equations,
+    gemm,
+    orthonormal_columns,
+    raised,
     stacked,
-    times_xi,
+    without,
 )
+from robustid.bases.vector_polynomials import VectorPolynomials
 from robustid.errors import InputError, RobustIdError
 
 # Smallest cosine between the new directions of both sides: rounding over it is what is left of bi-orthonormality, and
@@ -119,31 +122,18 @@ def biorthonormal_polynomials(
             f"`trial` and `test` must both have shape (F, r, b) with F = {xi.size} from `xi` and b = {limits.size} from"
             f" `limits`; got {trial.shape} and {test.shape}"
         )
-    order = np.argsort(-limits, kind="stable")
-    last = int(limits.max(initial=-1))
-    sizes = [int(np.sum(limits >= last - k)) for k in range(last + 1)]
-    ends = np.cumsum([0, *sizes])
-    rows = 2 * trial.shape[0] * trial.shape[1]
-    if not 0 < ends[-1] <= rows:
-        raise InputError(
-            f"`limits` ask for {ends[-1]} coefficients where the data give {rows} real equations;"
-            " lower the order or give more lines"
-        )
-    values, tests = np.empty((rows, ends[-1]), order="F"), np.empty((rows, ends[-1]), order="F")
-    recursion, cosine, older = [], 1.0, 0
-    for k, count in enumerate(sizes):
-        before, fresh = slice(ends[k] - older, ends[k]), order[older:count]
-        blocks = [
-            np.concatenate([times_xi(xi, side[:, before]).T, stacked(columns[..., fresh]).T]).T
-            for side, columns in ((values, trial), (tests, test))
-        ]
-        G, smallest = _append(values, tests, blocks, ends[k])
+    rows, size = check_equations(limits, trial)
+    values, tests = np.empty((rows, size), order="F"), np.empty((rows, size), order="F")
+    recursion, cosine = [], 1.0
+    for before, here, fresh in block_layout(limits):
+        grown = [raised(xi, side[:, before], columns[..., fresh]) for side, columns in ((values, trial), (tests, test))]
+        G, smallest = _append(values, tests, grown, here.start)
         recursion.append(G)
-        cosine, older = min(cosine, smallest), count
-    gram = scipy.linalg.svdvals(_gemm(1.0, tests, values, trans_a=1))
+        cosine = min(cosine, smallest)
+    gram = scipy.linalg.svdvals(gemm(1.0, tests, values, trans_a=1))
     condition = float(gram[0] / gram[-1])
-    null = np.zeros(ends[-1], dtype=bool)
-    return BiorthonormalPolynomials(xi, limits, order, tuple(recursion), trial, values, null, condition, tests, cosine)
+    null = np.zeros(size, dtype=bool)
+    return BiorthonormalPolynomials(xi, limits, tuple(recursion), trial, values, null, condition, tests, cosine)
 
 
 def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], start: int) -> tuple[np.ndarray, float]:
@@ -155,18 +145,18 @@ def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], sta
     for side, (older, seen) in enumerate(sides):
         length, R = np.linalg.norm(blocks[side], axis=0), np.eye(count)
         for _ in range(2):
-            blocks[side], coordinates = _without(older, seen, blocks[side])
+            blocks[side], coordinates = without(older, seen, blocks[side])
             if side == 0:
                 G[:start] += coordinates @ R
-            blocks[side], T = _orthonormal_columns(blocks[side])
+            blocks[side], T = orthonormal_columns(blocks[side])
             R = T @ R
-        if np.any(np.abs(np.diag(R)) <= _NULL * length):
+        if np.any(np.abs(np.diag(R)) <= NULL * length):
             raise BreakdownError(
                 f"column {start} or one of the next {count - 1} of the {'tests' if side else 'trial side'} is a"
                 " combination of the former ones on the data; lower the order, or use another method for an exact fit"
             )
         triangles.append(R)
-    left, cosines, right = scipy.linalg.svd(_gemm(1.0, blocks[1], blocks[0], trans_a=1))
+    left, cosines, right = scipy.linalg.svd(gemm(1.0, blocks[1], blocks[0], trans_a=1))
     if not cosines[-1] > _BREAKDOWN:
         raise BreakdownError(
             f"the tests don't see all that column {start} of the trial side and its {count - 1} neighbours add"
@@ -175,14 +165,6 @@ def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], sta
     # Both sides get the factor cosine^(-1/2) and the same rotation, that which makes the recursion triangular.
     root = np.sqrt(cosines)
     rotation, G[start:] = np.linalg.qr(root[:, None] * (right @ triangles[0]))
-    values[:, start : start + count] = _gemm(1.0, blocks[0], right.T / root @ rotation)
-    tests[:, start : start + count] = _gemm(1.0, blocks[1], left / root @ rotation)
+    values[:, start : start + count] = gemm(1.0, blocks[0], right.T / root @ rotation)
+    tests[:, start : start + count] = gemm(1.0, blocks[1], left / root @ rotation)
     return G, float(cosines[-1])
-
-
-def _without(basis: np.ndarray, tests: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``block - basis (tests^T block)``, in place, and the coordinates."""
-    if not basis.shape[1]:
-        return block, np.zeros((0, block.shape[1]))
-    coordinates = _gemm(1.0, tests, block, trans_a=1)
-    return _gemm(-1.0, basis, coordinates, 1.0, block, overwrite_c=1), coordinates

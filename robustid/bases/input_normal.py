@@ -103,6 +103,19 @@ def input_normal_pair(angles: Iterable[float], radius: float, taylor: int = 0) -
     return _cascade([*lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
 
 
+def shift_pair(length: int) -> InputNormalPair:
+    """The pair whose coefficients are the first `length` Taylor coefficients, in their order: phi_j(zeta) = zeta^j.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> from robustid.bases import shift_pair
+    >>> shift_pair(3).taylor(3).diagonal()
+    array([1., 1., 1.])
+    """
+    return InputNormalPair(np.eye(length, k=1), np.eye(length)[:, length - 1 :], np.eye(1, length), np.zeros((1, 1)))
+
+
 def _line_section(angle: float, radius: float) -> np.ndarray:
     if angle == 0.0:
         return _real_section(radius)

@@ -10,14 +10,20 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, as_array, freeze
+from robustid.bases.krylov_blocks import (
+    NULL,
+    Block,
+    block_layout,
+    check_equations,
+    orthonormal_columns,
+    raised,
+    stacked,
+    syrk,
+    times_xi,
+    triangle_inverse,
+    without,
+)
 from robustid.errors import InputError
-
-_gemm, _syrk = scipy.linalg.get_blas_funcs(("gemm", "syrk"), dtype=np.float64)  # in place, unlike @
-(_trtri,) = scipy.linalg.get_lapack_funcs(("trtri",), dtype=np.float64)
-# A column that loses this much of its length when the earlier ones are taken out is a combination of them.
-_NULL = 1e-10
-# Cholesky QR squares the condition number; below this pivot Householder takes over.
-_SMALL_PIVOT = 1e-5
 
 
 def polynomial_nodes(omega: np.ndarray, dt: float | None) -> tuple[np.ndarray, float]:
@@ -63,11 +69,9 @@ class VectorPolynomials(Frozen):
         Nodes, on the imaginary axis or on the unit circle.
     limits : (b,) int array
         Largest degree per component (-1: absent).
-    order : (b,) int array
-        Components by falling limit: those of the largest limit L start in block 0, those of limit L - 1 in block 1, and
-        so on, so that all reach their limit in block L together and xi times a block stays in the span up to there.
     recursion : tuple of L + 1 arrays
-        ``(xi Phi_{k-1}, new components) = (Phi_0 .. Phi_k) recursion[k]``; the square last part is triangular.
+        ``(xi Phi_{k-1}, fresh components) = (Phi_0 .. Phi_k) recursion[k]``, for the `blocks`; the square last part is
+        triangular.
     columns : (F, r, b) complex array
         M_k.
     values : (2*F*r, n) array
@@ -85,7 +89,6 @@ class VectorPolynomials(Frozen):
 
     xi: np.ndarray
     limits: np.ndarray
-    order: np.ndarray
     recursion: tuple[np.ndarray, ...]
     columns: np.ndarray
     values: np.ndarray
@@ -98,7 +101,6 @@ class VectorPolynomials(Frozen):
         self._set(
             xi=freeze(self.xi),
             limits=freeze(self.limits),
-            order=freeze(self.order),
             recursion=tuple(freeze(part) for part in self.recursion),
             null=freeze(self.null),
         )
@@ -109,9 +111,9 @@ class VectorPolynomials(Frozen):
         return self.values.shape[1]
 
     @property
-    def sizes(self) -> list[int]:
-        """Number of polynomials in each block."""
-        return [part.shape[1] for part in self.recursion]
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks Phi_k (`block_layout`)."""
+        return block_layout(self.limits)
 
     def project(self, vector: np.ndarray) -> np.ndarray:
         """Coordinates (n,) of the projection of a complex (F, r) vector, or of a stacked real one, on the basis."""
@@ -150,37 +152,31 @@ class VectorPolynomials(Frozen):
     def _highest(self) -> np.ndarray:
         """Coefficients of degree ``limits`` and ``limits - 1``, (2, b, n), by the recursion on its two highest terms."""
         out = np.zeros((2, self.limits.size, self.size))
-        older = 0
-        for G in self.recursion:
-            start, count = G.shape[0] - G.shape[1], G.shape[1]
-            before = slice(start - older, start)
+        for G, (before, here, fresh) in zip(self.recursion, self.blocks, strict=True):
+            older, count = before.stop - before.start, here.stop - here.start
             lifted = np.zeros((2, self.limits.size, count))
-            lifted[..., :older] = out[
-                ..., before
-            ]  # multiplied by xi, and the degrees that are looked at are one higher
-            lifted[0, self.order[older:count], np.arange(older, count)] = 1.0
+            # Multiplied by xi, and the degrees that are looked at are one higher.
+            lifted[..., :older] = out[..., before]
+            lifted[0, fresh, np.arange(older, count)] = 1.0
             lifted[1] -= out[0][:, before] @ G[before]
             # The block before is one degree lower, those before it are out of sight.
             out[1][:, before] = out[0][:, before]
             out[0][:, before] = 0.0
-            out[1][:, : start - older] = 0.0
-            out[..., start : start + count] = lifted @ _inverse(G[start:])
-            older = count
+            out[1][:, : before.start] = 0.0
+            out[..., here] = lifted @ triangle_inverse(G[here])
         return out
 
     def _recur(self, xi: np.ndarray, one: np.ndarray) -> np.ndarray:
         """The recursion in any algebra: `xi` multiplies the first axis (a matrix, or entry by entry), `one` is 1 there."""
         out = np.zeros((one.size, self.limits.size, self.size), dtype=complex)
-        older = 0
-        for G in self.recursion:
-            start, count = G.shape[0] - G.shape[1], G.shape[1]
+        for G, (before, here, fresh) in zip(self.recursion, self.blocks, strict=True):
+            older, count = before.stop - before.start, here.stop - here.start
             lifted = np.zeros((one.size, self.limits.size, count), dtype=complex)
-            last = out[..., start - older : start]
+            last = out[..., before]
             lifted[..., :older] = np.tensordot(xi, last, axes=1) if xi.ndim == 2 else xi * last
-            lifted[:, self.order[older:count], np.arange(older, count)] = one[:, None]
-            lifted -= out[..., :start] @ G[:start]
-            out[..., start : start + count] = lifted @ _inverse(G[start:])
-            older = count
+            lifted[:, fresh, np.arange(older, count)] = one[:, None]
+            lifted -= out[..., : here.start] @ G[: here.start]
+            out[..., here] = lifted @ triangle_inverse(G[here])
         return out
 
     def evaluate(
@@ -204,13 +200,12 @@ class VectorPolynomials(Frozen):
         if shifted is not None:
             work += shifted[:, None] * points
         out = np.zeros((self.limits.size, points.size), dtype=complex)
-        for k in range(len(self.sizes) - 1, -1, -1):
-            G, count, older = self.recursion[k], self.sizes[k], self.sizes[k - 1] if k else 0
-            start = G.shape[0] - count
-            top = _real_times(_inverse(G[start:]), work[start : start + count])
-            work[:start] -= _real_times(G[:start], top)
-            work[start - older : start] += points * top[:older]
-            out[self.order[older:count]] = top[older:]
+        for G, (before, here, fresh) in zip(reversed(self.recursion), reversed(self.blocks), strict=True):
+            older = before.stop - before.start
+            top = _real_times(triangle_inverse(G[here]), work[here])
+            work[: here.start] -= _real_times(G[: here.start], top)
+            work[before] += points * top[:older]
+            out[fresh] = top[older:]
         return out.T if constant is None else out.T + constant
 
     def monic(self, leading: np.ndarray) -> MonicPolynomial:
@@ -225,9 +220,8 @@ class VectorPolynomials(Frozen):
         leading = np.asarray(leading, dtype=float)
         top = np.zeros(0)
         # Only the highest block matters: xi times what is lower stays in the span.
-        for G in self.recursion:
-            fresh = leading[self.order[top.size : G.shape[1]]]
-            top = G[-G.shape[1] :] @ np.concatenate([top, fresh])
+        for G, block in zip(self.recursion, self.blocks, strict=True):
+            top = G[block.here] @ np.concatenate([top, leading[block.fresh]])
         shifted = np.zeros(self.size)
         shifted[self.size - top.size :] = top
         constant = np.where(self.limits < 0, leading, 0.0)
@@ -287,45 +281,23 @@ def orthonormal_polynomials(columns: np.ndarray, xi: np.ndarray, limits: np.ndar
             f"`columns` must have shape (F, r, b) with F = {xi.size} from `xi` and b = {limits.size} from `limits`;"
             f" got {columns.shape}"
         )
-    order = np.argsort(-limits, kind="stable")
-    last = int(limits.max(initial=-1))
-    sizes = [int(np.sum(limits >= last - k)) for k in range(last + 1)]
-    ends = np.cumsum([0, *sizes])
-    rows = 2 * columns.shape[0] * columns.shape[1]
-    if not 0 < ends[-1] <= rows:
-        raise InputError(
-            f"`limits` ask for {ends[-1]} coefficients where the data give {rows} real equations;"
-            " lower the order or give more lines"
-        )
+    rows, size = check_equations(limits, columns)
     skew = not np.any(np.real(xi))
-    values = np.empty((rows, ends[-1]), order="F")
-    null = np.zeros(ends[-1], dtype=bool)
-    recursion = []
-    older = 0
-    for k, count in enumerate(sizes):
-        here = slice(ends[k], ends[k + 1])
-        before = slice(ends[k] - older, ends[k])
-        block = np.asfortranarray(stacked(columns[..., order[older:count]]))
-        if older:
-            block = np.concatenate([times_xi(xi, values[:, before]).T, block.T]).T
+    values = np.empty((rows, size), order="F")
+    null = np.zeros(size, dtype=bool)
+    recursion, last_but_one = [], slice(0, 0)
+    for before, here, fresh in block_layout(limits):
+        block = raised(xi, values[:, before], columns[..., fresh])
         # Skew: three terms, where no component starts.
-        local = int(ends[max(k - 2, 0)]) if skew and older == count else 0
+        local = last_but_one.start if skew and not fresh.size else 0
         G, null[here] = _append(values, block, here.start, local)
         if skew:  # (xi + 1) phi instead of xi phi where nothing was left on the data already
             gone = np.flatnonzero(null[before])
             G[before.start + gone, gone] = -1.0
         recursion.append(G)
-        older = count
-    return VectorPolynomials(
-        xi,
-        limits,
-        order,
-        tuple(recursion),
-        columns,
-        values,
-        null,
-        _condition(values[:, ~null] if null.any() else values),
-    )
+        last_but_one = before
+    condition = _condition(values[:, ~null] if null.any() else values)
+    return VectorPolynomials(xi, limits, tuple(recursion), columns, values, null, condition)
 
 
 def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tuple[np.ndarray, np.ndarray]:
@@ -333,19 +305,20 @@ def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tu
     count = block.shape[1]
     length = np.linalg.norm(block, axis=0)
     G = np.zeros((start + count, count))
-    block, G[local:start] = _without(values[:, local:start], block)
+    near, all_earlier = values[:, local:start], values[:, :start]
+    block, G[local:start] = without(near, near, block)
     keep = length > 0
     while True:
         whole = bool(keep.all())
-        first, R = _orthonormal_columns(block if whole else np.asfortranarray(block[:, keep]))
-        small = np.abs(np.diag(R)) <= _NULL * length[keep]
+        first, R = orthonormal_columns(block if whole else np.asfortranarray(block[:, keep]))
+        small = np.abs(np.diag(R)) <= NULL * length[keep]
         if not small.any():
             break
         keep[np.flatnonzero(keep)[np.argmax(small)]] = False
     kept = np.flatnonzero(keep)
     # Second pass: against everything, which also makes good what the first one left out or rounded away.
-    first, again = _without(values[:, :start], first)
-    second, S = _orthonormal_columns(first)
+    first, again = without(all_earlier, all_earlier, first)
+    second, S = orthonormal_columns(first)
     G[:start, kept] += again @ R
     G[(start + kept)[:, None], kept] = S @ R
     for column in np.flatnonzero(~keep):
@@ -357,62 +330,13 @@ def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tu
     return G, ~keep
 
 
-def _without(basis: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``block - basis (basis^T block)``, in place, and the coordinates."""
-    if not basis.shape[1] or not block.shape[1]:
-        return block, np.zeros((basis.shape[1], block.shape[1]))
-    coordinates = _gemm(1.0, basis, block, trans_a=1)
-    return _gemm(-1.0, basis, coordinates, 1.0, block, overwrite_c=1), coordinates
-
-
-def _orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """QR: Cholesky of the Gram matrix of the normalised columns while that is safe, else Householder."""
-    if not block.shape[1]:
-        return block, np.zeros((0, 0))
-    length = np.linalg.norm(block, axis=0)
-    if np.all(length > 0):
-        try:
-            R = scipy.linalg.cholesky(_syrk(1.0, block / length, trans=1))
-        except np.linalg.LinAlgError:
-            R = np.zeros((1, 1))
-        if np.min(np.diag(R)) > _SMALL_PIVOT:
-            R = R * length
-            return _gemm(1.0, block, _inverse(R)), R
-    return scipy.linalg.qr(block, mode="economic", check_finite=False)  # type: ignore[return-value]
-
-
 def _condition(values: np.ndarray) -> float:
     if not values.shape[1]:
         return 1.0
-    eigenvalues = scipy.linalg.eigvalsh(_syrk(1.0, values, trans=1), lower=False)
+    eigenvalues = scipy.linalg.eigvalsh(syrk(1.0, values, trans=1), lower=False)
     return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
-
-
-def stacked(vector: np.ndarray) -> np.ndarray:
-    """(F, r, ...) complex as (2*F*r, ...) real: real parts above imaginary parts."""
-    flat = vector.reshape(vector.shape[0] * vector.shape[1], *vector.shape[2:])
-    return np.concatenate([np.real(flat), np.imag(flat)])
-
-
-def times_xi(xi: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """The nodes times the lines of stacked columns."""
-    half = block.shape[0] // 2
-    repeated = np.repeat(xi, half // xi.size)[:, None]
-    real, imaginary = np.real(repeated), np.imag(repeated)
-    out = np.empty(block.shape, order="F")
-    np.multiply(-imaginary, block[half:], out=out[:half])
-    np.multiply(imaginary, block[:half], out=out[half:])
-    if np.any(real):
-        out[:half] += real * block[:half]
-        out[half:] += real * block[half:]
-    return out
 
 
 def _real_times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Real matrix times complex vectors, in real arithmetic."""
     return (matrix @ np.ascontiguousarray(vectors).view(float)).view(complex)
-
-
-def _inverse(triangle: np.ndarray) -> np.ndarray:
-    """Of a small upper triangle. OpenBLAS spreads a triangular solve over threads at any size: milliseconds each."""
-    return _trtri(triangle)[0]

@@ -11,17 +11,18 @@ import numpy as np
 
 from robustid._arrays import as_positive
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification.exact import level_of
-from robustid.identification.margin import ExactForm, check_conic_size, exact_form, prove_margin, wants_conic
-from robustid.identification.model import join_model
+from robustid.identification.forms import Posed, length_of, level_of, pose
+from robustid.identification.margin import check_conic_size, prove_margin, wants_conic
+from robustid.identification.model import nominal_model
 from robustid.identification.result import Identification
 from robustid.identification.verification import verify
-from robustid.interpolation import MixedProblem, interpolants
+from robustid.interpolation import MixedProblem
 from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, solve_conic
 
 _log = logging.getLogger("robustid")
 
 OBJECTIVES = ("center", "margin", "gain", "order")
+FORMS = ("auto", "orthonormal", "classical", "taylor")
 
 
 def identify(
@@ -30,7 +31,7 @@ def identify(
     objective: str = "center",
     solver: str = "auto",
     accuracy: float = 1e-4,
-    form: str = "orthonormal",
+    form: str = "auto",
 ) -> Identification:
     """Decide whether the data fit the class, with a proof either way, and return a model.
 
@@ -47,12 +48,16 @@ def identify(
         the smallest residuals (bounds margin + accuracy); the smallest gain bound K (to 1e-4); the smallest nuclear norm of a
         Hankel (Loewner) matrix of G, which favours models that reduce well.
     solver : str
-        "cvxpy" (Clarabel), the name of any installed cvxpy solver for semidefinite programs, or "auto": Clarabel while it is
-        quick, our own central path above 24 coefficients or where the solver's numbers don't hold.
+        "structured" (our own interior-point method), "cvxpy" (Clarabel), the name of any installed cvxpy solver for semidefinite
+        programs, or "auto": Clarabel up to 24 coefficients, the structured one above or where a solver's numbers don't hold.
     accuracy : float
         Largest ``margin - margin_lower`` (relative where the margin exceeds 1).
-    form : {"orthonormal", "classical"}
-        Basis of the linear matrix inequality; "classical" is Theorem 1 of `inanc2001`, for small data.
+    form : {"auto", "orthonormal", "classical", "taylor"}
+        The finite problem. "orthonormal": exact, one coefficient per datum, up to 200; "classical": the same in the basis of
+        Theorem 1 of `inanc2001`, for small data. "taylor": the first L Taylor coefficients of G, L so large that what is left
+        out changes no sample by more than a tenth of `accuracy`, in units of its bound, whatever the number of samples; the
+        tails are part of the proof on both sides, and the model is the central interpolant of the L coefficients without the
+        states that do not matter. "auto": exact up to 100 coefficients, then "taylor".
 
     Returns
     -------
@@ -63,7 +68,8 @@ def identify(
     Raises
     ------
     SizeError
-        More than 200 real coefficients (two per frequency line, one per time sample); 100 for a named solver.
+        More than 200 coefficients in the exact form (two per frequency line, one per time sample) and 2000 Taylor coefficients;
+        100 for a solver that is not ours.
     SolverError
         No solver returned usable numbers.
 
@@ -82,20 +88,30 @@ def identify(
     """
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
+    length = length_of(problem, form, accuracy)
     if objective == "order":
-        check_conic_size(problem)
+        check_conic_size(length or problem.coefficients)
     clock = _Clock()
-    exact = exact_form(problem, form)
+    posed = pose(problem, length, form == "classical")
     clock.lap("assembly")
-    claim, start = prove_margin(exact, solver, accuracy)
+    claim, start = prove_margin(posed, solver, accuracy)
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, accuracy)
-    point, used, notes = _choose_point(exact, level, objective, solver, form, start)
+    try:
+        point, used, notes = _choose_point(posed, level, objective, solver, start)
+    except KeyboardInterrupt:
+        if start is None or posed.data.margin(start.x, start.p) > level:
+            raise
+        point, used, notes = (
+            start,
+            posed,
+            (f"interrupted: the model is consistent, but not that of objective {objective!r}",),
+        )
+    clock.lap("centre")
+    nominal = nominal_model(used, point, level)
     clock.lap("model")
-    family = interpolants(used.data.sarason, point.x)
-    realised = join_model(used.problem, used.data.rows, family.realise(), point.p)
-    checks = verify(used.problem, used.data, point, realised, claim, exact.data, level)
+    checks = verify(used, point, nominal, claim, posed.data, level)
     clock.lap("verification")
     return Identification(
         problem=problem,
@@ -104,7 +120,8 @@ def identify(
         prior=used.problem.prior,
         coefficients=point.x,
         scaled_parameters=point.p,
-        model=realised,
+        length=length,
+        model=nominal.model,
         verification=checks,
         timing=clock.laps,
         notes=notes,
@@ -116,44 +133,44 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     if objective not in OBJECTIVES:
         raise InputError(f"`objective` must be one of {OBJECTIVES}; got {objective!r}")
-    if form not in ("orthonormal", "classical"):
-        raise InputError(f'`form` must be "orthonormal" or "classical"; got {form!r}')
+    if form not in FORMS:
+        raise InputError(f"`form` must be one of {FORMS}; got {form!r}")
 
 
 def _choose_point(
-    exact: ExactForm, level: float, objective: str, solver: str, form: str, start: Candidate | None
-) -> tuple[Candidate, ExactForm, tuple[str, ...]]:
+    posed: Posed, level: float, objective: str, solver: str, start: Candidate | None
+) -> tuple[Candidate, Posed, tuple[str, ...]]:
     """The point that the objective asks for, the problem it belongs to, and what should be said about it."""
-    center = analytic_center(exact.data, level, start)
-    if objective in ("center", "margin") or not exact.problem.coefficients:
-        return center, exact, ()
+    center = analytic_center(posed.data, level, start)
+    if objective in ("center", "margin") or not posed.data.sarason.pair.order:
+        return center, posed, ()
     if objective == "order":
         try:
-            found = solve_conic(exact.data, "order", solver=solver, factor=level, classical=exact.classical)
+            found = solve_conic(posed.data, "order", solver=solver, factor=level, classical=posed.classical)
         except SolverError as problem:
-            return center, exact, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
-        return _step_inside(found, center, exact.data, level), exact, ()
-    K = exact.problem.prior.gain_bound
-    gain, growth = _smallest_gain(exact, center, level, solver), 1e-3
+            return center, posed, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
+        return _step_inside(found, center, posed.data, level), posed, ()
+    K = posed.problem.prior.gain_bound
+    gain, growth = _smallest_gain(posed, center, level, solver), 1e-3
     while gain < 1:
-        smaller = exact_form(exact.problem.with_prior(gain_bound=K * gain), form)
+        smaller = posed.with_prior(gain_bound=K * gain)
         try:
             return analytic_center(smaller.data, level), smaller, ()
         except SolverError:  # the solver's gain was too small
             gain, growth = gain * (1 + growth), 4 * growth
-    return center, exact, ()
+    return center, posed, ()
 
 
-def _smallest_gain(exact: ExactForm, center: Candidate, level: float, solver: str) -> float:
+def _smallest_gain(posed: Posed, center: Candidate, level: float, solver: str) -> float:
     """Smallest kappa for which gain kappa K is consistent at `level`, from above, to 1e-4."""
-    if wants_conic(exact, solver):
+    if wants_conic(posed, solver):
         try:
-            found = solve_conic(exact.data, "gain", solver=solver, factor=level, classical=exact.classical)
-            return exact.data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
+            found = solve_conic(posed.data, "gain", solver=solver, factor=level, classical=posed.classical)
+            return posed.data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
         except SolverError as problem:
-            _log.warning("%s; using the central path", problem)
+            _log.warning("%s; using the structured solver", problem)
     kappa = 1.0
-    for _, kappa, gap in gain_path(exact.data, center, level):
+    for _, kappa, gap in gain_path(posed.data, center, level):
         if gap <= 1e-4 * kappa or kappa < 1e-9:
             break
     return kappa + 1e-9

@@ -13,12 +13,12 @@ import numpy as np
 from robustid.bases import ParametricBasis
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError
-from robustid.identification.exact import Claim, exact_data, level_of
-from robustid.identification.model import join_model
+from robustid.identification.forms import Claim, level_of, pose
+from robustid.identification.model import nominal_model
 from robustid.identification.result import Identification
 from robustid.identification.storage import FORMAT, digest, paths
 from robustid.identification.verification import verify
-from robustid.interpolation import MarginCertificate, MixedProblem, Prior, interpolants
+from robustid.interpolation import MarginCertificate, MixedProblem, Prior
 from robustid.solve import Candidate
 
 
@@ -73,17 +73,17 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
 def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
-    data, posed = exact_data(problem), dataclasses.replace(problem, prior=prior)
-    used = exact_data(posed)
+    length = record["length"]
+    data, posed = pose(problem, length).data, pose(dataclasses.replace(problem, prior=prior), length)
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
     certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
     point = (arrays["claim/x"], arrays["claim/p"])
     claim = Claim(record["margin"], record["accuracy"], *point, certificate, record["solver"])
     if record["status"] != claim.status.name or record["margin_lower"] != certificate.value:
         raise ValueError("its status or margin contradicts its own certificate")
-    model = join_model(posed, used.rows, interpolants(used.sarason, x).realise(), p)
     center = Candidate(x, p, certificate.samples, certificate.ball, claim.solver)
     level = level_of(record["objective"], claim.margin, claim.accuracy)
+    nominal = nominal_model(posed, center, level)
     return Identification(
         problem=problem,
         objective=record["objective"],
@@ -91,8 +91,9 @@ def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identific
         prior=prior,
         coefficients=x,
         scaled_parameters=p,
-        model=model,
-        verification=verify(posed, used, center, model, claim, data, level),
+        length=length,
+        model=nominal.model,
+        verification=verify(posed, center, nominal, claim, data, level),
         timing=record["timing_s"],
         notes=tuple(record["notes"]),
     )

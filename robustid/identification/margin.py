@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections.abc import Iterator
 
 import numpy as np
 
 from robustid.errors import SizeError, SolverError
-from robustid.identification.exact import Claim, exact_data
-from robustid.interpolation import (
-    ClassicalForm,
-    MarginCertificate,
-    MixedProblem,
-    SarasonMap,
-    certify_margin,
-    classical_form,
-)
-from robustid.solve import Candidate, ConvexData, margin_path, solve_conic
+from robustid.identification.forms import Claim, Posed
+from robustid.interpolation import MarginCertificate, SarasonMap, certify_margin
+from robustid.solve import Candidate, margin_path, solve_conic, solver_name
 
 _log = logging.getLogger("robustid")
 
@@ -26,59 +20,58 @@ QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
 
 
-@dataclasses.dataclass(frozen=True)
-class ExactForm:
-    """The exact form of a problem: its arrays, and the basis of the inequality."""
+def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, Candidate | None]:
+    """The proven interval, and a point of our own path from which a centre is near, where that was asked.
 
-    problem: MixedProblem
-    data: ConvexData
-    classical: ClassicalForm | None
-
-
-def exact_form(problem: MixedProblem, form: str) -> ExactForm:
-    """Arrays of a problem in the orthonormal or the paper's basis."""
-    data = exact_data(problem)
-    classical = None
-    if form == "classical" and problem.coefficients:
-        classical = classical_form(data.sarason.pair, problem.angles, problem.prior.decay_rate, problem.taylor)
-    return ExactForm(problem, data, classical)
-
-
-def prove_margin(exact: ExactForm, solver: str, accuracy: float) -> tuple[Claim, Candidate | None]:
-    """The proven interval, and the last point of our own central path where that was asked.
-
-    The path takes over where a solver's numbers don't hold.
+    The path takes over where a solver's numbers don't hold. Ctrl-C on the way ends with the best interval proved so far.
     """
-    data = exact.data
-    candidates, last = [], None
-    if wants_conic(exact, solver):
-        try:
-            candidates = [solve_conic(data, "margin", solver=solver, classical=exact.classical)]
-        except SolverError as problem:
-            _log.warning("%s; using the central path", problem)
-    path = margin_path(data)
+    data, inside, smallest = posed.data, None, np.inf
     best: MarginCertificate | None = None
     reached, point = np.inf, None
-    while True:
-        if not candidates:
-            step = next(path, None)
-            if step is None:
+    try:
+        for candidate, near in _candidates(posed, solver, _SPARE * accuracy):
+            upper = data.margin(candidate.x, candidate.p)
+            # The first that is consistent is far from the borders; else the best is all there is.
+            if candidate.solver == "structured" and upper < smallest and smallest >= 1:
+                inside, smallest = candidate, upper
+            if near:
+                candidate = dataclasses.replace(candidate, x=_into_ball(candidate.x, data.sarason))
+                upper = data.margin(candidate.x, candidate.p)
+            if upper < reached:
+                reached, point = upper, candidate
+            if not near:
+                continue
+            certificate = certify_margin(candidate.samples, candidate.ball, reached, data.rows, data.sarason)
+            if best is None or certificate.value > best.value:
+                best = certificate
+            tails = float(data.rows.tail.max(initial=0.0))
+            if reached - best.value <= 2 * tails + _SPARE * accuracy * max(1.0, reached):
                 break
-            last = step[0]
-            candidates = [last]
-        candidate = candidates.pop()
-        candidate = dataclasses.replace(candidate, x=_into_ball(candidate.x, data.sarason))
-        upper = data.margin(candidate.x, candidate.p)
-        if upper < reached:
-            reached, point = upper, candidate
-        certificate = certify_margin(candidate.samples, candidate.ball, reached, data.rows, data.sarason)
-        if best is None or certificate.value > best.value:
-            best = certificate
-        if reached - best.value <= _SPARE * accuracy * max(1.0, reached):
-            break
+    except KeyboardInterrupt:
+        if point is None:
+            raise
+        _log.warning("interrupted; the best point found so far is verified")
+        if best is None:
+            best = certify_margin(point.samples, point.ball, reached, data.rows, data.sarason)
     if best is None or point is None:
         raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
-    return Claim(reached, accuracy, point.x, point.p, best, point.solver), last
+    return Claim(reached, accuracy, point.x, point.p, best, point.solver), inside
+
+
+def _candidates(posed: Posed, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool]]:
+    """What a conic solver found, then our own path; and whether the optimum is so near that a certificate is worth its time."""
+    if wants_conic(posed, solver):
+        try:
+            yield solve_conic(posed.data, "margin", solver=solver, classical=posed.classical), True
+        except SolverError as problem:
+            _log.warning("%s; using the structured solver", problem)
+    waiting = None
+    for candidate, margin, gap in margin_path(posed.data):
+        near = gap <= accuracy * max(1.0, margin)
+        waiting = None if near else candidate
+        yield candidate, near
+    if waiting is not None:
+        yield waiting, True
 
 
 def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:
@@ -87,19 +80,23 @@ def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:
     return x / norm if norm > 1 else x
 
 
-def wants_conic(exact: ExactForm, solver: str) -> bool:
+def wants_conic(posed: Posed, solver: str) -> bool:
     """Whether a general conic solver is asked; refused where it would take hours."""
-    if solver == "auto" and exact.classical is None:
-        return exact.problem.coefficients <= QUICK_CONIC
-    check_conic_size(exact.problem)
+    if solver == "structured":
+        return False
+    n = posed.data.sarason.pair.order
+    if solver != "auto":
+        solver_name(solver)
+    if solver == "auto" and posed.classical is None:
+        return n <= QUICK_CONIC
+    check_conic_size(n)
     return True
 
 
-def check_conic_size(problem: MixedProblem) -> None:
+def check_conic_size(coefficients: int) -> None:
     """Refuse what a general semidefinite solver can't do in reasonable time and memory."""
-    n = problem.coefficients
-    if n > LARGEST_CONIC:
+    if coefficients > LARGEST_CONIC:
         raise SizeError(
-            f"`problem` has {n} coefficients; a general semidefinite solver takes up to {LARGEST_CONIC} in reasonable time and"
-            ' memory. Use solver="auto" with objective "center", "margin" or "gain", or thin the data'
+            f"`problem` has {coefficients} coefficients; a general semidefinite solver takes up to {LARGEST_CONIC} in reasonable"
+            ' time and memory. Use solver="auto" with objective "center", "margin" or "gain", or thin the data'
         )

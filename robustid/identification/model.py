@@ -2,31 +2,100 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 
-from robustid.interpolation import MixedProblem, Rows
+from robustid.identification.forms import Posed, smallest_bound
+from robustid.identification.residuals import largest_ratio
+from robustid.interpolation import (
+    Interpolants,
+    MixedProblem,
+    Rows,
+    TaylorInterpolants,
+    balanced_from_impulse,
+    interpolants,
+    taylor_interpolants,
+    taylor_tail,
+)
+from robustid.solve import Candidate
+
+_SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
+_LONGEST = 8000  # samples of the impulse response
+
+Family = Interpolants | TaylorInterpolants
+Scaled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def join_model(
-    problem: MixedProblem,
-    rows: Rows,
-    scaled: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    p: np.ndarray,
-) -> Any:
-    """State space of F = p'P + G, G(z) = K phi(z/rho), phi = (alpha, beta, gamma, delta) in the scaled variable.
+@dataclasses.dataclass(frozen=True)
+class Nominal:
+    """The model of a point: of the central interpolant itself, or but for `error` in the H-infinity norm.
 
-    Engineer's convention: A = alpha/rho, B = beta, C = K gamma/rho, D = K delta; the parametric states follow those of G.
+    Attributes
+    ----------
+    model : control.StateSpace
+    states : int
+        Of the non-parametric part; they come first.
+    error : float
+        Bound of |model - interpolant| at any frequency; 0 where no state was left out.
     """
-    import control
 
+    model: Any
+    states: int
+    error: float
+
+
+def family_of(posed: Posed, x: np.ndarray) -> Family:
+    """All functions of the unit ball with the coefficients x."""
+    return taylor_interpolants(x) if posed.length else interpolants(posed.data.sarason, x)
+
+
+def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
+    """The interpolant with the free parameter E, joined with the parametric part.
+
+    Of a Taylor form, states are left out as long as every residual stays below level * bound.
+    """
+    problem, rows = posed.problem, posed.data.rows
+    family = family_of(posed, point.x)
+    if isinstance(family, Interpolants):
+        scaled = _unscaled(problem, family.realise(E))
+        return Nominal(join_model(problem, rows, scaled, point.p), scaled[0].shape[0], 0.0)
+    tolerance = _SHARE * smallest_bound(problem)
+    while True:
+        realised, error = _reduced(problem, family, E, tolerance)
+        nominal = Nominal(join_model(problem, rows, realised, point.p), realised[0].shape[0], error)
+        if tolerance < 1e-10 * problem.prior.gain_bound or largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
+            return nominal
+        tolerance /= 10
+
+
+def _unscaled(problem: MixedProblem, scaled: Scaled) -> Scaled:
+    """State space of G(z) = K phi(z/rho) in the engineer's convention, of phi = (alpha, beta, gamma, delta) in z/rho."""
     alpha, beta, gamma, delta = scaled
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
     # Half of K on either side keeps the realisation balanced.
     root = np.sqrt(K)
-    A, B, C, D = alpha / rho, root * beta, root * gamma / rho, K * delta
+    return alpha / rho, root * beta, root * gamma / rho, K * delta
+
+
+def _reduced(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> tuple[Scaled, float]:
+    """Balanced truncation of the interpolant, from its impulse response, within a tolerance in units of the response."""
+    prior = problem.prior
+    wanted = taylor_tail(prior, 0) / (1e-3 * tolerance)
+    count = min(_LONGEST, max(2, math.ceil(math.log(max(wanted, 2.0)) / math.log(prior.decay_rate))))
+    g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float) * family.coefficients(count, E)
+    small = balanced_from_impulse(g, tolerance)
+    return (small.A, small.B, small.C, small.D), small.bound + taylor_tail(prior, count)
+
+
+def join_model(problem: MixedProblem, rows: Rows, realised: Scaled, p: np.ndarray) -> Any:
+    """State space of F = p'P + G; the parametric states follow those of G."""
+    import control
+
+    A, B, C, D = realised
     basis = problem.parametric
     if basis is not None:
         weights = physical_parameters(rows, p)[None, :]

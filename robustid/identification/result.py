@@ -11,19 +11,13 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.errors import InconsistentDataError, Status
-from robustid.identification.exact import Claim
-from robustid.identification.model import join_model, physical_parameters
+from robustid.identification.forms import Claim, Posed, level_of, pose
+from robustid.identification.model import Family, family_of, nominal_model, physical_parameters
+from robustid.identification.residuals import Residual
 from robustid.identification.storage import save_identification
-from robustid.identification.verification import Residual, Verification
-from robustid.interpolation import (
-    Interpolants,
-    MarginCertificate,
-    MixedProblem,
-    Prior,
-    interpolants,
-    measurement_rows,
-)
-from robustid.interpolation.sarason import SarasonMap
+from robustid.identification.verification import Verification
+from robustid.interpolation import MarginCertificate, MixedProblem, Prior
+from robustid.solve import Candidate
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -40,9 +34,12 @@ class Identification(Frozen):
     prior : Prior
         Of the model: that of the problem, with a smaller gain bound for objective "gain".
     coefficients : (n,) array
-        Of the non-parametric part, in the orthonormal basis, relative to the gain bound.
+        Of the non-parametric part, in the orthonormal basis (Taylor coefficients where `length` is not 0), relative to the
+        gain bound.
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
+    length : int
+        Number of Taylor coefficients of the finite problem; 0 where that was the exact form.
     model : control.StateSpace
         Central interpolant joined with the parametric part, engineer's convention, with dt.
     verification : Verification
@@ -59,6 +56,7 @@ class Identification(Frozen):
     prior: Prior
     coefficients: np.ndarray
     scaled_parameters: np.ndarray
+    length: int
     model: Any
     verification: Verification
     timing: dict[str, float]
@@ -121,8 +119,7 @@ class Identification(Frozen):
     @property
     def parameters(self) -> np.ndarray:
         """Coefficients of the parametric functions, (m,)."""
-        rows = measurement_rows(self._posed, self._family[0].pair)
-        return freeze(physical_parameters(rows, self.scaled_parameters))
+        return freeze(physical_parameters(self._posed.data.rows, self.scaled_parameters))
 
     @property
     def residuals(self) -> tuple[Residual, ...]:
@@ -135,17 +132,13 @@ class Identification(Frozen):
         return self.model.nstates
 
     @functools.cached_property
-    def _posed(self) -> MixedProblem:
-        """The problem with the prior of the model."""
-        return self.problem.with_prior(gain_bound=self.prior.gain_bound, decay_rate=self.prior.decay_rate)
+    def _posed(self) -> Posed:
+        """The problem with the prior of the model, in the form that was solved."""
+        return pose(dataclasses.replace(self.problem, prior=self.prior), self.length)
 
     @functools.cached_property
-    def _family(self) -> tuple[SarasonMap, Interpolants]:
-        from robustid.bases import input_normal_pair
-
-        problem = self.problem
-        sarason = SarasonMap(input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor))
-        return sarason, interpolants(sarason, self.coefficients)
+    def _family(self) -> Family:
+        return family_of(self._posed, self.coefficients)
 
     def solution(self, E: Any = 0.0) -> Any:
         """Another model of the class with the same values at the samples.
@@ -154,14 +147,17 @@ class Identification(Frozen):
         ----------
         E : float in [-1, 1] or control.StateSpace
             The free parameter: any function of the unit ball, in the scaled variable zeta = z/rho. 0 gives `model`;
-            these are all systems of the class with these coefficients and parameters.
+            these are all systems of the class with these coefficients and parameters. A number where the form was "taylor".
 
         Returns
         -------
         control.StateSpace
         """
-        rows = measurement_rows(self._posed, self._family[0].pair)
-        return join_model(self._posed, rows, self._family[1].realise(E), self.scaled_parameters)
+        level = level_of(self.objective, self.margin, self.accuracy)
+        point = Candidate(
+            self.coefficients, self.scaled_parameters, self.certificate.samples, np.zeros((0, 0)), self.solver
+        )
+        return nominal_model(self._posed, point, level, E).model
 
     def weyl_disc(self, omega: Any) -> tuple[np.ndarray, np.ndarray]:
         """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
@@ -172,7 +168,7 @@ class Identification(Frozen):
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
         angles = omega * self.problem.dt
         K, rho = self.prior.gain_bound, self.prior.decay_rate
-        centre, radius = self._family[1].weyl_disc(np.exp(-1j * angles) / rho)
+        centre, radius = self._family.weyl_disc(np.exp(-1j * angles) / rho)
         centre = K * centre
         if self.problem.parametric is not None:
             centre = centre + self.problem.parametric.response(angles) @ self.parameters
@@ -210,6 +206,7 @@ class Identification(Frozen):
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
             f"class      |G| <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
+            + (f", {self.length} Taylor coefficients and a bounded rest" if self.length else "")
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else ""),
             f"model      order {self.order}, {self.objective}"
             + (f", |G| <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),

@@ -26,6 +26,14 @@ def response(model: Any, angles: np.ndarray) -> np.ndarray:
     if not n:
         return np.full(np.size(angles), complex(model.D[0, 0]))
     H, Q = scipy.linalg.hessenberg(model.A, calc_q=True)
-    left = np.exp(1j * np.asarray(angles))[:, None, None] * np.eye(n) - H
-    state = np.linalg.solve(left, np.broadcast_to((Q.T @ model.B).astype(complex), (np.size(angles), n, 1)))
-    return ((model.C @ Q) @ state)[:, 0, 0] + model.D[0, 0]
+    B, C, values = (Q.T @ model.B).astype(complex), model.C @ Q, np.empty(np.size(angles), complex)
+    rows = max(1, _BLOCK // n**2)
+    for first in range(0, values.size, rows):
+        points = np.exp(1j * np.asarray(angles)[first : first + rows])
+        left = points[:, None, None] * np.eye(n) - H
+        state = np.linalg.solve(left, np.broadcast_to(B, (points.size, n, 1)))
+        values[first : first + rows] = (C @ state)[:, 0, 0] + model.D[0, 0]
+    return values
+
+
+_BLOCK = 2**21  # complex numbers worked on at once: 32 MiB

@@ -39,6 +39,7 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "status": result.status.name,
         "meaning": result.status.value,
         "objective": result.objective,
+        "length": result.length,
         "margin": result.margin,
         "margin_lower": result.margin_lower,
         "accuracy": result.accuracy,

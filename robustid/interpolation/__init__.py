@@ -3,22 +3,33 @@
 from robustid.interpolation.central import Interpolants, interpolants
 from robustid.interpolation.certificate import MarginCertificate, certify_margin, evaluate_certificate
 from robustid.interpolation.classical import ClassicalForm, classical_form
+from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
-from robustid.interpolation.rows import Rows, measurement_rows
-from robustid.interpolation.sarason import SarasonMap
+from robustid.interpolation.rows import Rows, measurement_rows, taylor_tail
+from robustid.interpolation.sarason import SarasonMap, ShiftMap
+from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
 
 __all__ = [
     "ClassicalForm",
+    "DenseColumns",
+    "ImpulseReduction",
     "Interpolants",
     "MarginCertificate",
     "MixedProblem",
     "Prior",
     "Rows",
     "SarasonMap",
+    "ShiftColumns",
+    "ShiftMap",
+    "TaylorInterpolants",
+    "balanced_from_impulse",
     "certify_margin",
     "classical_form",
     "evaluate_certificate",
     "interpolants",
     "measurement_rows",
+    "taylor_interpolants",
+    "taylor_tail",
 ]

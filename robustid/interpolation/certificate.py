@@ -10,6 +10,7 @@ import dataclasses
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.interpolation.columns import DenseColumns
 from robustid.interpolation.rows import Rows
 from robustid.interpolation.sarason import SarasonMap
 
@@ -20,7 +21,7 @@ class MarginCertificate(Frozen):
 
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
 
-        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - |P'l| p_max
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - |P'l| p_max - sum|l_k| tail_k
 
     because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1; p_max bounds
     the free parameters of every system whose margin is at most `upper` (others need no proof). The right-hand side is
@@ -73,7 +74,10 @@ def certify_margin(
     if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
         return best
     raw, S = np.asarray(samples, complex) / weight, sarason.stein(Y / weight)
-    for changed in (raw, _balanced(raw, sarason.pair.c[0] @ S, rows)):
+    changes = [raw]
+    if isinstance(rows.E, DenseColumns):
+        changes.append(_balanced(raw, sarason.pair.c[0] @ S, rows))
+    for changed in changes:
         multipliers = _cancel_parameters(changed, rows)
         norm = float(np.sum(np.abs(multipliers)))
         value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
@@ -96,15 +100,15 @@ def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, ro
     spread = np.abs(ball) + np.abs(A) @ np.abs(ball) @ np.abs(A.T)
     nuclear = float(np.sum(np.linalg.svd(Y, compute_uv=False))) if n else 0.0
     nuclear += 10 * n * eps * nuclear + 2 * short * np.sqrt(n) * float(np.linalg.norm(spread))
-    mismatch = float(np.linalg.norm(np.real(rows.E.conj().T @ samples) - (c @ ball)[0]))
-    mismatch += long * float(np.linalg.norm(np.abs(rows.E).T @ size)) + short * float(
-        np.linalg.norm(np.abs(c) @ np.abs(ball))
-    )
+    mismatch = float(np.linalg.norm(rows.E.adjoint(samples) - (c @ ball)[0]))
+    mismatch += long * float(np.linalg.norm(rows.E.spread(size)))
+    mismatch += short * float(np.linalg.norm(np.abs(c) @ np.abs(ball)))
     leak = 0.0
     if rows.P.shape[1]:
         leak = float(np.linalg.norm(np.real(rows.P.conj().T @ samples)))
         leak = (leak + long * float(np.linalg.norm(np.abs(rows.P).T @ size))) * _parameter_bound(upper, rows)
-    return float((fit - nuclear - mismatch - leak) / (weight * (1 + long)))
+    tail = float(size @ rows.tail) * (1 + long)
+    return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
 
 
 def _real_rows(matrix: np.ndarray) -> np.ndarray:
@@ -114,7 +118,7 @@ def _real_rows(matrix: np.ndarray) -> np.ndarray:
 def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
     """The multipliers with the smallest relative change for which E'l = target and P'l = 0, nearly."""
     flat, scale = _real_rows(samples), np.tile(np.abs(samples), 2)
-    matrix = np.hstack([_real_rows(rows.E), _real_rows(rows.P)])
+    matrix = np.hstack([_real_rows(rows.E.dense()), _real_rows(rows.P)])
     wanted = np.concatenate([target, np.zeros(rows.P.shape[1])])
     for _ in range(3):  # each pass removes the rounding of the one before
         flat = flat + scale * np.linalg.lstsq((scale[:, None] * matrix).T, wanted - matrix.T @ flat, rcond=None)[0]
@@ -132,10 +136,10 @@ def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
 
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
-    """||p|| of every system with margin <= upper: P p = y - E x - e, ||x|| <= 1, |e_k| <= upper."""
+    """||p|| of every system with margin <= upper: P p = y - E x - e, ||x|| <= 1, |e_k| <= upper + tail_k."""
     singular = np.linalg.svd(_real_rows(rows.P), compute_uv=False)
     smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
     if smallest <= 0:
         return np.inf
-    reach = np.linalg.norm(rows.y) + np.linalg.norm(rows.E) + upper * np.sqrt(rows.y.size)
+    reach = np.linalg.norm(rows.y) + rows.E.norm + upper * np.sqrt(rows.y.size) + np.linalg.norm(rows.tail)
     return float(reach / smallest) * (1 + 1e-9)

@@ -108,7 +108,9 @@ class MixedProblem(Frozen):
         """Index of the node of each angle."""
         if not self.angles.size:
             return np.zeros(0, int)
-        return np.argmin(np.abs(self.angles[None, :] - np.asarray(angles)[:, None]), axis=1)
+        after = np.clip(np.searchsorted(self.angles, angles), 1, max(self.angles.size - 1, 1))
+        pair = np.stack([after - 1, np.minimum(after, self.angles.size - 1)])
+        return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
 
     def _all_angles(self) -> np.ndarray:
         angles = [f.omega * self.dt for f in self.frequency]

@@ -11,6 +11,8 @@ from robustid._arrays import Frozen, freeze
 from robustid.bases import InputNormalPair
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
+from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem, excited_lines
 
 
@@ -18,45 +20,51 @@ from robustid.interpolation.problem import MixedProblem, excited_lines
 class Rows(Frozen):
     """Residuals e = y - E x - P p of all samples, each divided by its bound: sample k is kept if |e_k| <= 1.
 
-    Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both.
+    Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
+    with the coefficients x has the residuals e - d with |d_k| <= tail_k: what its other coefficients can do.
 
     Attributes
     ----------
     y : (N,) complex array
-    E : (N, n) complex array
+    E : columns (N, n)
         Of the coefficients x of G/K in the orthonormal basis.
     P : (N, m) complex array
         Of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
     fixed : (N,) array
         Part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it.
+    tail : (N,) array
+        Zero where n coefficients determine the samples (the exact form).
     discs : int
         Number of complex samples.
     """
 
     y: np.ndarray
-    E: np.ndarray
+    E: DenseColumns | ShiftColumns
     P: np.ndarray
     fixed: np.ndarray
+    tail: np.ndarray
     discs: int
     column_scale: np.ndarray
     parameters: int
 
     def __post_init__(self) -> None:
-        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "E", "P", "fixed", "column_scale")})
+        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale")})
 
-    @property
-    def real(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(y, E, P) as real rows: real parts of all samples, then imaginary parts of the discs."""
-        return tuple(np.concatenate([a.real, a[: self.discs].imag]) for a in (self.y, self.E, self.P))  # type: ignore[return-value]
+    def real(self, a: np.ndarray) -> np.ndarray:
+        """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
+        return np.concatenate([np.real(a), np.imag(a[: self.discs])])
 
     def ratio(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """|residual|/bound of every sample at coefficients x and scaled parameters p."""
-        return np.abs(self.y - self.E @ x - self.P @ p)
+        """Upper bound of |residual|/bound of every sample, for every system with coefficients x and scaled parameters p."""
+        return np.abs(self.y - self.E @ x - self.P @ p) + self.tail
 
 
 @dataclasses.dataclass
 class _Block:
-    """Rows of one experiment before scaling; `widen` is what an unknown past input adds to the bound."""
+    """Rows of one experiment before scaling; `widen` is what an unknown past input adds to the bound.
+
+    E is left empty for lines whose columns are generated.
+    """
 
     y: np.ndarray
     E: np.ndarray
@@ -64,38 +72,119 @@ class _Block:
     bound: np.ndarray
     widen: np.ndarray
     free: np.ndarray
+    tail: np.ndarray
 
 
-def measurement_rows(problem: MixedProblem, pair: InputNormalPair) -> Rows:
-    """All samples of the problem as `Rows` in the basis of `pair`."""
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    values = K * pair.evaluate(np.exp(-1j * problem.angles) / rho) if problem.angles.size else np.zeros((0, pair.order))
-    taylor = K * rho ** -np.arange(problem.taylor)[:, None] * pair.taylor(problem.taylor)
-    blocks = [_frequency_block(problem, f, values) for f in problem.frequency]
+@dataclasses.dataclass(frozen=True)
+class _Exact:
+    """The functions of an input-normal pair whose nodes are those of the data: no tails."""
+
+    problem: MixedProblem
+    pair: InputNormalPair
+
+    def lines(self, angles: np.ndarray) -> np.ndarray:
+        """Values at exp(j angle), (F, n)."""
+        problem = self.problem
+        prior, at = problem.prior, problem.node_index(angles)
+        return prior.gain_bound * self.pair.evaluate(np.exp(-1j * problem.angles[at]) / prior.decay_rate)
+
+    def filtered(self, u: np.ndarray) -> np.ndarray:
+        """Responses to the input, (T, n)."""
+        prior, times = self.problem.prior, np.arange(u.size)[:, None]
+        return _filtered(u, prior.gain_bound * prior.decay_rate**-times * self.pair.taylor(u.size))
+
+    def line_tail(self) -> float:
+        return 0.0
+
+    def time_tail(self, u: np.ndarray) -> np.ndarray:
+        return np.zeros(u.size)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Taylor:
+    """The first L delays; the coefficients beyond do what is bounded by the tails."""
+
+    problem: MixedProblem
+    length: int
+
+    @property
+    def decay(self) -> np.ndarray:
+        """rho^-j, (L,)."""
+        return self.problem.prior.decay_rate ** -np.arange(self.length, dtype=float)
+
+    def lines(self, angles: np.ndarray) -> np.ndarray:
+        """Values at exp(j angle), (F, L)."""
+        return self.problem.prior.gain_bound * self.decay * np.exp(-1j * np.outer(angles, np.arange(self.length)))
+
+    def filtered(self, u: np.ndarray) -> np.ndarray:
+        """Responses to the input, (T, L): the input, delayed."""
+        delayed = scipy.linalg.toeplitz(u, np.zeros(min(self.length, u.size)))
+        padded = np.zeros((u.size, self.length))
+        padded[:, : delayed.shape[1]] = delayed
+        return self.problem.prior.gain_bound * self.decay * padded
+
+    def line_tail(self) -> float:
+        """Largest value of the rest on the unit circle: K rho^-L (2/pi) K(1/rho), K the complete elliptic integral."""
+        return taylor_tail(self.problem.prior, self.length)
+
+    def time_tail(self, u: np.ndarray) -> np.ndarray:
+        """K (sum_{j >= L} u_{n-j}^2 rho^-2j)^(1/2), since the scaled coefficients have norm 1, (count,)."""
+        prior, L = self.problem.prior, self.length
+        energy = np.zeros(u.size)
+        if u.size > L:
+            weights = prior.decay_rate ** (-2.0 * np.arange(L, u.size))
+            energy[L:] = np.convolve(u**2, weights)[: u.size - L]
+        return prior.gain_bound * np.sqrt(energy)
+
+
+def taylor_tail(prior: Prior, length: int) -> float:
+    """Largest value on the unit circle of what a member of the ball has beyond its first L Taylor coefficients.
+
+    tau_L = K rho^-L (2/pi) K(1/rho), K(k) the complete elliptic integral of modulus k: Cauchy's formula on |z| = rho.
+    """
+    import scipy.special
+
+    rho = prior.decay_rate
+    return prior.gain_bound * rho ** -float(length) * 2 / np.pi * float(scipy.special.ellipk(rho**-2))
+
+
+def measurement_rows(problem: MixedProblem, basis: InputNormalPair | int) -> Rows:
+    """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of that many Taylor coefficients."""
+    functions = _Taylor(problem, basis) if isinstance(basis, int) else _Exact(problem, basis)
+    blocks = [_frequency_block(problem, f, functions) for f in problem.frequency]
     for record in problem.time:
-        if record.initial == "periodic":
-            blocks.append(_periodic_block(problem, record, values))
-        else:
-            blocks.append(_time_block(problem, record, taylor))
-    return _assemble(problem, blocks)
+        block = _periodic_block if record.initial == "periodic" else _time_block
+        blocks.append(block(problem, record, functions))
+    return _assemble(problem, blocks, functions)
 
 
-def _frequency_block(problem: MixedProblem, frf: FrequencyResponse, values: np.ndarray) -> _Block:
+def _frequency_block(problem: MixedProblem, frf: FrequencyResponse, functions: _Exact | _Taylor) -> _Block:
     angles = frf.omega * problem.dt
     none = np.zeros((angles.size, 0))
     P = none if problem.parametric is None else problem.parametric.response(angles)
-    bound = frf.bound[:, 0, 0]
-    return _Block(frf.values[:, 0, 0], values[problem.node_index(angles)], P, bound, np.zeros(angles.size), none)
+    bound, zero = frf.bound[:, 0, 0], np.zeros(angles.size)
+    E = functions.lines(angles) if isinstance(functions, _Exact) else none
+    return _Block(frf.values[:, 0, 0], E, P, bound, zero, none, zero + functions.line_tail())
 
 
-def _time_block(problem: MixedProblem, record: TimeRecord, taylor: np.ndarray) -> _Block:
+def _time_block(problem: MixedProblem, record: TimeRecord, functions: _Exact | _Taylor) -> _Block:
     used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
-    count = used[-1] + 1
-    U = scipy.linalg.toeplitz(record.u[:count, 0], np.zeros(count))[used]
-    basis = problem.parametric
-    P = U @ basis.impulse(count) if basis is not None else np.zeros((used.size, 0))
+    count = int(used[-1]) + 1
+    u, basis = record.u[:count, 0], problem.parametric
+    P = _filtered(u, basis.impulse(count))[used] if basis is not None else np.zeros((used.size, 0))
     free, widen = initial_state(problem, record, used)
-    return _Block(record.y[used, 0], U @ taylor[:count], P, record.bound[used, 0], widen, free)
+    E, tail = functions.filtered(u)[used], functions.time_tail(u)[used]
+    return _Block(record.y[used, 0], E, P, record.bound[used, 0], widen, free, tail)
+
+
+def _filtered(u: np.ndarray, impulse: np.ndarray) -> np.ndarray:
+    """Responses to u of systems with these impulse responses (T, m), from rest."""
+    if u.size <= _SHORT:
+        return scipy.linalg.toeplitz(u, np.zeros(u.size)) @ impulse
+    return scipy.linalg.matmul_toeplitz((u, np.zeros(u.size)), impulse)
+
+
+_SHORT = 1000  # above, by FFT: a matrix of all delays takes too much memory
 
 
 def initial_state(problem: MixedProblem, record: TimeRecord, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,26 +203,27 @@ def initial_state(problem: MixedProblem, record: TimeRecord, used: np.ndarray) -
     return problem.parametric.transients(used[-1] + 1)[used], widen
 
 
-def _periodic_block(problem: MixedProblem, record: TimeRecord, values: np.ndarray) -> _Block:
+def _periodic_block(problem: MixedProblem, record: TimeRecord, functions: _Exact | _Taylor) -> _Block:
     samples = record.u.shape[0]
     used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
     lines = excited_lines(record)
     angles = 2 * np.pi * lines / samples
     weight = np.where((lines == 0) | (2 * lines == samples), 1.0, 2.0) * np.fft.rfft(record.u[:, 0])[lines] / samples
     wave = weight * np.exp(1j * (2 * np.pi / samples) * (np.outer(used, lines) % samples))
-    E = (wave @ values[problem.node_index(angles)]).real
+    E, tail = (wave @ functions.lines(angles)).real, np.abs(wave).sum(axis=1) * functions.line_tail()
     none = np.zeros((used.size, 0))
     P = none if problem.parametric is None else (wave @ problem.parametric.response(angles)).real
-    return _Block(record.y[used, 0], E, P, record.bound[used, 0], np.zeros(used.size), none)
+    return _Block(record.y[used, 0], E, P, record.bound[used, 0], np.zeros(used.size), none, tail)
 
 
-def _assemble(problem: MixedProblem, blocks: list[_Block]) -> Rows:
+def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Exact | _Taylor) -> Rows:
     total = np.concatenate([b.bound + b.widen for b in blocks])
     free = np.asarray(scipy.linalg.block_diag(*(b.free for b in blocks)))
     P = np.hstack([np.vstack([b.P for b in blocks]), free]) / total[:, None]
-    E = np.vstack([b.E for b in blocks]) / total[:, None]
+    discs = sum(f.omega.size for f in problem.frequency)
+    E = _columns(problem, blocks, functions, total, discs)
     y = np.concatenate([b.y for b in blocks]) / total
-    sizes = [float(np.abs(a).max(initial=0.0)) for a in (P, E, y)]
+    sizes = [float(np.abs(a).max(initial=0.0)) for a in (P, y)] + [E.norm]
     if not max(sizes) < 1e100:
         raise InputError(
             "`bound` is too small against the data (or a basis function is infinite at a sample): their ratio is"
@@ -146,9 +236,19 @@ def _assemble(problem: MixedProblem, blocks: list[_Block]) -> Rows:
     P = P / scale
     parameters = 0 if problem.parametric is None else problem.parametric.size
     _check_independent(problem, P, parameters)
-    fixed = np.concatenate([b.bound for b in blocks]) / total
-    discs = sum(f.omega.size for f in problem.frequency)
-    return Rows(y, E, P, fixed, discs, scale, parameters)
+    fixed, tail = (np.concatenate(parts) / total for parts in zip(*((b.bound, b.tail) for b in blocks), strict=True))
+    return Rows(y, E, P, fixed, tail, discs, scale, parameters)
+
+
+def _columns(
+    problem: MixedProblem, blocks: list[_Block], functions: _Exact | _Taylor, total: np.ndarray, discs: int
+) -> DenseColumns | ShiftColumns:
+    if isinstance(functions, _Exact):
+        return DenseColumns(np.vstack([b.E for b in blocks]) / total[:, None])
+    angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in problem.frequency)])
+    real = [b.E for b in blocks[len(problem.frequency) :]]
+    stacked = np.vstack([np.zeros((0, functions.length)), *real]) / total[discs:, None]
+    return ShiftColumns(angles, problem.prior.gain_bound / total[:discs], functions.decay, stacked)
 
 
 def _check_independent(problem: MixedProblem, P: np.ndarray, parameters: int) -> None:

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.bases import InputNormalPair, solve_stein
+from robustid.bases import InputNormalPair, shift_pair, solve_stein
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -45,6 +45,10 @@ class SarasonMap(Frozen):
         H = self.symmetry @ self.basis
         return freeze((H + H.transpose(0, 2, 1)) / 2)
 
+    def turned(self, M: np.ndarray) -> np.ndarray:
+        """T M."""
+        return self.symmetry @ M
+
     def matrix(self, x: np.ndarray) -> np.ndarray:
         """X(x), directly from its Stein equation."""
         return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
@@ -56,3 +60,29 @@ class SarasonMap(Frozen):
     def norm(self, x: np.ndarray) -> float:
         """||X(x)||, the smallest gain of any function with these data."""
         return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
+
+
+class ShiftMap(SarasonMap):
+    """The map of the first L Taylor coefficients: X(x) is the upper-triangular Toeplitz matrix with first row x.
+
+    T is the flip and H(x) a Hankel matrix; nothing of size L^3 is stored.
+    """
+
+    def __init__(self, length: int):
+        super().__init__(shift_pair(length))
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """X(x)."""
+        padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
+        return np.lib.stride_tricks.sliding_window_view(padded, self.pair.order)[::-1].copy()
+
+    def stein(self, Y: np.ndarray) -> np.ndarray:
+        """The S with S - A S A' = Y: sums along the diagonals, from the lower right corner."""
+        S = np.array(Y)
+        for row in range(S.shape[0] - 2, -1, -1):
+            S[row, :-1] += S[row + 1, 1:]
+        return S
+
+    def turned(self, M: np.ndarray) -> np.ndarray:
+        """M upside down."""
+        return M[::-1]

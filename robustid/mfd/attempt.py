@@ -10,16 +10,15 @@ import numpy as np
 import scipy.linalg
 
 from robustid.errors import InputError
-from robustid.mfd.chains import StateMatrices, input_priority
+from robustid.mfd.chains import StateMatrices, input_priority, response
 from robustid.mfd.iteration import FitStep, FractionFit, fit_fraction
 from robustid.mfd.model import FractionModel, realise
-from robustid.mfd.node_fraction import NOTHING_HELD, Held, NodeFraction
+from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
-from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, output_rows, reflected
-from robustid.mfd.steps import retract
+from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, output_rows, reflected
+from robustid.mfd.steps import into_form
 
-_RETRACTIONS = 8  # cheap SK steps on a noise-free response; two suffice up to order 40
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
 _PULLS = 4  # attempts to keep a reflected pole inside after the way back into fraction form
 
@@ -38,7 +37,7 @@ class Attempt(NamedTuple):
 class Settings:
     """How an attempt is made; see `fit_mfd`."""
 
-    method: str
+    phases: list[str]
     body: RigidBody | None
     form: str
     stable: bool
@@ -60,9 +59,9 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
     if settings.body is not None:
         model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
         problem = rigid_modes(problem, data, model, directions, settings.body)
-    problem, first = _best_form(problem, model, data, "iv" not in settings.method)
-    fit = fit_fraction(problem, start=first, method=settings.method, report=settings.progress)
-    if not fit.status.converged and "lm" in settings.method:
+    problem, first = _best_form(problem, model, data, "iv" not in settings.phases)
+    fit = fit_fraction(problem, start=first, method="+".join(settings.phases), report=settings.progress)
+    if not fit.status.converged and "lm" in settings.phases:
         again = fit_fraction(problem, start=fit.fraction, method="sk-relaxed+lm", report=settings.progress)
         fit = dataclasses.replace(again, history=fit.history + again.history)
     found = realise(problem, fit.fraction, form=settings.form)
@@ -82,11 +81,8 @@ def _check_conditions(problem: FractionProblem, found: FractionModel) -> None:
     for condition in problem.conditions:
         point = problem.scale * condition.point
         for left, _ in condition.terms:
-            try:
-                values = response(found.matrices, np.array([point]))[0]
-            except np.linalg.LinAlgError:
-                values = np.full(problem.values.shape[1:], np.inf)
-            with np.errstate(invalid="ignore"):
+            values = response(found.matrices, np.array([point]))[0]
+            with np.errstate(invalid="ignore"):  # inf on a pole
                 remainder = left[:, :nu] + left[:, nu:] @ values
             size = max(float(np.abs(left[:, :nu]).max()), float(np.abs(problem.values).min()))
             if not np.all(np.abs(remainder) <= _HELD * size):
@@ -101,11 +97,6 @@ def unstable_poles(fraction: FractionModel) -> np.ndarray:
     """Mask of the poles outside the stability region, those of rigid-body modes left aside."""
     poles = fraction.poles[: len(fraction.poles) - 2 * fraction.rigid_count]
     return np.real(poles) >= 0 if fraction.dt is None else np.abs(poles) >= 1
-
-
-def response(model: StateMatrices, points: np.ndarray) -> np.ndarray:
-    """Of a state-space model, (F, ny, nu)."""
-    return output_rows(model.A, model.C, points) @ model.B + model.D
 
 
 def _best_form(
@@ -126,13 +117,6 @@ def _best_form(
 
 def _error(problem: FractionProblem, fraction: NodeFraction, values: np.ndarray) -> float:
     return dataclasses.replace(problem, values=values).cost(fraction)
-
-
-def into_form(problem: FractionProblem, values: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
-    """The fraction of the problem's form that is nearest to a response, as far as a few SK steps find it."""
-    lines, nu = problem.omega.size, problem.values.shape[2]
-    identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
-    return retract(problem, values, identity, held, columnwise=_RETRACTIONS, steps=1)
 
 
 def _stabilised(
@@ -166,11 +150,9 @@ def _reflection(
     T, Z = scipy.linalg.schur(A[:flexible, :flexible])[:2]
     B = np.vstack([Z.T @ B[:flexible], B[flexible:]])
     T = reflected(T, data.points, data.domain)
-    flipped = data._replace(values=data.values.transpose(0, 2, 1), weight=data.weight.transpose(0, 2, 1))
     for pull in range(pulls):
         A = diagonal_blocks(T, A[flexible:, flexible:])
-        outputs, D, _ = fit_inputs(flipped, A.T, B.T, problem.feedthrough)
-        model = StateMatrices(A, B, outputs.T, D.T)
+        model = StateMatrices(A, B, *fit_outputs(data, A, B, problem.feedthrough))
         start = into_form(problem, response(model, data.points), fraction.held)
         if not np.any(unstable_poles(realise(problem, start))):
             return start

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid.errors import InputError
-from robustid.mfd.state_fit import diagonal_blocks
+from robustid.mfd.state_fit import diagonal_blocks, output_rows
 
 
 class StateMatrices(NamedTuple):
@@ -18,6 +18,11 @@ class StateMatrices(NamedTuple):
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
+
+
+def response(model: StateMatrices, points: np.ndarray) -> np.ndarray:
+    """At complex points s or z, (F, ny, nu)."""
+    return output_rows(model.A, model.C, points) @ model.B + model.D
 
 
 def chain(count: int, origin: float) -> np.ndarray:
@@ -42,7 +47,7 @@ def nearest_poles(eigenvalues: np.ndarray, origin: float, count: int) -> np.ndar
         if np.sum(chosen) == count and (best is None or size < best[0]):
             best = size, chosen
     if best is None:
-        raise InputError(f"`order` = {eigenvalues.size} is too small for {count // 2} rigid-body modes")
+        raise InputError(f"{eigenvalues.size} poles are too few for {count // 2} rigid-body modes; raise `order`")
     return best[1]
 
 

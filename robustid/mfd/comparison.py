@@ -6,7 +6,8 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import as_count
-from robustid.bases.vector_polynomials import orthonormal_polynomials, polynomial_nodes, stacked
+from robustid.bases.krylov_blocks import stacked
+from robustid.bases.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 from robustid.errors import InputError
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
@@ -169,7 +170,7 @@ def _polynomials(problem: FractionProblem, functions: np.ndarray, factors: np.nd
     top = problem.limits + 1
     parts = np.split(c, np.cumsum(top)[:-1])
     free = np.stack([functions[:, : part.size] @ part for part in parts], axis=1)
-    return _fraction(problem, free + problem.leading * factors[top] * functions[:, top])
+    return problem.split(free + problem.leading * factors[top] * functions[:, top])
 
 
 def _condition(R: np.ndarray) -> float:
@@ -182,11 +183,4 @@ def _condition(R: np.ndarray) -> float:
 
 
 def _nowhere(problem: FractionProblem) -> NodeFraction:
-    return _fraction(problem, np.full((problem.omega.size, problem.limits.size), np.nan, dtype=complex))
-
-
-def _fraction(problem: FractionProblem, stacked: np.ndarray) -> NodeFraction:
-    """Values (F, (ny + nu)*nu) of vec([D; N]) as a fraction."""
-    ny, nu = problem.values.shape[1:]
-    both = stacked.reshape(-1, nu, ny + nu).transpose(0, 2, 1)
-    return NodeFraction(both[:, :nu], both[:, nu:])
+    return problem.split(np.full((problem.omega.size, problem.limits.size), np.nan, dtype=complex))

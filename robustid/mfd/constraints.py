@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_count, freeze
 from robustid.bases.vector_polynomials import VectorPolynomials
-from robustid.errors import InputError
+from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
     from robustid.mfd.problem import FractionProblem
@@ -47,6 +47,7 @@ class Condition(Frozen):
         return np.concatenate([both.real, both.imag]) if np.imag(self.point) else both.real
 
 
+@runtime_checkable
 class Constraint(Protocol):
     """What `fit_mfd` takes in `constraints`."""
 
@@ -57,6 +58,16 @@ class Constraint(Protocol):
     def transposed(self) -> Constraint:
         """The constraint on P^T, for left fractions."""
         ...
+
+
+def as_constraints(constraints: Any) -> tuple[Constraint, ...]:
+    """The constraints of a fit, checked."""
+    items = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
+    wrong = [item for item in items if not isinstance(item, Constraint)]
+    if wrong or not isinstance(constraints, Iterable):
+        got = type(wrong[0] if wrong else constraints).__name__
+        raise InputTypeError(f"`constraints` must be a sequence of constraints, such as [RollOff(2)]; got {got}")
+    return items
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -111,7 +122,10 @@ class Zero(Frozen):
     direction: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        point = complex(self.point)
+        try:
+            point = complex(self.point)
+        except (TypeError, ValueError):
+            raise InputTypeError(f"`point` must be a number; got {self.point!r}") from None
         if not np.isfinite(point):
             raise InputError(f"`point` must be a finite number; got {self.point}")
         direction = None if self.direction is None else freeze(as_array("direction", self.direction, ndim=1))
@@ -151,7 +165,7 @@ class RollOff(Frozen):
             raise InputError("`feedthrough` and a roll-off exclude each other")
         if self.degree > problem.degrees.min():
             raise InputError(
-                f"`degree` = {self.degree} of the roll-off is more than an order of {problem.order} allows"
+                f"`degree` = {self.degree} is more roll-off than an order of {problem.order} allows"
                 f" (at most {problem.degrees.min()})"
             )
         return dataclasses.replace(problem, roll_off=self.degree)
@@ -186,6 +200,8 @@ class ZeroEntries(Frozen):
         """Add the constraint."""
         if self.mask.shape != problem.values.shape[1:]:
             raise InputError(f"`mask` must have shape (ny, nu) = {problem.values.shape[1:]}; got {self.mask.shape}")
+        if np.all(self.mask):
+            raise InputError("`mask` makes the whole response zero; leave an entry of it")
         # column l of the mask contains column j
         allowed = np.all(self.mask[:, :, None] | ~self.mask[:, None, :], axis=0)
         return dataclasses.replace(problem, zeros=problem.zeros | np.vstack([~allowed, self.mask]))

@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, as_array, as_positive, freeze
-from robustid.bases.vector_polynomials import VectorPolynomials, stacked, times_xi
+from robustid.bases.krylov_blocks import raised
+from robustid.bases.vector_polynomials import VectorPolynomials
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
@@ -153,7 +154,7 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
     basis = problem.basis(fit.nodes.denominators, fit.nodes.response)
     forbidden = problem.forbidden(basis, fit.nodes)
     parameters = basis.size - len(forbidden)
-    spare = 2 * int(np.count_nonzero(problem.weight.entries)) - parameters
+    spare = problem.equations - parameters
     if noise is not None:
         variance = as_positive("noise", noise) / 2
     elif spare > 0:
@@ -203,14 +204,9 @@ def _carried(basis: VectorPolynomials, xi: np.ndarray, rows: np.ndarray) -> np.n
     Rows first: D^{-1} is large where Phi is large, and only their product is known well.
     """
     out = np.empty((2 * xi.size * rows.shape[1], basis.size), order="F")
-    older = 0
-    for G in basis.recursion:
-        start, count = G.shape[0] - G.shape[1], G.shape[1]
-        lifted = times_xi(xi, out[:, start - older : start])
-        fresh = stacked(rows[..., basis.order[older:count]])
-        lifted = np.hstack([lifted, fresh]) - out[:, :start] @ G[:start]
-        out[:, start : start + count] = lifted @ np.linalg.inv(G[start:])
-        older = count
+    for G, (before, here, fresh) in zip(basis.recursion, basis.blocks, strict=True):
+        block = raised(xi, out[:, before], rows[..., fresh]) - out[:, : here.start] @ G[: here.start]
+        out[:, here] = block @ np.linalg.inv(G[here])
     half = len(out) // 2
     return (out[:half] + 1j * out[half:]).reshape(xi.size, -1, basis.size)
 

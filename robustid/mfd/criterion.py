@@ -57,9 +57,9 @@ class Weight(Frozen):
         entries = as_array("entries", self.entries, ndim=3)
         lines, ny, nu = entries.shape
         if np.any(entries < 0):
-            raise InputError(f"`entries` must be >= 0 (0 masks an entry); got {entries.min():g}")
+            raise InputError(f"`entries` of a weight must be >= 0 (0 masks an entry); got {entries.min():g}")
         if not np.any(entries):
-            raise InputError("`entries` mask everything: no line is left to fit")
+            raise InputError("`entries` of the weight mask everything: no line is left to fit")
         parts: dict[str, Any] = {"entries": freeze(entries)}
         for name, size in (("output", ny), ("input", nu), ("matrix", ny * nu)):
             value = getattr(self, name)
@@ -79,14 +79,21 @@ class Weight(Frozen):
         return self.entries.shape  # type: ignore[return-value]
 
     @property
+    def entrywise(self) -> np.ndarray:
+        """Weight of a residual in one entry alone, (F, ny, nu): the lengths of the columns of W(k)."""
+        _, ny, nu = self.shape
+        out = np.empty(self.shape)
+        for i, j in np.ndindex(ny, nu):
+            one = np.zeros((ny, nu))
+            one[i, j] = 1.0
+            out[:, i, j] = np.linalg.norm(self.apply(np.broadcast_to(one, self.shape)), axis=1)
+        return out
+
+    @property
     def size(self) -> np.ndarray:
         """A number per line (F,): root mean square of the residual's weights."""
-        lines, ny, nu = self.shape
-        unit = np.zeros((lines, ny * nu))
-        for j in range(ny * nu):
-            one = np.broadcast_to(np.eye(ny * nu)[j].reshape(nu, ny).T, self.shape)
-            unit[:, j] = np.linalg.norm(self.apply(one), axis=1)
-        return np.sqrt(np.mean(unit**2, axis=1))
+        columns = self.entrywise.transpose(0, 2, 1).reshape(self.shape[0], -1)
+        return np.sqrt(np.mean(columns**2, axis=1))
 
     def apply(self, residuals: np.ndarray) -> np.ndarray:
         """W(k) vec(R(k)) for R of shape (F, ny, nu): (F, ny*nu)."""
@@ -172,7 +179,7 @@ class Weight(Frozen):
             k, i, j = np.argwhere(size == 0)[0]
             raise InputError(
                 f"`values` has a zero at line {k}, entry ({i}, {j}): a relative weight is infinite there;"
-                " give a covariance or a weight, and mask dead entries"
+                " give a covariance or a weight, mask dead entries, leave dead channels out"
             )
         return cls(1.0 / size)
 

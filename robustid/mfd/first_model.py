@@ -8,8 +8,7 @@ import numpy as np
 
 from robustid._arrays import as_array
 from robustid.errors import InputError, InputTypeError
-from robustid.mfd.attempt import response
-from robustid.mfd.chains import StateMatrices
+from robustid.mfd.chains import StateMatrices, response
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
@@ -46,6 +45,8 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
     """The best fraction of a few SK steps from ``D_old = prod (xi - pole) I``, as a state space."""
     if not poles.size:
         raise InputError("`start` must hold at least one pole")
+    if np.any(problem.xi[:, None] == poles / problem.scale):
+        raise InputError("`start` has a pole on a line of `frf`, where no response is finite; move it")
     logarithm = np.sum(np.log(problem.xi[:, None] - poles / problem.scale), axis=1)
     scalar = np.exp(logarithm - logarithm.real.max())  # relative to the largest: a product of 80 poles would underflow
     fit = fit_fraction(problem, denominators=scalar[:, None, None] * np.eye(problem.values.shape[2]), method="sk")
@@ -74,6 +75,9 @@ def first_model(
     if D.shape != problem.values.shape[1:]:
         ny, nu = D.shape if form == "right" else D.shape[::-1]
         raise InputError(f"`start` must have the channels of `frf`; got {ny} outputs and {nu} inputs")
+    least = 1 if body is None else 2 * body.count
+    if len(A) < least:
+        raise InputError(f"`start` must have at least {least} state{'s' * (least > 1)} for this fit; got {len(A)}")
     if start.isdtime(strict=True) != (problem.dt is not None):
         raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
     return StateMatrices(A, B, C, D)

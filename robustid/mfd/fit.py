@@ -8,20 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_count
+from robustid._arrays import Frozen
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
-from robustid.mfd.constraints import Constraint, StaticGain
+from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.first_model import first_model
-from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.model import FractionModel
 from robustid.mfd.problem import FractionProblem, NodeFraction
 from robustid.mfd.restart import EXTRA, strongest, suspicious
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples
+from robustid.mfd.statement import stated
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -175,13 +176,12 @@ def fit_mfd(
     >>> fit.model.nstates, fit.stable, fit.status.converged
     (2, True, True)
     """
-    problem, form = _stated(frf, order, domain, form, weight, feedthrough, rigid_body)
-    for constraint in constraints:
+    problem, data, form = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
+    settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress)
+    for constraint in as_constraints(constraints):
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
-    data = _samples(problem, frf, form, given=weight is not None)
-    settings = Settings(method, rigid_body, form, bool(stable), progress)
     best = attempt(problem, data, first_model(problem, data, start, form, rigid_body), settings)
     if restart and suspicious(best):
         other = _second(problem, data, settings)
@@ -215,56 +215,3 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Atte
         return None
     model = strongest(found, data, problem.feedthrough)
     return None if model is None else attempt(problem, data, model, settings)
-
-
-def _stated(
-    frf: Any, order: Any, domain: str | None, form: str | None, weight: Any, feedthrough: bool, body: Any
-) -> tuple[FractionProblem, str]:
-    """The problem of a right fraction, transposed where a left one was asked."""
-    if not isinstance(frf, FrequencyResponse):
-        raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
-    if body is not None and not isinstance(body, RigidBody):
-        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
-    needed = None if body is None else {"input": "right", "output": "left"}[body.side]
-    form = (needed or "right") if form is None else form
-    if form not in ("right", "left"):
-        raise InputError(f'`form` must be "right" or "left"; got {form!r}')
-    if body is not None and needed is not None and form != needed:
-        raise InputError(f'`form` must be "{needed}" for rigid-body modes of side "{body.side}"; got "{form}"')
-    domain = ("s" if frf.dt is None else "z") if domain is None else domain
-    if domain not in ("s", "z") or (domain == "z" and frf.dt is None):
-        raise InputError(
-            f'`domain` must be "s", or "z" for data with a sample time `dt`; got {domain!r}, dt = {frf.dt}'
-        )
-    lines, counts = np.unique(frf.omega, return_counts=True)
-    if lines.size < frf.omega.size:
-        raise InputError(
-            f"`frf` has {int(counts.max())} lines at {lines[np.argmax(counts)]:g} rad/s; average them, or fit one of"
-            " the measurements"
-        )
-    order = as_count("order", order, least=1)
-    if weight is None:
-        weight = _default_weight(frf)
-    elif not isinstance(weight, Weight):
-        weight = Weight(np.asarray(weight))
-    dt = frf.dt if domain == "z" else None
-    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=bool(feedthrough))
-    problem = problem.transposed() if form == "left" else problem
-    if body is not None:
-        body.check(problem.values, order, problem.omega)
-    return problem, form
-
-
-def _default_weight(frf: FrequencyResponse) -> Weight:
-    ny, nu = frf.values.shape[1:]
-    return Weight.relative(frf.values) if frf.covariance is None else Weight.from_covariance(frf.covariance, ny, nu)
-
-
-def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str, *, given: bool) -> Samples:
-    """What linear least squares can use: the entries' own weights, one number each."""
-    entries = problem.weight.entries
-    if frf.covariance is not None and not given:
-        ny, nu = frf.values.shape[1:]
-        variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
-        entries = entries / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
-    return Samples(problem.values, problem.scale * problem.xi, entries, "s" if problem.dt is None else "z")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from robustid.mfd.steps import Direction, gauss_newton_direction, retract, sk_st
 
 _SK = {"sk": sk_step, "sk-relaxed": relaxed_step, "sk-minimum-norm": minimum_norm_step}
 METHODS = (*_SK, "iv", "gn", "lm")
-# A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.
-_EXACT = 1e-10
 _HALVINGS = 8
 # Length of a Gauss-Newton step in standard deviations of the parameters, all together: slope^2 = length^2/equations.
 _TINY = 1e-2
@@ -79,6 +77,15 @@ class FractionFit(Frozen):
     history: tuple[FitStep, ...]
 
 
+def phases_of(method: Any) -> list[str]:
+    """The phases of a method such as "sk+lm"."""
+    phases = method.split("+") if isinstance(method, str) else []
+    if not phases or not all(phase in METHODS for phase in phases):
+        known = ", ".join(f'"{name}"' for name in METHODS)
+        raise InputError(f'`method` must be one of {known}, or several of them joined by "+"; got {method!r}')
+    return phases
+
+
 def fit_fraction(
     problem: FractionProblem,
     *,
@@ -130,10 +137,7 @@ def fit_fraction(
     >>> fit.status.name
     'EXACT'
     """
-    phases = method.split("+")
-    if not all(phase in METHODS for phase in phases):
-        known = ", ".join(f'"{name}"' for name in METHODS)
-        raise InputError(f'`method` must be one of {known}, or several of them joined by "+"; got {method!r}')
+    phases = phases_of(method)
     if "iv" in phases and (problem.conditions or problem.rigid is not None):
         raise InputError('`method` "iv" takes no constraints and no rigid body; use "lm"')
     if start is None and phases[0] not in _SK:
@@ -167,11 +171,10 @@ class _Run:
     ) -> None:
         self.problem, self.admit, self.report = problem, admit, report
         self.best, self.cost = start, np.inf if start is None else problem.cost(start)
-        self.exact = (_EXACT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2
-        equations = 2 * int(np.count_nonzero(problem.weight.entries))
-        self.rtol = max(_RTOL, _TINY**2 / equations) if rtol is None else rtol
+        self.exact = problem.rounding
+        self.rtol = max(_RTOL, _TINY**2 / problem.equations) if rtol is None else rtol
         # What is left then lies within the noise: worth a step, but no search.
-        self.enough = _SMALL**2 / equations if rtol is None else 0.0
+        self.enough = _SMALL**2 / problem.equations if rtol is None else 0.0
         self.status = FitStatus.LIMIT
         self.history: list[FitStep] = []
 

@@ -9,13 +9,8 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
-from robustid.bases.vector_polynomials import (
-    VectorPolynomials,
-    orthonormal_polynomials,
-    polynomial_nodes,
-    stacked,
-    times_xi,
-)
+from robustid.bases.krylov_blocks import stacked, times_xi
+from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 from robustid.errors import InputError
 from robustid.mfd.chains import StateMatrices, split_rigid
 from robustid.mfd.node_fraction import NodeFraction
@@ -129,7 +124,7 @@ class FractionModel(Frozen):
         # Rows of degree 0 of D are rows of the identity; the others follow from xi Pi = A Pi + B D.
         free = self.degrees > 0
         D = np.broadcast_to(np.eye(free.size, dtype=complex), (xi.size, free.size, free.size)).copy()
-        last = slice(None) if self.select is not None else slice(self.basis.size - self.basis.sizes[-1], None)
+        last = slice(None) if self.select is not None else self.basis.blocks[-1].here
         rest = xi[:, None, None] * Pi[:, last] - self.A[last] @ Pi - self.B[last][:, ~free] @ D[:, ~free]
         D[:, free] = np.linalg.pinv(self.B[last][:, free]) @ rest
         return D, self.C @ Pi + self.D @ D
@@ -181,10 +176,9 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
     last = slice(0, None)
     if select is None:
         # xi Pi of every block but the last one is in the recursion: (xi Phi, new components) = Phi G.
-        for G, count in zip(basis.recursion[1:], basis.sizes[:-1], strict=True):
-            block = slice(G.shape[0] - G.shape[1] - count, G.shape[0] - G.shape[1])
-            A[block, : G.shape[0]] = G[:, :count].T
-        last = slice(basis.size - basis.sizes[-1], None)
+        for G, (before, here, _) in zip(basis.recursion[1:], basis.blocks[1:], strict=True):
+            A[before, : here.stop] = G[:, : before.stop - before.start].T
+        last = basis.blocks[-1].here
     solution = np.linalg.lstsq(columns, times_xi(basis.xi, states[:, last]), rcond=None)[0]
     A[last], B[last] = solution[: problem.order].T, solution[problem.order :].T
     outputs = stacked((line * response).transpose(0, 2, 1))

@@ -15,10 +15,12 @@ import numpy as np
 from robustid._arrays import as_count
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.mfd.constraints import as_constraints
 from robustid.mfd.criterion import Weight
-from robustid.mfd.fit import MatrixFraction, _samples, _stated, fit_mfd
+from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd.statement import stated
 from robustid.mfd.subspace import subspace_estimate
 
 _log = logging.getLogger("robustid")
@@ -108,14 +110,13 @@ def suggest_order(
         if name == "order" or name not in inspect.signature(fit_mfd).parameters:
             raise InputTypeError(f"`{name}` is not an option of fit_mfd that suggest_order takes; leave it out")
     if "constraints" in options:
-        options["constraints"] = tuple(options["constraints"])  # an iterator would serve one order only
+        options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
     noise_known = weight is None and frf.covariance is not None
     singular_values, edge = _singular_values(frf, weight, domain, noise_known, options.get("feedthrough", False))
     tried = _orders(orders, int(np.sum(singular_values > edge)))
     fits, failures = _sweep(frf, tried, options | {"weight": weight, "domain": domain}, executor, progress)
-    first = fits[min(fits)].problem
-    equations = 2 * int(np.count_nonzero(first.weight.entries))
+    equations = fits[min(fits)].problem.equations
     parameters = np.array([_parameters(fits[order]) for order in sorted(fits)])
     return OrderSweep(fits, failures, parameters, equations, noise_known, singular_values, edge)
 
@@ -124,9 +125,7 @@ def _singular_values(
     frf: FrequencyResponse, weight: Any, domain: str | None, noise_known: bool, feedthrough: bool
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
-    data = _samples(
-        _stated(frf, 1, domain, "right", weight, feedthrough, None)[0], frf, "right", given=weight is not None
-    )
+    data = stated(frf, 1, domain, "right", weight, feedthrough, None).data
     options = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
     best, probe = None, _FIRST_PROBE
     while True:

@@ -11,8 +11,6 @@ import numpy as np
 from robustid._arrays import Frozen, freeze
 from robustid.mfd.fit import MatrixFraction
 
-# A cost of this part of the weighted data (its root) is rounding.
-_EXACT = 1e-10
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05
 
 
@@ -125,10 +123,9 @@ class OrderSweep(Frozen):
         """-2 ln L up to a constant."""
         if self.noise_known:
             return 2 * self.costs
-        problem = next(iter(self.fits.values())).problem
-        # Below that a cost is rounding, and its logarithm would reward every order above the true one.
-        exact = (_EXACT * np.linalg.norm(problem.weight.apply(problem.values))) ** 2
-        return self.equations * np.log(np.maximum(self.costs, exact) / self.equations)
+        # The logarithm of a cost that is rounding would reward every order above the true one.
+        rounding = next(iter(self.fits.values())).problem.rounding
+        return self.equations * np.log(np.maximum(self.costs, rounding) / self.equations)
 
     def summary(self) -> str:
         """A table with one line per order, then the suggestion."""

@@ -16,6 +16,9 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.node_fraction import Held, NodeFraction, staircase
 from robustid.mfd.rigid_modes import RigidModes
 
+# A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.
+_EXACT = 1e-10
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FractionProblem(Frozen):
@@ -91,12 +94,21 @@ class FractionProblem(Frozen):
         )
         lines = int(np.sum(np.any(self.weight.entries, axis=(1, 2))))
         unknowns = self.order * sum(values.shape[1:])
-        equations = 2 * int(np.count_nonzero(self.weight.entries))
-        if unknowns > equations:
+        if unknowns > self.equations:
             raise InputError(
                 f"`order` = {self.order} has {unknowns} free coefficients, but the {lines} lines in use give only"
-                f" {equations} real equations; lower the order or give more lines"
+                f" {self.equations} real equations; lower the order or give more lines"
             )
+
+    @property
+    def equations(self) -> int:
+        """Number of real equations: twice that of the samples with weight."""
+        return 2 * int(np.count_nonzero(self.weight.entries))
+
+    @property
+    def rounding(self) -> float:
+        """A criterion below this is rounding: the model passes through the data."""
+        return (_EXACT * float(np.linalg.norm(self.weight.apply(self.values)))) ** 2
 
     @property
     def xi(self) -> np.ndarray:
@@ -246,10 +258,14 @@ class FractionProblem(Frozen):
         left = scipy.linalg.null_space(turned.T) if turned.shape[1] else np.eye(len(rows))
         return orthonormal_rows(left.T @ rows), rows, turned
 
-    def split(self, stacked: np.ndarray) -> NodeFraction:
-        """Values (F, (ny + nu)*nu) of vec([D; N]) as a fraction."""
+    def matrices(self, vectors: np.ndarray) -> np.ndarray:
+        """Values (m, (ny + nu)*nu) of vec([D; N]) as (m, nu + ny, nu)."""
         ny, nu = self.values.shape[1:]
-        both = stacked.reshape(-1, nu, ny + nu).transpose(0, 2, 1)
+        return vectors.reshape(-1, nu, ny + nu).transpose(0, 2, 1)
+
+    def split(self, vectors: np.ndarray) -> NodeFraction:
+        """Values (F, (ny + nu)*nu) of vec([D; N]) as a fraction."""
+        both, nu = self.matrices(vectors), self.values.shape[2]
         return NodeFraction(both[:, :nu], both[:, nu:])
 
     def polynomial(
@@ -265,11 +281,10 @@ class FractionProblem(Frozen):
         directions: np.ndarray | None = None,
     ) -> NodeFraction:
         """The same from one polynomial for vec [D; N], or from one for each of its columns."""
-        ny, nu = self.values.shape[1:]
+        nu = self.values.shape[2]
 
         def matrix(parts: list[np.ndarray]) -> np.ndarray:
-            """(m, b) of all polynomials as (m, nu + ny, nu)."""
-            return np.concatenate(parts, axis=1).reshape(-1, nu, ny + nu).transpose(0, 2, 1)
+            return self.matrices(np.concatenate(parts, axis=1))
 
         both = matrix([basis.evaluate(basis.xi, *term) for basis, term in zip(bases, terms, strict=True)])
         anchor = highest = None

@@ -9,12 +9,12 @@ import scipy.linalg
 
 from robustid._arrays import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
-from robustid.mfd.chains import StateMatrices, chain, sorted_schur
+from robustid.mfd.chains import StateMatrices, chain, response, sorted_schur
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_modes import RigidModes
-from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, output_rows, reflected
-from robustid.mfd.steps import retract
+from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, fit_outputs, reflected
+from robustid.mfd.steps import into_form
 
 _ALTERNATIONS = 20
 
@@ -87,11 +87,12 @@ class RigidBody(Frozen):
         for size, name in ((nu, names[0]), (ny, names[1])):
             if self.count > size:
                 raise InputError(
-                    f"`rigid_body` asks for {self.count} modes, more than the {size} {name}; each needs a direction of"
-                    " its own"
+                    f"`rigid_body` asks for {self.count} modes, more than there are {name} ({size}); each needs a"
+                    " direction of its own"
                 )
-        if self.directions is not None and max(self.directions.shape) != nu and self.directions.size != nu * self.count:
-            raise InputError(f"`directions` must cover the {nu} {names[0]}; got shape {self.directions.shape}")
+        if self.directions is not None and self.directions.size != self.count * nu:
+            shape = (self.count, nu) if self.side == "input" else (nu, self.count)
+            raise InputError(f"`directions` must have shape {shape} for {nu} {names[0]}; got {self.directions.shape}")
         if 2 * self.count > order:
             raise InputError(f"`order` = {order} has no room for {self.count} rigid-body modes of two states each")
         if np.any(omega == 0):
@@ -124,9 +125,7 @@ def rigid_start(
         directions = _row_space(B[flexible + ny :], data, count)
     A = diagonal_blocks(Af, chain(count, origin))
     B = np.vstack([B[:flexible], np.zeros((count, nu)), directions])
-    flipped = data._replace(values=data.values.transpose(0, 2, 1), weight=data.weight.transpose(0, 2, 1))
-    outputs, D, _ = fit_inputs(flipped, A.T, B.T, feedthrough)
-    return StateMatrices(A, B, outputs.T, D.T), directions
+    return StateMatrices(A, B, *fit_outputs(data, A, B, feedthrough)), directions
 
 
 def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
@@ -186,10 +185,7 @@ def rigid_modes(
         free = body.directions is None and body.count < directions.shape[1]
         return dataclasses.replace(problem, rigid=RigidModes(directions, pivots, True, free))
     # D V = O(s^2): V spans the null space of D at the pole, of the fraction that the start makes without conditions.
-    response = output_rows(model.A, model.C, data.points) @ model.B + model.D
-    lines, nu = response.shape[0], response.shape[2]
-    identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
-    plain = realise(problem, retract(problem, response, identity, columnwise=8, steps=1))
+    plain, nu = realise(problem, into_form(problem, response(model, data.points))), problem.values.shape[2]
     null = np.linalg.svd(plain.denominator(np.array([problem.origin]))[0].real)[2][-body.count :]
     directions, pivots = pivoted(null, np.ones(nu))
     return dataclasses.replace(problem, rigid=RigidModes(directions.T, pivots, False, body.count < nu))

@@ -1,4 +1,4 @@
-"""Linear least squares with given poles: the inputs of a state-space model, its reflection into the stable region."""
+"""Linear least squares with given poles: inputs or outputs of a state-space model, reflection into the stable region."""
 
 from __future__ import annotations
 
@@ -47,6 +47,13 @@ def fit_inputs(data: Samples, A: np.ndarray, C: np.ndarray, feedthrough: bool) -
         gain[:, j] = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
     residual = np.linalg.norm(weight * (values - rows @ gain)) / math.sqrt(np.count_nonzero(weight))
     return gain[:order], gain[order:] if feedthrough else np.zeros((ny, nu)), float(residual)
+
+
+def fit_outputs(data: Samples, A: np.ndarray, B: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray]:
+    """C, D by weighted linear least squares, one problem per output."""
+    flipped = data._replace(values=data.values.transpose(0, 2, 1), weight=data.weight.transpose(0, 2, 1))
+    C, D, _ = fit_inputs(flipped, A.T, B.T, feedthrough)
+    return C.T, D.T
 
 
 def output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:

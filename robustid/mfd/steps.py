@@ -15,6 +15,7 @@ from robustid.mfd.problem import FractionProblem
 
 # Equations that contradict each other leave this much of themselves.
 _CONTRADICTION = 1e-6
+_RETRACTIONS = 8  # cheap SK steps on a noise-free response; two suffice up to order 40
 
 
 def sk_step(
@@ -152,10 +153,15 @@ def retract(
     target = dataclasses.replace(problem, values=response)
     best, error = None, np.inf
     for step in range(columnwise + steps):
-        if step < columnwise:
-            fraction = column_step(target, denominators, held)
-        else:
-            fraction, _ = sk_step(target, denominators, held)
+        try:
+            if step < columnwise:
+                fraction = column_step(target, denominators, held)
+            else:
+                fraction, _ = sk_step(target, denominators, held)
+        except np.linalg.LinAlgError:  # singular on a line: no way on from there
+            if best is None:
+                raise
+            break
         reached = target.cost(fraction)
         if best is None or reached < error:
             best, error = fraction, reached
@@ -165,6 +171,13 @@ def retract(
     return best
 
 
+def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
+    """The fraction of the problem's form that is nearest to a response, as far as a few SK steps find it."""
+    lines, nu = problem.omega.size, problem.values.shape[2]
+    identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
+    return retract(problem, response, identity, held, columnwise=_RETRACTIONS, steps=1)
+
+
 def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
     """SK step with ``|W| |D_old^{-1}|``, a number per line, as weight: the columns of [D; N] come apart.
 
@@ -172,7 +185,10 @@ def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held =
     wrongly wherever D_old is ill-conditioned.
     """
     lines, ny, nu = problem.values.shape
-    weight = problem.weight.size / np.linalg.svd(denominators, compute_uv=False)[:, -1]
+    smallest = np.linalg.svd(denominators, compute_uv=False)[:, -1]
+    if not np.all(smallest > 0):
+        raise np.linalg.LinAlgError("D is singular on a line")
+    weight = problem.weight.size / smallest
     left = np.concatenate([problem.values, np.broadcast_to(-np.eye(ny), (lines, ny, ny))], axis=2)
     limits = problem.limits.reshape(nu, -1)
     groups: dict[tuple[int, ...], VectorPolynomials] = {}

@@ -184,6 +184,11 @@ def _block_row_sizes(data: Samples, order: int, block_rows: int | None) -> list[
     lines = np.unique(np.real(points) + 1j * np.abs(np.imag(points))).size
     least = math.ceil(order / ny) + 1
     most = min(lines, 2 * lines * nu // (ny + nu))
+    if not lines:
+        raise InputError(
+            "`weight` leaves no line on which all outputs of an input count, and the estimate needs such lines; mask"
+            " fewer entries, or give fit_mfd a `start`"
+        )
     if most < least:
         raise InputError(
             f"`order` = {order} is too large for {lines} different lines with weight of a {ny}x{nu} response;"

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from robustid.errors import InputTypeError, SizeError, SolverError
 from robustid.identification import Identification, identify
-from robustid.identification.verification import largest_ratio
+from robustid.identification.residuals import largest_ratio
 from robustid.reduction.balanced import Reduction, balanced_truncations
 
 _log = logging.getLogger("robustid")

@@ -13,9 +13,9 @@ import numpy as np
 
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
+from robustid.identification.residuals import model_residuals
 from robustid.identification.simulation import response, simulate
 from robustid.identification.validation import check_model
-from robustid.identification.verification import model_residuals
 from robustid.report.facts import started, transfer
 from robustid.report.style import DATA, FAINT, NOMINAL, further, number
 
@@ -111,13 +111,13 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
     low, high = band(problem)
     omega = _grid([model for _, model, *_ in shown], problem, low, high)
     values = [_evaluate(model, omega * problem.dt) for _, model, *_ in shown]
-    phases, span = _phases(values)
+    phases, span = phase_curves(values)
     bottom, top = _magnitude_range(problem, values)
     magnitude, phase = [], []
     for (name, _, colour, dash, _), value, angle in zip(shown, values, phases, strict=True):
         style: dict[str, Any] = {"name": name, "x": omega / HZ, "colour": colour, "dash": dash}
         magnitude.append(Layer(y=np.abs(value), **style))
-        phase.append(Layer(y=_broken(angle), **style))
+        phase.append(Layer(y=with_gaps(angle), **style))
     for k, frf in enumerate(problem.frequency):
         measured, bound, x = frf.values[:, 0, 0], frf.bound[:, 0, 0], np.maximum(frf.omega, low) / HZ
         size = np.abs(measured)
@@ -153,7 +153,7 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
     return Chart(name="frequency", panels=panels, linked=True)
 
 
-def _phases(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, float]]:
+def phase_curves(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, float]]:
     """Phases in degrees and their range: continuous where they stay within two turns, else from -180 to 180."""
     turned = [np.degrees(np.unwrap(np.angle(v))) for v in values]
     turned = [p - 360 * np.round(np.median(p - turned[0]) / 360) for p in turned]
@@ -163,7 +163,7 @@ def _phases(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, fl
     return [np.degrees(np.angle(v)) for v in values], (-225.0, 225.0)
 
 
-def _broken(angle: np.ndarray) -> np.ndarray:
+def with_gaps(angle: np.ndarray) -> np.ndarray:
     """The curve with a gap where the phase jumps by a turn."""
     out = angle.copy()
     out[1:][np.abs(np.diff(angle)) > 180] = np.nan

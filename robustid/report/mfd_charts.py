@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robustid.mfd.modal import continuous
-from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, _broken, _phases
+from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, phase_curves, with_gaps
 from robustid.report.mfd_facts import with_deviation
 from robustid.report.mfd_view import FitView
 from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL
@@ -54,7 +54,7 @@ def _entry(
     error, used = np.abs(measured - view.fitted[:, i, j]), view.used[:, i, j]
     kept = thinned(_position(lines, axis.log), [np.abs(measured), error], cells)
     span = _magnitude_range(np.abs(measured), error[used], np.abs(values))
-    (angle,), phase_span = _phases([values])
+    (angle,), phase_span = phase_curves([values])
     name = f"model, order {view.fit.fraction.A.shape[0]}"
     magnitude, phase = [], []
     x = rounded(omega / HZ)
@@ -85,7 +85,7 @@ def _entry(
     at, left = rounded(lines[part] / HZ), rounded(error[part])
     magnitude.append(Layer(name="residual |P_o − P|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
     magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
-    phase.append(Layer(y=rounded(_broken(angle)), **curve))
+    phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
     size = Axis(label=f"magnitude{_unit(view, i, j)}", log=True, range=span)
     tick = 90.0 if phase_span[1] - phase_span[0] <= 450 else 180.0 * np.ceil((phase_span[1] - phase_span[0]) / 1080)
     turn = Axis(label="phase [°]", range=phase_span, tick=float(tick))

@@ -11,7 +11,7 @@ from robustid.report.mfd_charts import frequency_axis, rounded, thinned
 from robustid.report.style import ALERT, DATA, FAINT, FURTHER, NOMINAL
 
 _KINDS = (
-    ("stable", "frequency and damping as one order below", NOMINAL, "circle"),
+    ("stable", "frequency and damping", NOMINAL, "circle"),
     ("frequency", "frequency only", FURTHER[0], "diamond-open"),
     ("damping", "damping only", FURTHER[1], "triangle-up-open"),
     ("new", "new", FAINT, "x"),

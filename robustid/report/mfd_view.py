@@ -154,7 +154,7 @@ class FitView:
     @property
     def equations(self) -> int:
         """Number of real equations."""
-        return 2 * int(np.count_nonzero(self.fit.problem.weight.entries))
+        return self.fit.problem.equations
 
     @cached_property
     def checks(self) -> tuple[Check, ...]:

@@ -1,8 +1,8 @@
 """Who answers the convex question; nothing of what they say is believed without a check of the numbers."""
 
-from robustid.solve.barrier import analytic_center, gain_path, margin_path
 from robustid.solve.conic import Candidate, ConvexData
-from robustid.solve.cvxpy_backend import available_solvers, solve_conic
+from robustid.solve.cvxpy_backend import available_solvers, solve_conic, solver_name
+from robustid.solve.paths import analytic_center, gain_path, margin_path, support_path
 
 __all__ = [
     "Candidate",
@@ -12,4 +12,6 @@ __all__ = [
     "gain_path",
     "margin_path",
     "solve_conic",
+    "solver_name",
+    "support_path",
 ]

@@ -23,23 +23,26 @@ class ConvexData(Frozen):
     sarason: SarasonMap
 
     @functools.cached_property
-    def stacked(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Real (y, E, Q, R): real parts of all samples, then imaginary parts of the discs."""
-        y, E, P = self.rows.real
-        Q, R = np.linalg.qr(P) if P.shape[1] else (P, np.zeros((0, 0)))
-        return y, E, Q, R
+    def orthonormal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Q (N, m) complex, orthonormal as stacked real columns, and R."""
+        P, discs = self.rows.P, self.rows.discs
+        if not P.shape[1]:
+            return P, np.zeros((0, 0))
+        Q, R = np.linalg.qr(self.rows.real(P))
+        out = Q[: P.shape[0]].astype(complex)
+        out[:discs] += 1j * Q[P.shape[0] :]
+        return out, R
 
     def scaled_parameters(self, q: np.ndarray) -> np.ndarray:
         """The p with R p = q."""
-        R = self.stacked[3]
-        return scipy.linalg.solve_triangular(R, q) if q.size else q
+        return scipy.linalg.solve_triangular(self.orthonormal[1], q) if q.size else q
 
     def orthonormal_parameters(self, p: np.ndarray) -> np.ndarray:
         """The q = R p."""
-        return self.stacked[3] @ p
+        return self.orthonormal[1] @ p
 
     def margin(self, x: np.ndarray, p: np.ndarray) -> float:
-        """Largest |residual|/bound, evaluated from the numbers."""
+        """Largest (|residual| + tail)/bound, evaluated from the numbers: some system with these coefficients keeps it."""
         return float(self.rows.ratio(x, p).max())
 
 

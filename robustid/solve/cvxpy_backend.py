@@ -36,11 +36,13 @@ def available_solvers() -> list[str]:
 def solver_name(solver: str) -> str:
     """The cvxpy name of a solver, checked."""
     if not isinstance(solver, str):
-        raise InputError(f'`solver` must be "auto", "cvxpy" or the name of a cvxpy solver; got {solver!r}')
+        raise InputError(
+            f'`solver` must be "auto", "structured", "cvxpy" or the name of a cvxpy solver; got {solver!r}'
+        )
     name = _NAMES.get(solver, solver.upper())
     if name not in available_solvers():
         raise InputError(
-            f'`solver` must be "auto", "cvxpy" or an installed SDP solver {available_solvers()}; got {solver!r}'
+            f'`solver` must be "auto", "structured", "cvxpy" or an installed SDP solver {available_solvers()}; got {solver!r}'
         )
     return name
 
@@ -64,17 +66,18 @@ def solve_conic(
     import cvxpy as cp
 
     name = solver_name(solver)
-    y, E, Q, _ = data.stacked
-    n, samples, discs = data.sarason.pair.order, data.rows.y.size, data.rows.discs
+    rows, (Q, _) = data.rows, data.orthonormal
+    y, E, Q = rows.real(rows.y), rows.real(rows.E.dense()), rows.real(Q)
+    n, samples, discs = data.sarason.pair.order, rows.y.size, rows.discs
     unknown, q, level = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
     x = unknown if classical is None else classical.to_orthonormal @ unknown
     residual = y - E @ x - (Q @ q if Q.shape[1] else 0)
     if objective == "margin":
         reach, ball = level * np.ones(samples), 1.0
     elif objective == "gain":
-        reach, ball = factor * (data.rows.fixed + level * (1 - data.rows.fixed)), level
+        reach, ball = factor * (rows.fixed + level * (1 - rows.fixed)) - level * rows.tail, level
     else:
-        reach, ball = factor * np.ones(samples), 1.0
+        reach, ball = factor - rows.tail, 1.0
     limits, cones = [], []
     if discs:
         pairs = cp.vstack([residual[:discs], residual[samples:]])

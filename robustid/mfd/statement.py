@@ -1,0 +1,86 @@
+"""What a fit is asked: the arguments of fit_mfd, checked, as problem, samples and form."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid._arrays import as_array, as_count
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError, InputTypeError
+from robustid.mfd.criterion import Weight
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.state_fit import Samples
+
+
+class Statement(NamedTuple):
+    """What a fit is asked."""
+
+    problem: FractionProblem  # of a right fraction, without constraints and rigid-body modes
+    data: Samples  # the same for linear least squares
+    form: str  # "left": problem and data are those of the transposed response
+
+
+def stated(
+    frf: Any, order: Any, domain: str | None, form: str | None, weight: Any, feedthrough: bool, body: Any
+) -> Statement:
+    """Check the arguments of `fit_mfd` and fill in what was left out."""
+    if not isinstance(frf, FrequencyResponse):
+        raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
+    if body is not None and not isinstance(body, RigidBody):
+        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
+    needed = None if body is None else {"input": "right", "output": "left"}[body.side]
+    form = (needed or "right") if form is None else form
+    if form not in ("right", "left"):
+        raise InputError(f'`form` must be "right" or "left"; got {form!r}')
+    if body is not None and form != needed:
+        raise InputError(f'`form` must be "{needed}" for rigid-body modes of side "{body.side}"; got "{form}"')
+    domain = ("s" if frf.dt is None else "z") if domain is None else domain
+    if domain not in ("s", "z") or (domain == "z" and frf.dt is None):
+        raise InputError(
+            f'`domain` must be "s", or "z" for data with a sample time `dt`; got {domain!r}, dt = {frf.dt}'
+        )
+    lines, counts = np.unique(frf.omega, return_counts=True)
+    if lines.size < frf.omega.size:
+        raise InputError(
+            f"`frf` has {int(counts.max())} lines at {lines[np.argmax(counts)]:g} rad/s; average them, or fit one of"
+            " the measurements"
+        )
+    order = as_count("order", order, least=1)
+    given = weight is not None
+    if not given:
+        weight = _default_weight(frf)
+    elif not isinstance(weight, Weight):
+        weight = Weight(as_array("weight", weight, ndim=3))
+    dt = frf.dt if domain == "z" else None
+    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=bool(feedthrough))
+    for names, axis in ((frf.outputs, 2), (frf.inputs, 1)):
+        for name, known in zip(names, np.any(weight.entries, axis=(0, axis)), strict=True):
+            if not known:
+                raise InputError(f"`weight` is zero for all of channel {name}; leave that channel out of `frf`")
+    if not np.any(weight.apply(frf.values)):
+        raise InputError("`frf` is zero wherever it has weight; there is nothing to fit")
+    problem = problem.transposed() if form == "left" else problem
+    if body is not None:
+        body.check(problem.values, order, problem.omega)
+    return Statement(problem, _samples(problem, frf, form, given=given), form)
+
+
+def _default_weight(frf: FrequencyResponse) -> Weight:
+    if not np.any(frf.values):
+        raise InputError("`frf` is zero everywhere; there is nothing to fit")
+    ny, nu = frf.values.shape[1:]
+    return Weight.relative(frf.values) if frf.covariance is None else Weight.from_covariance(frf.covariance, ny, nu)
+
+
+def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str, *, given: bool) -> Samples:
+    """What linear least squares can use, a weight per entry: the inverse standard deviation where that is known."""
+    if frf.covariance is None or given:
+        entries = problem.weight.entrywise
+    else:
+        ny, nu = frf.values.shape[1:]
+        variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
+        entries = 1 / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
+    return Samples(problem.values, problem.scale * problem.xi, entries, "s" if problem.dt is None else "z")

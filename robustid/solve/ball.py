@@ -1,0 +1,160 @@
+"""The ball ||X(x)|| <= b as two semidefinite blocks bI -+ H(x), H = T X symmetric."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.fft
+import scipy.linalg
+
+from robustid.interpolation import SarasonMap, ShiftMap
+
+
+class Ball(Protocol):
+    """The linear map x -> H(x) = sum_j x_j H_j into symmetric matrices, its adjoint, and its curvature."""
+
+    size: int
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(x), (n, n)."""
+        ...
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products tr(H_j Y), (n,)."""
+        ...
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(x) M."""
+        ...
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(H_i P H_j Q) over pairs (P, Q) of symmetric positive definite matrices, (n, n)."""
+        ...
+
+
+class HankelBall:
+    """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients.
+
+    The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab
+    = (P * Q)[L-1+i, L-1+j], hence O(L^2 log L) for the whole matrix, with the rounding of an FFT: relative to ||P|| ||Q||.
+    """
+
+    def __init__(self, size: int):
+        self.size = size
+        self._length = scipy.fft.next_fast_len(2 * size - 1, real=True)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(x)."""
+        padded = np.concatenate([np.zeros(self.size - 1), x])
+        return np.lib.stride_tricks.sliding_window_view(padded, self.size).copy()
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products tr(H_j Y)."""
+        n = self.size
+        skewed = np.zeros((n, 2 * n))
+        skewed[:, :n] = Y
+        # Row a moves a places to the right, so that antidiagonals become columns.
+        return skewed.ravel()[: n * (2 * n - 1)].reshape(n, 2 * n - 1).sum(axis=0)[n - 1 :]
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(x) M."""
+        if self.size < _LONG:
+            return self.matrix(x) @ M
+        # Rows of H are windows of (0, ..., 0, x): a correlation with the columns of M.
+        spectrum = scipy.fft.rfft(np.concatenate([np.zeros(self.size - 1), x]), self._length)
+        turned = np.asarray(scipy.fft.rfft(M[::-1].T, self._length))
+        turned *= np.asarray(spectrum)
+        return np.asarray(scipy.fft.irfft(turned, self._length))[:, self.size - 1 : 2 * self.size - 1].T
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(H_i P H_j Q)."""
+        total = None
+        for P, Q in pairs:
+            product = self._transform(P)
+            product *= self._transform(Q)
+            total = product if total is None else total + product
+        last = slice(self.size - 1, 2 * self.size - 1)
+        rows = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(rows, self._length))[:, last]
+        return (full + full.T) / 2
+
+    def _transform(self, P: np.ndarray) -> np.ndarray:
+        """Two-dimensional transform of P with zeros around; the zero rows are left out where they can be."""
+        return np.asarray(scipy.fft.fft(scipy.fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
+
+
+class DenseBall:
+    """H of any input-normal pair from its stored basis; O(n^4) for the curvature, as one large matrix product."""
+
+    def __init__(self, basis: np.ndarray):
+        self.size = basis.shape[0]
+        self._flat = basis.reshape(self.size, self.size**2)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(x)."""
+        return (x @ self._flat).reshape(self.size, self.size)
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products tr(H_j Y)."""
+        return self._flat @ Y.ravel()
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(x) M."""
+        return self.matrix(x) @ M
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(H_i P H_j Q)."""
+        # tr(H_i P H_j Q) = <R'H_i L, R'H_j L> with P = LL', Q = RR': symmetric and positive semidefinite as computed.
+        n = self.size
+        total = np.zeros((n, n))
+        for P, Q in pairs:
+            left, right = np.linalg.cholesky(P), np.linalg.cholesky(Q)
+            half = (self._flat.reshape(n * n, n) @ left).reshape(n, n, n)
+            both = np.matmul(right.T, half).reshape(n, n * n)
+            total += both @ both.T
+        return total
+
+
+def ball_of(sarason: SarasonMap) -> Ball:
+    """The fast form that the basis allows."""
+    if isinstance(sarason, ShiftMap):
+        return HankelBall(sarason.pair.order)
+    return DenseBall(sarason.symmetric_basis)
+
+
+def longest_step(factor: np.ndarray, direction: np.ndarray) -> float:
+    """Largest a with LL' + a D >= 0, from the smallest eigenvalue of L^-1 D L^-T; a little less for large sizes."""
+    n = factor.shape[0]
+    if n == 0:
+        return np.inf
+    if n <= _DENSE:
+        half = scipy.linalg.solve_triangular(factor, direction, lower=True, check_finite=False)
+        scaled = scipy.linalg.solve_triangular(factor, half.T, lower=True, check_finite=False)
+        smallest = scipy.linalg.eigvalsh(scaled, subset_by_index=[0, 0], check_finite=False)[0]
+    else:
+        smallest = 1.001 * _smallest(factor, direction)
+    return -1 / smallest if smallest < 0 else np.inf
+
+
+_LONG = 300  # from here on, Hankel products by FFT are quicker than dense ones
+_DENSE = 160  # below, a dense eigenvalue routine is quicker than Lanczos
+
+
+def _smallest(factor: np.ndarray, direction: np.ndarray) -> float:
+    import scipy.sparse.linalg
+
+    upper = factor.T  # in Fortran's order as it is: no copies
+
+    def product(v: np.ndarray) -> np.ndarray:
+        v = scipy.linalg.blas.dtrsv(upper, v.ravel(), lower=0)
+        return scipy.linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
+
+    arpack: Any = scipy.sparse.linalg
+    operator = arpack.LinearOperator(direction.shape, matvec=product, dtype=float)
+    start = np.ones(direction.shape[0])
+    try:
+        return float(arpack.eigsh(operator, k=1, which="SA", tol=1e-3, v0=start, return_eigenvectors=False)[0])
+    except arpack.ArpackNoConvergence as stop:
+        # Ritz values lie inside the spectrum: the step found is too long, and the caller shortens it.
+        return float(min(stop.eigenvalues, default=0.0))

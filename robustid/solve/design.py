@@ -1,0 +1,115 @@
+"""The residuals e = y - G v as a linear map of the unknowns v = (x, q): products and weighted Gram matrices."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+
+from robustid.interpolation import DenseColumns, ShiftColumns
+from robustid.solve.nonuniform import NonuniformSums
+
+
+class Design(Protocol):
+    """G (N, n) complex, acting on real unknowns."""
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v, (N,)."""
+        ...
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z, (n,)."""
+        ...
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Re G^H diag(a) G + Re G^T diag(b) G, (n, n), for real a and complex b."""
+        ...
+
+
+class DenseDesign:
+    """G stored as its real and imaginary rows; real samples have none of the latter."""
+
+    def __init__(self, G: np.ndarray, discs: int):
+        self._real, self._imag, self._discs = (
+            np.ascontiguousarray(np.real(G)),
+            np.ascontiguousarray(np.imag(G[:discs])),
+            discs,
+        )
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v."""
+        out = (self._real @ v).astype(complex)
+        out[: self._discs] += 1j * (self._imag @ v)
+        return out
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z."""
+        return self._real.T @ np.real(z) + self._imag.T @ np.imag(z[: self._discs])
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Weighted Gram matrix."""
+        real, imag, d = self._real, self._imag, self._discs
+        mixed = real[:d].T @ (np.imag(b)[:d, None] * imag)
+        diagonal = real.T @ ((a + np.real(b))[:, None] * real) + imag.T @ ((a - np.real(b))[:d, None] * imag)
+        return diagonal - mixed - mixed.T
+
+
+class ShiftDesign:
+    """G = [E Q] for L Taylor coefficients on F lines, then time samples; all sums over the lines by non-uniform FFTs.
+
+    Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with
+    c_l = Re sum a_k g_k^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l).
+    """
+
+    def __init__(self, columns: ShiftColumns, Q: np.ndarray):
+        self._columns, self._Q, self._lines = columns, Q, columns.angles.size
+        self._coefficients = columns.decay.size
+        if self._lines:
+            self._short = NonuniformSums(columns.angles, self._coefficients)
+            self._long = NonuniformSums(columns.angles, 2 * self._coefficients - 1)
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v."""
+        columns, L = self._columns, self._coefficients
+        out = (self._Q @ v[L:]).astype(complex)
+        if self._lines:
+            out[: self._lines] += columns.gain * self._short.over_exponents(columns.decay * v[:L])
+        out[self._lines :] += columns.real @ v[:L]
+        return out
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z."""
+        return np.concatenate([self._adjoint(z[None])[0], np.real(self._Q.conj().T @ z)])
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Weighted Gram matrix."""
+        columns, L, F = self._columns, self._coefficients, self._lines
+        inner = columns.real.T @ ((a + np.real(b))[F:, None] * columns.real)
+        if F:
+            toeplitz = np.real(self._short.over_angles(columns.gain**2 * a[:F]))
+            hankel = np.real(self._long.over_angles(columns.gain**2 * b[:F]))
+            both = scipy.linalg.toeplitz(toeplitz) + np.lib.stride_tricks.sliding_window_view(hankel, L)
+            inner += both * columns.decay * columns.decay[:, None]
+        if not self._Q.shape[1]:
+            return inner
+        weighted = (a[:, None] * self._Q + (b[:, None] * self._Q).conj()).T
+        cross = self._adjoint(weighted)
+        corner = np.real(weighted.conj() @ self._Q)
+        return np.block([[inner, cross.T], [cross, (corner + corner.T) / 2]])
+
+    def _adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re E^H z of every row of z."""
+        columns, F = self._columns, self._lines
+        out = np.real(z[:, F:]) @ columns.real
+        if F:
+            weights = columns.gain * z[:, :F].conj()
+            out += columns.decay * np.real([self._short.over_angles(row) for row in weights])
+        return out
+
+
+def design_of(columns: DenseColumns | ShiftColumns, Q: np.ndarray, discs: int) -> Design:
+    """The fast form that the columns allow; Q holds the columns of the parameters."""
+    if isinstance(columns, ShiftColumns):
+        return ShiftDesign(columns, Q)
+    return DenseDesign(np.hstack([columns.array, Q]), discs)

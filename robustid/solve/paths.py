@@ -1,0 +1,114 @@
+"""The programs that an identification poses: smallest margin, smallest gain, analytic centre, extreme of a functional."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg
+
+from robustid.errors import SolverError
+from robustid.solve.ball import ball_of
+from robustid.solve.conic import Candidate, ConvexData
+from robustid.solve.design import design_of
+from robustid.solve.structured import Iterate, Limits, Program, center, extent, path, start
+
+_LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
+
+
+def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
+    rows, (Q, _) = data.rows, data.orthonormal
+    ball, design = ball_of(data.sarason), design_of(rows.E, Q, rows.discs)
+    w = np.zeros(ball.size + Q.shape[1]) if linear is None else linear
+    return Program(ball, design, rows.y, limits, cost, w)
+
+
+def _candidate(data: ConvexData, at: Iterate) -> Candidate:
+    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, <Y, X> <= ||Y||_* for Y = T (Z+ - Z-)."""
+    n = data.sarason.pair.order
+    Y = data.sarason.turned(at.Z[0] - at.Z[1])
+    return Candidate(at.v[:n], data.scaled_parameters(at.v[n:]), -at.z[1], Y, "structured")
+
+
+def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to min s, ||X|| <= 1, |e_k| <= s: (candidate, s, gap to the smallest margin, nearly).
+
+    The tails are left out of s. Ends at the limit of working precision.
+    """
+    rows, n = data.rows, data.sarason.pair.order
+    count = rows.y.size
+    program = _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
+    v = np.concatenate([np.zeros(n), program.design.adjoint(rows.y)[n:]])
+    worst = float(np.abs(rows.y - program.design.apply(v)).max(initial=0.0))
+    # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
+    floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
+    for at in path(program, start(program, v, 2 * max(worst, floor))):
+        yield _candidate(data, at), at.t, at.estimate
+        if at.estimate < _LAST * at.t or at.t <= 4 * floor:
+            return
+
+
+def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to min kappa, ||X|| <= kappa, |e_k| <= level * (the bound at gain kappa K) - kappa * tail."""
+    fixed, tail = data.rows.fixed, data.rows.tail
+    reach = level * fixed, level * (1 - fixed) - tail
+    program = _program(data, Limits((0.0, 1.0), reach), 1.0)
+    v = np.concatenate([inside.x, data.orthonormal_parameters(inside.p)])
+    for at in path(program, start(program, v, 1.0)):
+        yield _candidate(data, at), at.t, at.estimate
+        if at.estimate < _LAST * at.t or at.t <= 1e-12:
+            return
+
+
+def analytic_center(data: ConvexData, level: float, inside: Candidate | None = None) -> Candidate:
+    """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
+
+    From `inside` where that is strictly inside; else follows the path of min s until it is. `level` must exceed the smallest
+    margin strictly.
+
+    Raises
+    ------
+    SolverError
+        Where the path ends outside: the level is not above the smallest margin, to working precision.
+    """
+    count, tail, best = data.rows.y.size, data.rows.tail, np.inf
+    program = _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
+    points = ((point, data.margin(point.x, point.p)) for point in [inside] if point is not None)
+    path_points = ((point, data.margin(point.x, point.p)) for point, _, _ in margin_path(data))
+    for point, worst in itertools.chain(points, path_points):
+        best = min(best, worst)
+        if worst >= level:
+            continue
+        try:
+            at = center(program, np.concatenate([point.x, data.orthonormal_parameters(point.p)]))
+        except np.linalg.LinAlgError:
+            continue  # on the border of the ball, to working precision
+        return dataclasses.replace(_candidate(data, at), solver="analytic centre")
+    raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {best:.9g}")
+
+
+def support_path(
+    data: ConvexData, inside: Candidate, level: float, direction: tuple[np.ndarray, np.ndarray], outer: bool = False
+) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
+
+    The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
+    """
+    count = data.rows.y.size
+    reach = level + data.rows.tail if outer else level - data.rows.tail
+    R = data.orthonormal[1]
+    along = scipy.linalg.solve_triangular(R, direction[1], trans=1) if R.size else np.zeros(0)
+    w, limits = np.concatenate([direction[0], along]), Limits((1.0, 0.0), (reach, np.zeros(count)))
+    v = np.concatenate([inside.x, data.orthonormal_parameters(inside.p)])
+    # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
+    size = extent(_program(data, limits, None), v, w)
+    if size == 0:
+        return
+    program = _program(data, limits, None, -w / size)
+    for at in path(program, start(program, v, 0.0)):
+        value, gap = float(w @ at.v), size * at.estimate
+        yield _candidate(data, at), value, gap
+        if gap < _LAST * max(abs(value), size):
+            return
