@@ -49,6 +49,8 @@ class FrequencyResponse(Frozen):
     --------
     >>> import robustid as rid
     >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.9 - 0.3j], bound=0.02, dt=0.01)
+    >>> frf
+    <FrequencyResponse: 2 lines, 1.5915 to 3.1831 Hz, 1x1, bound, dt=0.01 s>
     >>> frf.values.shape, frf.bound.shape
     ((2, 1, 1), (2, 1, 1))
     """
@@ -105,6 +107,13 @@ class FrequencyResponse(Frozen):
             inputs=as_channels("inputs", self.inputs, nu, "u"),
             outputs=as_channels("outputs", self.outputs, ny, "y"),
         )
+
+    def __repr__(self) -> str:
+        low, high = self.freq_hz[[0, -1]]
+        parts = [f"{self.omega.size} lines, {low:.5g} to {high:.5g} Hz", f"{len(self.outputs)}x{len(self.inputs)}"]
+        parts += [name for name in ("bound", "covariance") if getattr(self, name) is not None]
+        parts += [f"dt={self.dt:.6g} s"] if self.dt is not None else []
+        return f"<FrequencyResponse: {', '.join(parts)}>"
 
     @property
     def freq_hz(self) -> np.ndarray:

@@ -47,6 +47,8 @@ class TimeRecord(Frozen):
     --------
     >>> import numpy as np, robustid as rid
     >>> record = rid.TimeRecord(np.ones(4), [0.0, 0.5, 0.75, 0.875], dt=0.01, bound=0.01)
+    >>> record
+    <TimeRecord: 4 samples, 1x1, bound, rest, dt=0.01 s>
     >>> record.y.shape
     (4, 1)
     """
@@ -90,6 +92,11 @@ class TimeRecord(Frozen):
             inputs=as_channels("inputs", self.inputs, u.shape[1], "u"),
             outputs=as_channels("outputs", self.outputs, y.shape[1], "y"),
         )
+
+    def __repr__(self) -> str:
+        parts = [f"{self.u.shape[0]} samples", f"{len(self.outputs)}x{len(self.inputs)}"]
+        parts += [name for name in ("bound", "reference") if getattr(self, name) is not None]
+        return f"<TimeRecord: {', '.join(parts)}, {self.initial}, dt={self.dt:.6g} s>"
 
     @property
     def time(self) -> np.ndarray:

@@ -94,20 +94,18 @@ def identify(
     clock = _Clock()
     posed = pose(problem, length, form == "classical")
     clock.lap("assembly")
-    claim, start = prove_margin(posed, solver, accuracy)
+    claim, passed = prove_margin(posed, solver, accuracy)
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, accuracy)
     try:
-        point, used, notes = _choose_point(posed, level, objective, solver, start)
+        point, used, notes = _choose_point(posed, level, objective, solver, passed)
     except KeyboardInterrupt:
-        if start is None or posed.data.margin(start.x, start.p) > level:
+        inside = [point for point in passed if posed.data.margin(point.x, point.p) <= level]
+        if not inside:
             raise
-        point, used, notes = (
-            start,
-            posed,
-            (f"interrupted: the model is consistent, but not that of objective {objective!r}",),
-        )
+        note = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
+        point, used, notes = inside[0], posed, (note,)
     clock.lap("centre")
     nominal = nominal_model(used, point, level)
     clock.lap("model")
@@ -138,10 +136,10 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
 
 
 def _choose_point(
-    posed: Posed, level: float, objective: str, solver: str, start: Candidate | None
+    posed: Posed, level: float, objective: str, solver: str, passed: list[Candidate]
 ) -> tuple[Candidate, Posed, tuple[str, ...]]:
     """The point that the objective asks for, the problem it belongs to, and what should be said about it."""
-    center = analytic_center(posed.data, level, start)
+    center = analytic_center(posed.data, level, passed)
     if objective in ("center", "margin") or not posed.data.sarason.pair.order:
         return center, posed, ()
     if objective == "order":

@@ -20,20 +20,19 @@ QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
 
 
-def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, Candidate | None]:
-    """The proven interval, and a point of our own path from which a centre is near, where that was asked.
+def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, list[Candidate]]:
+    """The proven interval, and the points of our own path, where that was asked, without their multipliers.
 
     The path takes over where a solver's numbers don't hold. Ctrl-C on the way ends with the best interval proved so far.
     """
-    data, inside, smallest = posed.data, None, np.inf
+    data, passed = posed.data, []
     best: MarginCertificate | None = None
     reached, point = np.inf, None
     try:
         for candidate, near in _candidates(posed, solver, _SPARE * accuracy):
             upper = data.margin(candidate.x, candidate.p)
-            # The first that is consistent is far from the borders; else the best is all there is.
-            if candidate.solver == "structured" and upper < smallest and smallest >= 1:
-                inside, smallest = candidate, upper
+            if candidate.solver == "structured":
+                passed.append(dataclasses.replace(candidate, ball=np.zeros((0, 0))))
             if near:
                 candidate = dataclasses.replace(candidate, x=_into_ball(candidate.x, data.sarason))
                 upper = data.margin(candidate.x, candidate.p)
@@ -55,7 +54,7 @@ def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, Can
             best = certify_margin(point.samples, point.ball, reached, data.rows, data.sarason)
     if best is None or point is None:
         raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
-    return Claim(reached, accuracy, point.x, point.p, best, point.solver), inside
+    return Claim(reached, accuracy, point.x, point.p, best, point.solver), passed
 
 
 def _candidates(posed: Posed, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool]]:

@@ -20,7 +20,7 @@ _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weight
 
 
 def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
-    """Subspace estimates: with the entries' weights, and relative where those are something else.
+    """Subspace estimates: with the entries' weights, with those of the noise, and relative, where they are something else.
 
     The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
     """
@@ -28,6 +28,8 @@ def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
     used = data.weight > 0
     relative = used / np.where(size > 0, size, 1.0)
     weights = [data.weight]
+    if data.noise is not None and data.noise is not data.weight:
+        weights.append(data.noise)
     ratio = data.weight[used & (size > 0)] * size[used & (size > 0)]
     if np.all(size[used] > 0) and ratio.size and ratio.max() > _SAME_WEIGHT * ratio.min():
         weights.append(relative)

@@ -15,12 +15,13 @@ _BOUNDARY = 1e-9
 
 
 class Samples(NamedTuple):
-    """A response on its grid, with a weight per entry."""
+    """A response on its grid, with a weight per entry; `noise` is the inverse standard deviation, where it is known."""
 
     values: np.ndarray  # (F, ny, nu)
     points: np.ndarray  # (F,)
     weight: np.ndarray  # (F, ny, nu)
     domain: str
+    noise: np.ndarray | None = None  # (F, ny, nu)
 
 
 def diagonal_blocks(*blocks: np.ndarray) -> np.ndarray:
@@ -30,7 +31,7 @@ def diagonal_blocks(*blocks: np.ndarray) -> np.ndarray:
 
 def fit_inputs(data: Samples, A: np.ndarray, C: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray, float]:
     """B, D by weighted linear least squares, one problem per input, and the weighted rms residual."""
-    values, points, weight, _ = data
+    values, points, weight = data[:3]
     lines, ny, nu = values.shape
     order = len(A)
     rows = output_rows(A, C, points)

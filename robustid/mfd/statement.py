@@ -65,7 +65,8 @@ def stated(
     problem = problem.transposed() if form == "left" else problem
     if body is not None:
         body.check(problem.values, order, problem.omega)
-    return Statement(problem, _samples(problem, frf, form, given=given), form)
+    data = _samples(problem, frf, form)
+    return Statement(problem, data if given or data.noise is None else data._replace(weight=data.noise), form)
 
 
 def _default_weight(frf: FrequencyResponse) -> Weight:
@@ -75,12 +76,13 @@ def _default_weight(frf: FrequencyResponse) -> Weight:
     return Weight.relative(frf.values) if frf.covariance is None else Weight.from_covariance(frf.covariance, ny, nu)
 
 
-def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str, *, given: bool) -> Samples:
-    """What linear least squares can use, a weight per entry: the inverse standard deviation where that is known."""
-    if frf.covariance is None or given:
-        entries = problem.weight.entrywise
-    else:
+def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str) -> Samples:
+    """What linear least squares can use: a weight per entry, and the inverse standard deviation where that is known."""
+    domain, noise = "s" if problem.dt is None else "z", None
+    if frf.covariance is not None:
         ny, nu = frf.values.shape[1:]
         variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
-        entries = 1 / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
-    return Samples(problem.values, problem.scale * problem.xi, entries, "s" if problem.dt is None else "z")
+        with np.errstate(divide="ignore"):
+            noise = 1 / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
+        noise = np.where(problem.weight.entrywise > 0, noise, 0.0) if np.all(np.isfinite(noise)) else None
+    return Samples(problem.values, problem.scale * problem.xi, problem.weight.entrywise, domain, noise)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
@@ -62,11 +62,11 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
             return
 
 
-def analytic_center(data: ConvexData, level: float, inside: Candidate | None = None) -> Candidate:
+def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] = ()) -> Candidate:
     """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
 
-    From `inside` where that is strictly inside; else follows the path of min s until it is. `level` must exceed the smallest
-    margin strictly.
+    From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the borders;
+    else goes that way again. `level` must exceed the smallest margin strictly.
 
     Raises
     ------
@@ -75,9 +75,8 @@ def analytic_center(data: ConvexData, level: float, inside: Candidate | None = N
     """
     count, tail, best = data.rows.y.size, data.rows.tail, np.inf
     program = _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
-    points = ((point, data.margin(point.x, point.p)) for point in [inside] if point is not None)
-    path_points = ((point, data.margin(point.x, point.p)) for point, _, _ in margin_path(data))
-    for point, worst in itertools.chain(points, path_points):
+    for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
+        worst = data.margin(point.x, point.p)
         best = min(best, worst)
         if worst >= level:
             continue
