@@ -745,3 +745,18 @@ def test_an_interrupt_leaves_the_best_verified_point(form, monkeypatch):
             assert failed
             assert result.status in (rid.Status.FAILED, rid.Status.CONSISTENT, rid.Status.INCONSISTENT)
     assert stopped >= 3
+
+
+def test_an_interrupt_during_the_centring_keeps_the_proof(monkeypatch):
+    from robustid.identification import consistency
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    problem = random_problem(1, "mixed", 28)
+    whole = rid.identify(problem, solver="structured")
+    monkeypatch.setattr(consistency, "analytic_center", interrupted)
+    result = rid.identify(problem, solver="structured")
+    assert result.claim.margin == whole.margin
+    assert result.verification.passed
+    assert "interrupted" in result.notes[0]

@@ -320,3 +320,48 @@ def test_other_solutions_of_the_taylor_form(case):
             assert max(r.ratio.max() for r in model_residuals(problem, other)) <= level * (1 + 1e-5)
             outside = np.abs(other(np.exp(1j * omega * DT)) - centre) - radius
             assert outside.max() <= spare
+
+
+MIRROR = np.array([635.0, 806, 921, 1315, 1674, 2124, 2310, 2544])  # Hz
+
+
+def mirror_entry():
+    """Entry (1, 1) of the steering mirror: mean and statistical bound over the realisations of the training set, in um."""
+    u, y = (np.load(rid.datasets.find(f"fsm_cubespec/{name}_300mV_train.npy")).mean(axis=3) for name in "uy")
+    records = [
+        rid.TimeRecord(*(a[..., k] - a[..., k].mean(axis=0) for a in (u, 1e6 * y)), dt=1 / 6400, initial="periodic")
+        for k in range(u.shape[2])
+    ]
+    return rid.estimate_frf(records).channel(0, 0)
+
+
+@pytest.mark.realdata
+def test_measured_lines_are_answered_with_proof():
+    """Every 8th line; the class is too large to be refuted by bounds that know two blocks only, or too small."""
+    frf = mirror_entry().select(slice(None, None, 8))
+    basis = rid.kautz(2 * np.pi * MIRROR, np.full(8, 0.01), dt=1 / 6400, repeat=2, delay=1)
+    for gain, bound, verdict in ((1.3, None, True), (1e-3, 0.05, False)):
+        data = frf if bound is None else frf.with_bound(bound * np.abs(frf.values).max())
+        prior = rid.Prior(gain_bound=gain, decay_rate=1.3)
+        result = rid.identify(rid.MixedProblem(frequency=data, prior=prior, parametric=basis))
+        assert result.verification.passed
+        assert (result.margin_lower > 1, result.consistent) == (not verdict, verdict)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_all_measured_lines_in_one_command(tmp_path, capsys, monkeypatch):
+    """3839 lines, bounds of the realisations, pairs at the modes: model, bounds, proof and report."""
+    from test_cli import run
+
+    monkeypatch.chdir(tmp_path)
+    frf = mirror_entry()
+    np.savez("mirror.npz", omega=frf.omega, values=frf.values[:, 0, 0], bound=frf.bound[:, 0, 0], dt=frf.dt)
+    modes = [word for hz in MIRROR for word in ("--mode", f"{hz:g}:0.01")]
+    command = ["identify", "--frequency", "mirror.npz", *modes, "--repeat", "2", "--report", "mirror.html"]
+    code, out, _ = run(command, capsys, monkeypatch)
+    print(out)
+    assert code == 0
+    assert "FAILS" not in out
+    assert (tmp_path / "mirror.html").stat().st_size > 1e5
+    assert rid.load_identification("result").verification.passed

@@ -17,7 +17,7 @@ from robustid.identification.model import nominal_model
 from robustid.identification.result import Identification
 from robustid.identification.verification import verify
 from robustid.interpolation import MixedProblem
-from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, solve_conic
+from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, solve_conic, threads_for
 
 _log = logging.getLogger("robustid")
 
@@ -89,6 +89,13 @@ def identify(
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
     length = length_of(problem, form, accuracy)
+    with threads_for(length or problem.coefficients):
+        return _identify(problem, objective, solver, accuracy, form, length)
+
+
+def _identify(
+    problem: MixedProblem, objective: str, solver: str, accuracy: float, form: str, length: int
+) -> Identification:
     if objective == "order":
         check_conic_size(length or problem.coefficients)
     clock = _Clock()

@@ -80,6 +80,14 @@ class Identification(Frozen):
         """Lower end of the proven interval: the value of `certificate`."""
         return self.claim.certificate.value
 
+    @functools.cached_property
+    def tail(self) -> float:
+        """What the Taylor coefficients that were left out can do, at most, as a part of any sample's bound; 0: exact form.
+
+        Both ends of the interval of the margin allow for it.
+        """
+        return float(self._posed.data.rows.tail.max())
+
     @property
     def accuracy(self) -> float:
         """What was asked of the width of the interval."""
@@ -206,8 +214,14 @@ class Identification(Frozen):
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
             f"class      |G| <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
-            + (f", {self.length} Taylor coefficients and a bounded rest" if self.length else "")
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else ""),
+            *(
+                [
+                    f"form       {self.length} Taylor coefficients; the rest moves no sample by more than {self.tail:.2g} bounds"
+                ]
+                if self.length
+                else []
+            ),
             f"model      order {self.order}, {self.objective}"
             + (f", |G| <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),
         ]

@@ -21,19 +21,21 @@ def simulate(model: Any, u: np.ndarray, start: np.ndarray | None = None) -> tupl
 
 
 def response(model: Any, angles: np.ndarray) -> np.ndarray:
-    """Values at exp(j*angle) of a one-channel discrete model, (F,): one Hessenberg form, one solve per frequency."""
+    """Values at exp(j*angle) of a one-channel discrete model, (F,): one Schur form, one substitution per frequency."""
     n = model.nstates
+    values = np.full(np.size(angles), complex(model.D[0, 0]))
     if not n:
-        return np.full(np.size(angles), complex(model.D[0, 0]))
-    H, Q = scipy.linalg.hessenberg(model.A, calc_q=True)
-    B, C, values = (Q.T @ model.B).astype(complex), model.C @ Q, np.empty(np.size(angles), complex)
-    rows = max(1, _BLOCK // n**2)
-    for first in range(0, values.size, rows):
-        points = np.exp(1j * np.asarray(angles)[first : first + rows])
-        left = points[:, None, None] * np.eye(n) - H
-        state = np.linalg.solve(left, np.broadcast_to(B, (points.size, n, 1)))
-        values[first : first + rows] = (C @ state)[:, 0, 0] + model.D[0, 0]
+        return values
+    T, Q = scipy.linalg.schur(model.A, output="complex")
+    right, left = Q.conj().T @ model.B[:, 0], model.C[0] @ Q
+    for first in range(0, values.size, _BLOCK):
+        points = np.exp(1j * np.asarray(angles)[first : first + _BLOCK])
+        # (zI - T) x = right, from the last row up, for all points of the block together.
+        x = np.empty((n, points.size), complex)
+        for row in range(n - 1, -1, -1):
+            x[row] = (right[row] + T[row, row + 1 :] @ x[row + 1 :]) / (points - T[row, row])
+        values[first : first + _BLOCK] += left @ x
     return values
 
 
-_BLOCK = 2**21  # complex numbers worked on at once: 32 MiB
+_BLOCK = 1024  # points worked on at once: their states stay in the cache

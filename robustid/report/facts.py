@@ -87,6 +87,11 @@ def margin_words(identification: Identification) -> str:
         " Its upper end is reached by a system, its lower end is proved by a certificate; both were recomputed"
         " from the numbers."
     )
+    if identification.length:
+        meaning += (
+            f" They were found in the first {identification.length} Taylor coefficients of G; the others move no sample by more"
+            f" than {number(identification.tail, 2)} of its bound, and both ends allow for that."
+        )
     if identification.status is Status.INCONSISTENT:
         return f"{meaning} Here every bound would have to be {number(upper)} times as large."
     if identification.status is not Status.CONSISTENT:

@@ -3,6 +3,7 @@
 from robustid.solve.conic import Candidate, ConvexData
 from robustid.solve.cvxpy_backend import available_solvers, solve_conic, solver_name
 from robustid.solve.paths import analytic_center, gain_path, margin_path, support_path
+from robustid.solve.threads import threads_for
 
 __all__ = [
     "Candidate",
@@ -14,4 +15,5 @@ __all__ = [
     "solve_conic",
     "solver_name",
     "support_path",
+    "threads_for",
 ]

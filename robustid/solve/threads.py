@@ -1,0 +1,20 @@
+"""How many threads the linear algebra library may use."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+_SMALL = 400  # below, threads of OpenBLAS wait for one another longer than they work: 2 to 5 times slower than one
+
+
+@contextlib.contextmanager
+def threads_for(size: int) -> Iterator[None]:
+    """One thread for matrices of a small size, as many as are set for large ones."""
+    if size >= _SMALL:
+        yield
+        return
+    import threadpoolctl
+
+    with threadpoolctl.threadpool_limits(limits=1, user_api="blas"):
+        yield
