@@ -1,4 +1,4 @@
-"""The exact margin problem: our central path against general semidefinite solvers, and the rest of the pipeline beside them.
+"""The exact margin problem: our solver against general semidefinite solvers, and the rest of the pipeline beside them.
 
 Run: python benchmarks/margin_solvers.py [--largest 40] [--seeds 3]. All figures of one row come from one process; ratios are
 what to quote. Peers: Clarabel (on the paper's 2n x 2n inequality in orthonormal coordinates, and on the two n x n blocks that
@@ -15,7 +15,6 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
 import robustid as rid
 from problems import random_problem
-from robustid.identification import margin
 from robustid.identification.forms import pose
 from robustid.solve import available_solvers
 
@@ -25,8 +24,9 @@ def full_lmi(problem):
     import cvxpy as cp
 
     data = pose(problem).data
-    y, E, Q, _ = data.stacked
-    n, samples, discs = data.sarason.pair.order, data.rows.y.size, data.rows.discs
+    rows, Q = data.rows, data.rows.real(data.orthonormal[0])
+    y, E = rows.real(rows.y), rows.real(rows.E.dense())
+    n, samples, discs = data.sarason.pair.order, rows.y.size, rows.discs
     x, q, s = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
     e = y - E @ x - (Q @ q if Q.shape[1] else 0)
     X = cp.reshape(data.sarason.basis.reshape(n, -1).T @ x, (n, n), order="C")
@@ -58,13 +58,15 @@ def main(argv=None):
         others = {name: [] for name in [*peers, "2n"]}
         for seed in range(arguments.seeds):
             problem = random_problem(200 + seed, "parametric", n, spread=0.2, noise=3.0)
-            ours, seconds = clock(lambda problem=problem: without_conic(problem))
+            ours, seconds = clock(
+                lambda problem=problem: rid.identify(problem, solver="structured", form="orthonormal")
+            )
             path.append(ours.timing["margin"])
             rest.append(seconds - ours.timing["margin"])
             if n > 60:
                 continue
             for name in peers:
-                other = rid.identify(problem, solver=name)
+                other = rid.identify(problem, solver=name, form="orthonormal")
                 others[name].append(other.timing["margin"] / path[-1])
                 difference = max(difference, abs(other.margin - ours.margin) / max(1, ours.margin))
             value, seconds = clock(lambda problem=problem: full_lmi(problem))
@@ -74,15 +76,6 @@ def main(argv=None):
         row += [f"{np.median(ratios):.1f}" if ratios else "-" for ratios in others.values()]
         row += [f"{difference:.1e}" if n <= 60 else "-"]
         print(f"{n:4d}" + "".join(f"{cell:>20}" for cell in row), flush=True)
-
-
-def without_conic(problem):
-    """identify() by the central path at every size."""
-    quick, margin.QUICK_CONIC = margin.QUICK_CONIC, 0
-    try:
-        return rid.identify(problem)
-    finally:
-        margin.QUICK_CONIC = quick
 
 
 if __name__ == "__main__":

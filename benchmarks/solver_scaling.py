@@ -2,8 +2,8 @@
 
 Run: OPENBLAS_NUM_THREADS=2 python benchmarks/solver_scaling.py [--full] [--plot FILE]. Every figure is of a process of its own.
 Peers, where cvxpy finds them (Clarabel always; SCS, CVXOPT, SDPA): one block [I X; X' I] of size 2n with X the triangular Toeplitz
-matrix of n Taylor coefficients, and the same samples. Ratios of one run are what to quote; "wrong": off by more than 0.1 %. --full adds sizes at which peers take
-minutes, and 10^5 lines.
+matrix of n Taylor coefficients, and the same samples. Ratios of one run are what to quote; "wrong": off by more than 0.1 %.
+--full adds sizes at which peers take minutes, and 10^5 lines.
 """
 
 import argparse
