@@ -699,3 +699,20 @@ def test_misuse_is_named(simple: rid.Identification, consistent: rid.Identificat
     with pytest.raises(rid.InputError, match="folder"):
         write_report(simple, tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_many_lines_are_drawn_as_an_area_behind_the_models() -> None:
+    omega = np.linspace(1.0, 300.0, 400)
+    frf = rid.FrequencyResponse(omega, 0.1 / (1.2 - np.exp(-0.01j * omega)), dt=0.01, bound=0.05)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.15)))
+    assert result.consistent
+    assert result.length
+    assert "Taylor coefficients" in result.summary()
+    for panel in charts.frequency_chart(result).panels:
+        area, samples, model = panel.layers
+        assert area.fill
+        assert not samples.dash
+        assert samples.low is None
+        assert np.all(area.low <= samples.y)
+        assert np.all(area.high >= samples.y)
+        assert model.name.startswith("nominal model")

@@ -120,6 +120,12 @@ class Identification(Frozen):
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
                 " consistency says next to nothing, and the model can do anything between the samples"
             )
+        wide = [np.mean(f.bound >= np.abs(f.values)) for f in self.problem.frequency]
+        if self.consistent and wide and max(wide) > 0.5:
+            found.append(
+                f"at {100 * max(wide):.0f} % of the lines the bound exceeds the response itself: such lines can hardly contradict"
+                " any class"
+            )
         if self.consistent and self.margin_lower <= 0:
             found.append("the margin is 0: these data could not have contradicted this class, whatever the bounds")
         return tuple(found)

@@ -26,7 +26,7 @@ def response(model: Any, angles: np.ndarray) -> np.ndarray:
     values = np.full(np.size(angles), complex(model.D[0, 0]))
     if not n:
         return values
-    T, Q = scipy.linalg.schur(model.A, output="complex")
+    T, Q = scipy.linalg.schur(model.A, output="complex")[:2]
     right, left = Q.conj().T @ model.B[:, 0], model.C[0] @ Q
     for first in range(0, values.size, _BLOCK):
         points = np.exp(1j * np.asarray(angles)[first : first + _BLOCK])

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 HZ = 2 * np.pi
 _GRID = 800  # points of a response, evenly spaced in log frequency
+_MANY = 300  # lines, above which their bars run into one another
 _BLOCK = 64  # frequencies evaluated at once: memory grows with states^2 times this
 
 
@@ -132,9 +133,9 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
             for w, a, b, p in zip(frf.omega, size, bound, angle, strict=True)
         )
         style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover}
-        reach = np.maximum(size - bound, bottom)
-        magnitude.append(Layer(y=np.maximum(size, bottom), low=reach, high=size + bound, **style))
-        phase.append(Layer(y=angle, low=angle - turn, high=angle + turn, **style))
+        ends = np.maximum(size - bound, bottom), size + bound
+        _add_samples(magnitude, np.maximum(size, bottom), ends, style)
+        _add_samples(phase, angle, (angle - turn, angle + turn), style)
     axis = hertz(problem, low, high)
     title = transfer(identification)
     panels = (
@@ -151,6 +152,21 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
         ),
     )
     return Chart(name="frequency", panels=panels, linked=True)
+
+
+def _add_samples(
+    layers: list[Layer], y: np.ndarray, ends: tuple[np.ndarray, np.ndarray], style: dict[str, Any]
+) -> None:
+    """Samples with bars; so many that bars would hide everything: small ones on an area, behind the models."""
+    low, high = ends
+    if y.size <= _MANY:
+        layers.append(Layer(y=y, low=low, high=high, **style))
+        return
+    name = style["name"].replace("data with their discs", "bounds of the data")
+    layers[:0] = [
+        Layer(name=name, x=style["x"], y=y, colour=DATA, low=low, high=high, fill=True),
+        Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their discs", "")}),
+    ]
 
 
 def phase_curves(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, float]]:
