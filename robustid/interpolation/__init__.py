@@ -10,10 +10,12 @@ from robustid.interpolation.problem import MixedProblem
 from robustid.interpolation.rows import Rows, measurement_rows, taylor_tail
 from robustid.interpolation.sarason import SarasonMap, ShiftMap
 from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
+from robustid.interpolation.support_certificate import Functional, SupportCertificate, certify_support, evaluate_support
 
 __all__ = [
     "ClassicalForm",
     "DenseColumns",
+    "Functional",
     "ImpulseReduction",
     "Interpolants",
     "MarginCertificate",
@@ -23,11 +25,14 @@ __all__ = [
     "SarasonMap",
     "ShiftColumns",
     "ShiftMap",
+    "SupportCertificate",
     "TaylorInterpolants",
     "balanced_from_impulse",
     "certify_margin",
+    "certify_support",
     "classical_form",
     "evaluate_certificate",
+    "evaluate_support",
     "interpolants",
     "measurement_rows",
     "taylor_interpolants",

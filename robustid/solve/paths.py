@@ -93,6 +93,7 @@ def support_path(
 ) -> Iterator[tuple[Candidate, float, float]]:
     """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
 
+    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), nearly.
     The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
     """
     count = data.rows.y.size
@@ -107,7 +108,7 @@ def support_path(
         return
     program = _program(data, limits, None, -w / size)
     for at in path(program, start(program, v, 0.0)):
-        value, gap = float(w @ at.v), size * at.estimate
-        yield _candidate(data, at), value, gap
+        value, gap, found = float(w @ at.v), size * at.estimate, _candidate(data, at)
+        yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
         if gap < _LAST * max(abs(value), size):
             return
