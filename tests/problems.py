@@ -101,6 +101,10 @@ def judge_margin(problem: rid.MixedProblem) -> float:
         U = np.array([[record.u[i - j, 0] if i >= j else 0.0 for j in range(samples)] for i in range(samples)])
         f = g if problem.parametric is None else g + problem.parametric.impulse(samples) @ p
         limits.append(cp.abs((record.y[:, 0] - U @ f) / record.bound[:, 0]) <= s)
+    if problem.parameter_bounds is not None:
+        low, high = problem.parameter_bounds.T
+        held = np.isfinite(low)
+        limits += [p[held] >= low[held], p[held] <= high[held]] if held.any() else []
     # ||root X back|| <= K, in real form.
     X = 0
     for unknown, pattern in terms:

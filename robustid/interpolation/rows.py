@@ -36,6 +36,8 @@ class Rows(Frozen):
         Zero where n coefficients determine the samples (the exact form).
     discs : int
         Number of complex samples.
+    ends : (m, 2) array
+        Lower and upper end of every scaled parameter, known beforehand; -inf and inf where it is free.
     """
 
     y: np.ndarray
@@ -46,9 +48,19 @@ class Rows(Frozen):
     discs: int
     column_scale: np.ndarray
     parameters: int
+    ends: np.ndarray
 
     def __post_init__(self) -> None:
-        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale")})
+        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale", "ends")})
+
+    @property
+    def held(self) -> np.ndarray:
+        """Which parameters have an interval, (m,) bool."""
+        return np.isfinite(self.ends[:, 0])
+
+    def within(self, p: np.ndarray) -> bool:
+        """Whether every scaled parameter is in its interval."""
+        return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
 
     def real(self, a: np.ndarray) -> np.ndarray:
         """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
@@ -237,7 +249,10 @@ def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Exact | _
     parameters = 0 if problem.parametric is None else problem.parametric.size
     _check_independent(problem, P, parameters)
     fixed, tail = (np.concatenate(parts) / total for parts in zip(*((b.bound, b.tail) for b in blocks), strict=True))
-    return Rows(y, E, P, fixed, tail, discs, scale, parameters)
+    ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
+    if problem.parameter_bounds is not None:
+        ends[:parameters] = problem.parameter_bounds * scale[:parameters, None]
+    return Rows(y, E, P, fixed, tail, discs, scale, parameters, ends)
 
 
 def _columns(

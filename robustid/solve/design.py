@@ -108,6 +108,31 @@ class ShiftDesign:
         return out
 
 
+class IntervalDesign:
+    """The rows of the samples, then real rows B of the last unknowns alone: those of the intervals."""
+
+    def __init__(self, samples: Design, count: int, B: np.ndarray):
+        self._samples, self._count, self._B = samples, count, B
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v."""
+        return np.concatenate([self._samples.apply(v), self._B @ v[v.size - self._B.shape[1] :]])
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z."""
+        out = self._samples.adjoint(z[: self._count])
+        out[out.size - self._B.shape[1] :] += self._B.T @ np.real(z[self._count :])
+        return out
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Weighted Gram matrix."""
+        count, B = self._count, self._B
+        out = self._samples.gram(a[:count], b[:count])
+        first = out.shape[0] - B.shape[1]
+        out[first:, first:] += B.T @ ((a + np.real(b))[count:, None] * B)
+        return out
+
+
 def design_of(columns: DenseColumns | ShiftColumns, Q: np.ndarray, discs: int) -> Design:
     """The fast form that the columns allow; Q holds the columns of the parameters."""
     if isinstance(columns, ShiftColumns):
