@@ -200,7 +200,7 @@ def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
     if not problem.frequency:
         return None
     omega, value, bound = (
-        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "bound")
+        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "outer_radius")
     )
     poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
     if 2 * omega.size < 4 * (poles.size + 1) + 4:

@@ -144,7 +144,7 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
 def _sizes(problem: MixedProblem) -> tuple[float, float]:
     """Largest response in the data and smallest bound, both as a gain (output per input)."""
     values = [float(np.abs(f.values).max()) for f in problem.frequency]
-    bounds = [float(f.bound.min()) for f in problem.frequency]
+    bounds = [float(f.inner_radius.min()) for f in problem.frequency]
     for record in problem.time:
         drive = float(np.abs(record.u).max()) or 1.0
         values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.data.ellipses import bound_ratio
 from robustid.errors import InconsistentDataError, Status
 from robustid.identification.forms import Claim, Posed, level_of, pose
 from robustid.identification.model import Family, family_of, nominal_model, physical_parameters
@@ -122,7 +123,7 @@ class Identification(Frozen):
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
                 " consistency says next to nothing, and the model can do anything between the samples"
             )
-        wide = [np.mean(f.bound >= np.abs(f.values)) for f in self.problem.frequency]
+        wide = [np.mean(bound_ratio(f.values, f.bound, f.tilt) <= 1) for f in self.problem.frequency]
         if self.consistent and wide and max(wide) > 0.5:
             found.append(
                 f"at {100 * max(wide):.0f} % of the lines the bound exceeds the response itself: such lines can hardly contradict"
@@ -146,7 +147,7 @@ class Identification(Frozen):
         problem, basis = self.problem, self.problem.parametric
         if problem.parameter_bounds is None:
             return ()
-        claimed = self._posed if self.prior == problem.prior else pose(problem, self.length)
+        claimed = self._posed.with_prior(**dataclasses.asdict(problem.prior))
         found = np.zeros((basis.size, 2), bool)
         for posed, p in ((self._posed, self.scaled_parameters), (claimed, self.claim.p)):
             ends = posed.data.rows.ends[: basis.size]

@@ -24,7 +24,7 @@ _EXCITED = 1e-12
 class MixedProblem(Frozen):
     """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
 
-    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` and time samples
+    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
     ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound.
 
     Parameters

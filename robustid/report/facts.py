@@ -168,6 +168,9 @@ def _experiment(kind: str, data: Any, axis: np.ndarray, bound: np.ndarray) -> Ex
     low, high = number(bound.min(), 3), number(bound.max(), 3)
     radius = f"± {low}" if low == high else f"± {low} … {high}"
     if isinstance(data, FrequencyResponse):
+        if data.tilt is not None:
+            ends = number(data.inner_radius.min(), 3), number(data.outer_radius.max(), 3)
+            radius = "ellipses, half-axes {} … {}".format(*ends)
         channel, symbol, name = f"{data.outputs[0]} / {data.inputs[0]}", "Hz", "frequency response"
         axis = axis / _HZ
     else:

@@ -58,8 +58,8 @@ def solve_conic(
     """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
 
     All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
-    |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the off-diagonal block of X, a
-    Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
+    |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the
+    off-diagonal block of X, a Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
 
     The status of the solver is not looked at: the caller evaluates the numbers.
     """
