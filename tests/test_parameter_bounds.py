@@ -358,7 +358,7 @@ def test_a_forged_point_outside_its_interval_fails():
     problem = bounded(random_problem(0, "parametric", 8, spread=0.3, noise=3.0), "outside", 1)
     data = pose(problem).data
     *_, (point, _, _) = margin_path(data)
-    for shift in (1.0, -1.0):
+    for shift in (1.5, -1.5):
         p = point.p + shift * np.eye(2)[0] * np.diff(data.rows.ends[0])
         assert data.margin(point.x, p) == np.inf
     assert data.margin(point.x, point.p) < np.inf

@@ -272,11 +272,16 @@ def _columns(
     if isinstance(functions, _Exact):
         return DenseColumns(np.vstack([b.E for b in blocks]) / total[:, None])
     angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in problem.frequency)])
-    tilts = [np.zeros(f.omega.size, complex) if f.tilt is None else f.tilt[:, 0, 0] for f in problem.frequency]
     real = [b.E for b in blocks[len(problem.frequency) :]]
     stacked = np.vstack([np.zeros((0, functions.length)), *real]) / total[discs:, None]
-    tilt = np.concatenate(tilts) if any(f.tilt is not None for f in problem.frequency) else None
-    return ShiftColumns(angles, problem.prior.gain_bound / total[:discs], functions.decay, stacked, tilt)
+    return ShiftColumns(angles, problem.prior.gain_bound / total[:discs], functions.decay, stacked, line_tilts(problem))
+
+
+def line_tilts(problem: MixedProblem) -> np.ndarray | None:
+    """The kappa of all frequency lines, 0 where the bound is a disc; None where all are."""
+    if all(f.tilt is None for f in problem.frequency):
+        return None
+    return np.concatenate([np.zeros(f.omega.size) if f.tilt is None else f.tilt[:, 0, 0] for f in problem.frequency])
 
 
 def _check_independent(problem: MixedProblem, P: np.ndarray, parameters: int) -> None:
