@@ -102,7 +102,7 @@ def taylor_length(problem: MixedProblem, accuracy: float) -> int:
 
 def smallest_bound(problem: MixedProblem) -> float:
     """Largest error of the model, at every frequency, that no sample feels as more than its bound."""
-    least = [float(frf.bound.min()) for frf in problem.frequency]
+    least = [float(frf.inner_radius.min()) for frf in problem.frequency]
     for record in problem.time:
         # sum over the past of |u| rho^-j <= max|u| / (1 - 1/rho); a periodic record has the l1 norm of its spectrum.
         drive = float(np.abs(record.u).max()) / (1 - 1 / problem.prior.decay_rate)

@@ -58,6 +58,7 @@ def verify(
     checks = [
         Check("largest |residual|/bound of the model", worst, level * (1 + 1e-5)),
         Check("||X||: the non-parametric part is in the ball", data.sarason.norm(point.x), 1.0),
+        *_interval_checks(problem, data, point),
         *_model_checks(posed, point, nominal),
         Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),
         Check("width of the proven interval of the margin", claim.width, claim.accuracy),
@@ -68,6 +69,17 @@ def verify(
         ),
     ]
     return Verification(tuple(checks), tuple(residuals))
+
+
+def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) -> list[Check]:
+    """Whether the parameters of the model are in their intervals."""
+    if problem.parameter_bounds is None:
+        return []
+    low, high = problem.parameter_bounds.T
+    p = physical_parameters(data.rows, point.p)
+    return [
+        Check("largest distance of a parameter from its interval", max(0.0, float(np.max([low - p, p - high]))), 0.0)
+    ]
 
 
 def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Check]:

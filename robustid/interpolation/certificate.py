@@ -21,12 +21,13 @@ class MarginCertificate(Frozen):
 
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
 
-        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - |P'l| p_max - sum|l_k| tail_k
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
 
-    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1; p_max bounds
-    the free parameters of every system whose margin is at most `upper` (others need no proof). The right-hand side is
-    recomputed from the numbers by `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays
-    y, E, P, A, c are taken as they are in double precision.
+    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1. The maximum is
+    over the parameters p in their intervals; of the free ones it is |P'l| p_max, where p_max bounds those of every system
+    whose margin is at most `upper` (others need no proof). The right-hand side is recomputed from the numbers by
+    `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays y, E, P, A, c are taken as
+    they are in double precision.
 
     Attributes
     ----------
@@ -124,13 +125,18 @@ def mismatched(
 
 
 def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | float = 0.0) -> float:
-    """||wanted + P'l|| p_max, with an allowance for rounding."""
+    """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     if not rows.P.shape[1]:
         return 0.0
-    size, eps = np.abs(samples), float(np.finfo(float).eps)
-    leak = float(np.linalg.norm(wanted + np.real(rows.P.conj().T @ samples)))
-    leak += 2 * (size.size + 2) * eps * float(np.linalg.norm(np.abs(rows.P).T @ size))
-    return (leak + 4 * eps * float(np.linalg.norm(wanted))) * _parameter_bound(upper, rows)
+    eps, held = float(np.finfo(float).eps), rows.held
+    slope = wanted + np.real(rows.P.conj().T @ samples)
+    rounding = 2 * (samples.size + 2) * eps * (np.abs(rows.P).T @ np.abs(samples)) + 4 * eps * np.abs(wanted)
+    ends = rows.ends[held]
+    free = float(np.linalg.norm(slope[~held]) + np.linalg.norm(rounding[~held]))
+    leak = free * _parameter_bound(upper, rows) if free else 0.0
+    reach = np.abs(ends).max(axis=1, initial=0.0)
+    error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
+    return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
 
 
 def real_rows(matrix: np.ndarray) -> np.ndarray:
@@ -139,10 +145,11 @@ def real_rows(matrix: np.ndarray) -> np.ndarray:
 
 
 def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
-    """The multipliers with the smallest relative change for which E'l = target and P'l = 0, nearly."""
+    """The multipliers with the smallest relative change for which E'l = target and P'l = 0 of the free parameters, nearly."""
     flat, scale = real_rows(samples), np.tile(np.abs(samples), 2)
-    matrix = np.hstack([real_rows(rows.E.dense()), real_rows(rows.P)])
-    wanted = np.concatenate([target, np.zeros(rows.P.shape[1])])
+    free = real_rows(rows.P[:, ~rows.held])
+    matrix = np.hstack([real_rows(rows.E.dense()), free])
+    wanted = np.concatenate([target, np.zeros(free.shape[1])])
     for _ in range(3):  # each pass removes the rounding of the one before
         flat = flat + scale * np.linalg.lstsq((scale[:, None] * matrix).T, wanted - matrix.T @ flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
@@ -150,19 +157,22 @@ def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray
 
 def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
     """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
-    if not rows.P.shape[1]:
+    if rows.held.all():
         return samples
-    stacked, flat = real_rows(rows.P), real_rows(samples)
+    stacked, flat = real_rows(rows.P[:, ~rows.held]), real_rows(samples)
     for _ in range(2):  # the second pass removes the rounding of the first
         flat = flat - stacked @ np.linalg.lstsq(stacked, flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
-    """||p|| of every system with margin <= upper: P p = y - E x - e, ||x|| <= 1, |e_k| <= upper + tail_k."""
-    singular = np.linalg.svd(real_rows(rows.P), compute_uv=False)
+    """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= 1, |e_k| <= upper + tail_k."""
+    singular = np.linalg.svd(real_rows(rows.P[:, ~rows.held]), compute_uv=False)
     smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
     if smallest <= 0:
         return np.inf
     reach = np.linalg.norm(rows.y) + rows.E.norm + upper * np.sqrt(rows.y.size) + np.linalg.norm(rows.tail)
+    reach += np.linalg.norm(rows.P[:, rows.held]) * np.linalg.norm(
+        np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0)
+    )
     return float(reach / smallest) * (1 + 1e-9)

@@ -50,11 +50,11 @@ class SupportCertificate(Frozen):
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix Y = `left` `right`', with the S that solves
     S - A S A' = Y,
 
-        f <= Re<l, y> + sum|l_k| reach_k + ||Y||_* + ||w - E'l - c S|| + ||d - P'l|| p_max + tail
+        f <= Re<l, y> + sum|l_k| reach_k + ||Y||_* + ||w - E'l - c S|| + max (d - P'l)'p + tail
 
     because y = E x + P p + e with |e_k| <= reach_k (level, and the tail of the sample), <c S, x> = <Y, X(x)> with ||X(x)|| <= 1,
-    which implies ||x|| <= 1, and p_max bounds the parameters of every such system. w and d are the weights of f. The right-hand
-    side is evaluated as sums and products, Y as S - A S A' of the S found, with an allowance for their rounding.
+    which implies ||x|| <= 1, and the parameters are in their intervals or bounded by the samples. w and d are the weights of f.
+    The right-hand side is evaluated as sums and products, Y as S - A S A' of the S found, with an allowance for their rounding.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def certify_support(
 ) -> SupportCertificate:
     """Certificate from any multipliers; value inf where they are not numbers.
 
-    The parameters have no bound of their own, or a large one: their equation P'l = d is met to rounding first.
+    Free parameters may be very large: their equation P'l = d is met to rounding first.
     """
     count, n = rows.y.size, sarason.pair.order
     if not (np.all(np.isfinite(samples)) and np.all(np.isfinite(Y))):
@@ -126,10 +126,11 @@ def evaluate_support(
 
 
 def _match_parameters(samples: np.ndarray, wanted: np.ndarray, rows: Rows) -> np.ndarray:
-    """The nearest multipliers with P'l = wanted."""
-    if not rows.P.shape[1]:
+    """The nearest multipliers with P'l = wanted for the free parameters."""
+    free = ~rows.held
+    if not free.any():
         return samples
-    stacked, flat = real_rows(rows.P), real_rows(samples)
+    stacked, flat, wanted = real_rows(rows.P[:, free]), real_rows(samples), wanted[free]
     for _ in range(2):  # the second pass removes the rounding of the first
         flat = flat - np.linalg.lstsq(stacked.T, stacked.T @ flat - wanted, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
