@@ -191,7 +191,7 @@ def _roots(roots: np.ndarray, weights: np.ndarray) -> np.ndarray:
             k += 1
         k += 1
     order = np.argsort(-np.abs(np.diag(matrix)), kind="stable")
-    matrix = (matrix - np.outer(drive, row) / weights[0])[np.ix_(order, order)]
+    matrix = (matrix - np.outer(drive, row) / weights[0])[order][:, order]
     found = np.linalg.eigvals(matrix)
     return found[np.imag(found) >= 0].astype(complex)
 
