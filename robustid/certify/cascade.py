@@ -146,9 +146,9 @@ def arcs(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def lowest_ratio(
     parts: Factors, low: np.ndarray, high: np.ndarray, bound: np.ndarray, tolerance: float = 2e-4
 ) -> float:
-    """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y; at most a factor 1 + tolerance too low, rounding apart.
+    """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y.
 
-    Every factor is a parabola, whose range on a cell has a closed form; the product of the ranges encloses the product. Cells
+    At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a closed form; the product of the ranges encloses the product. Cells
     are halved where that decides nothing yet. Each range is widened by a running bound of its rounding errors.
     """
     offset = np.log(parts.gain) - np.log(bound)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.optimize
 
 # A step aims no farther than this in |W|^2, where linear programs in double precision still tell the ends apart.
 _REACH = np.log(1e6)
@@ -204,6 +203,8 @@ def _program(
     Only the rows that matter are given to the program; those that its solution violates most, one of each run of neighbours,
     are added until none is left.
     """
+    import scipy.optimize
+
     m, k = top.shape
     rows = [
         np.hstack([-low[:, None] * top, bottom, np.zeros((m, 1))]),
