@@ -148,8 +148,9 @@ def lowest_ratio(
 ) -> float:
     """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y.
 
-    At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a closed form; the product of the ranges encloses the product. Cells
-    are halved where that decides nothing yet. Each range is widened by a running bound of its rounding errors.
+    At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a
+    closed form; the product of the ranges encloses the product. Cells are halved where that decides nothing yet. Each range is
+    widened by a running bound of its rounding errors.
     """
     offset = np.log(parts.gain) - np.log(bound)
     reached = proven = np.inf
