@@ -16,6 +16,7 @@ from robustid.certify.consistent_set import ConsistentSet, consistent_set
 from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
 from robustid.certify.sweep import Progress, value_sets
 from robustid.certify.value_set import ValueSet, verify_value_set
+from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import response
@@ -125,6 +126,7 @@ class WorstCaseError(Frozen):
         self,
         rtol: float = 0.05,
         *,
+        everywhere: bool = False,
         executor: concurrent.futures.Executor | None = None,
         progress: Progress | None = None,
     ) -> CircleBound:
@@ -137,6 +139,8 @@ class WorstCaseError(Frozen):
         ----------
         rtol : float
             Tolerance of the largest bound, relative to the largest error at a frequency.
+        everywhere : bool
+            Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
         executor : concurrent.futures.Executor, optional
         progress : callable (done, all), optional
 
@@ -145,7 +149,17 @@ class WorstCaseError(Frozen):
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        return _refine(self, rtol, executor, progress)
+        return _refine(self, rtol, everywhere, executor, progress)
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight` for the arguments; the bound is that of `on_circle`, held to 30 % everywhere.
+        """
+        circle = self.on_circle(0.3, everywhere=True)
+        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
@@ -320,9 +334,13 @@ def default_grid(identification: Identification) -> np.ndarray:
 
 
 def _refine(
-    error: WorstCaseError, rtol: float, executor: concurrent.futures.Executor | None, progress: Progress | None
+    error: WorstCaseError,
+    rtol: float,
+    everywhere: bool,
+    executor: concurrent.futures.Executor | None,
+    progress: Progress | None,
 ) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error by more than rtol.
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
 
     New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
     matter.
@@ -341,7 +359,9 @@ def _refine(
         edges = np.array(sorted(known))
         nominal = response(error.model, edges * dt)
         upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, nominal, strict=True)]).T
-        peak = max(lower.max(), max((u for w, u in zip(edges, upper, strict=True) if w in fine), default=0.0))
+        sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
+        ends = np.maximum(sure[:-1], sure[1:])
+        peak = ends if everywhere else np.full(ends.size, sure.max())
         arcs = list(itertools.pairwise(edges))
         limits |= {arc: curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
         bend = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
@@ -350,8 +370,10 @@ def _refine(
         result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0)
         coarse, sharp = [], []
         for k in open_arcs:
-            rough = [w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak]
-            if bend[k] <= 0.5 * rtol * peak and rough:
+            rough = [
+                w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak[k]
+            ]
+            if bend[k] <= 0.5 * rtol * peak[k] and rough:
                 sharp += rough
             else:
                 coarse.append(float(sum(arcs[k]) / 2))
