@@ -10,6 +10,7 @@ from robustid.certify import (
     guaranteed_margin,
     uncertainty_weight,
     worst_case_error,
+    worst_case_over_poles,
 )
 from robustid.data import (
     FrequencyResponse,
@@ -102,5 +103,6 @@ __all__ = [
     "uncertainty_weight",
     "validate",
     "worst_case_error",
+    "worst_case_over_poles",
     "write_report",
 ]

@@ -3,6 +3,8 @@
 from robustid.certify.bilinear import ControlPair
 from robustid.certify.circle import CircleBound
 from robustid.certify.parameters import ParameterIntervals
+from robustid.certify.pole_band import PoleBand, worst_case_over_poles
+from robustid.certify.pole_cells import PoleCell
 from robustid.certify.small_gain import GuaranteedMargin, MarginStatus, guaranteed_margin
 from robustid.certify.value_set import ValueSet
 from robustid.certify.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
@@ -14,6 +16,8 @@ __all__ = [
     "GuaranteedMargin",
     "MarginStatus",
     "ParameterIntervals",
+    "PoleBand",
+    "PoleCell",
     "UncertaintyWeight",
     "ValueSet",
     "WorstCaseError",
@@ -22,4 +26,5 @@ __all__ = [
     "magnitude_weight",
     "uncertainty_weight",
     "worst_case_error",
+    "worst_case_over_poles",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -171,4 +172,9 @@ def consistent_set(identification: Identification) -> ConsistentSet:
     ]
     if identification.prior.decay_rate != problem.prior.decay_rate:
         starts = starts[1:]
+    return set_of(posed, level, starts)
+
+
+def set_of(posed: Posed, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
+    """The set at a level above the smallest margin; `starts` are points that may be inside."""
     return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
