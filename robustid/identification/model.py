@@ -50,21 +50,22 @@ class Nominal:
 
 def family_of(posed: Posed, x: np.ndarray) -> Family:
     """All functions of the unit ball with the coefficients x."""
-    return taylor_interpolants(x) if posed.length else interpolants(posed.data.sarason, x)
+    taylor = posed.sections is not None and posed.sections.is_shift
+    return taylor_interpolants(x) if taylor else interpolants(posed.data.sarason, x)
 
 
 def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
     """The interpolant with the free parameter E, joined with the parametric part.
 
-    Of a Taylor form, states are left out as long as every residual stays below level * bound.
+    But for the exact form, states are left out as long as every residual stays below level * bound.
     """
     problem, rows = posed.problem, posed.data.rows
     family = family_of(posed, point.x)
-    if isinstance(family, Interpolants):
-        scaled = _unscaled(problem, family.realise(E))
-        return Nominal(join_model(problem, rows, scaled, point.p), scaled[0].shape[0], 0.0)
     tolerance = _SHARE * smallest_bound(problem)
     while True:
+        if isinstance(family, Interpolants) and (posed.sections is None or _memory(problem, tolerance) > _LONGEST):
+            scaled = _unscaled(problem, family.realise(E))
+            return Nominal(join_model(problem, rows, scaled, point.p), scaled[0].shape[0], 0.0)
         realised, error = _reduced(problem, family, E, tolerance)
         nominal = Nominal(join_model(problem, rows, realised, point.p), realised[0].shape[0], error)
         if tolerance < 1e-10 * problem.prior.gain_bound or largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
@@ -81,11 +82,16 @@ def _unscaled(problem: MixedProblem, scaled: Scaled) -> Scaled:
     return alpha / rho, root * beta, root * gamma / rho, K * delta
 
 
-def _reduced(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> tuple[Scaled, float]:
+def _memory(problem: MixedProblem, tolerance: float) -> int:
+    """Samples after which an impulse response of the class is negligible."""
+    wanted = taylor_tail(problem.prior, 0) / (1e-3 * tolerance)
+    return max(2, math.ceil(math.log(max(wanted, 2.0)) / math.log(problem.prior.decay_rate)))
+
+
+def _reduced(problem: MixedProblem, family: Family, E: float, tolerance: float) -> tuple[Scaled, float]:
     """Balanced truncation of the interpolant, from its impulse response, within a tolerance in units of the response."""
     prior = problem.prior
-    wanted = taylor_tail(prior, 0) / (1e-3 * tolerance)
-    count = min(_LONGEST, max(2, math.ceil(math.log(max(wanted, 2.0)) / math.log(prior.decay_rate))))
+    count = min(_LONGEST, _memory(problem, tolerance))
     g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float) * family.coefficients(count, E)
     small = balanced_from_impulse(g, tolerance)
     return (small.A, small.B, small.C, small.D), small.bound + taylor_tail(prior, count)

@@ -1,6 +1,6 @@
 """The convex question: the class, the data, and the condition that a system of the class fits them."""
 
-from robustid.interpolation.central import Interpolants, interpolants
+from robustid.interpolation.central import Interpolants, interpolants, transfer
 from robustid.interpolation.certificate import MarginCertificate, certify_margin, evaluate_certificate
 from robustid.interpolation.classical import ClassicalForm, classical_form
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
@@ -8,7 +8,7 @@ from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impuls
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
 from robustid.interpolation.rows import Rows, measurement_rows, taylor_tail
-from robustid.interpolation.sarason import SarasonMap, ShiftMap
+from robustid.interpolation.sarason import SarasonMap, SectionMap, ShiftMap, antidiagonal_blocks
 from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
 
 __all__ = [
@@ -21,9 +21,11 @@ __all__ = [
     "Prior",
     "Rows",
     "SarasonMap",
+    "SectionMap",
     "ShiftColumns",
     "ShiftMap",
     "TaylorInterpolants",
+    "antidiagonal_blocks",
     "balanced_from_impulse",
     "certify_margin",
     "classical_form",
@@ -32,4 +34,5 @@ __all__ = [
     "measurement_rows",
     "taylor_interpolants",
     "taylor_tail",
+    "transfer",
 ]
