@@ -21,14 +21,15 @@ from robustid.interpolation import (
     measurement_rows,
     taylor_tail,
 )
+from robustid.interpolation.rows import MOST_STORED
 from robustid.solve import ConvexData
 
 # The exact form is dense: n^4 work per Newton step. Minutes begin at the second.
 QUICK_EXACT, LARGEST_EXACT = 100, 200
 LONGEST_SECTIONS = 1000  # the same, with N x n columns of the lines
 LONGEST_TAYLOR = 2000  # dense L x L matrices: 32 MB each, a dozen of them, and L^3 work per Newton step
-_QUICK_TAYLOR = 300  # up to here, a second
-_CLEARLY = 0.5  # of the work of Taylor coefficients: what sections must save
+_QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
+_CLEARLY = 0.5  # of the work of the other forms: what sections may take
 _EDGE = 1e-6  # how far outside the smallest margin the model is centred
 _SHARE = 0.1  # of the accuracy that is left to the tails
 
@@ -80,35 +81,51 @@ def pose(problem: MixedProblem, sections: Sections | None = None, classical: boo
 def sections_of(problem: MixedProblem, form: str, accuracy: float) -> Sections | None:
     """The repeated section of a form, the shift for Taylor coefficients; None for the exact form.
 
-    "auto" takes the exact form while it is quick, and then the one with the least work per Newton step, nearly.
+    "auto" takes the exact form while it is quick, and then the form with the least work; sections only where they clearly save.
     """
     n = problem.coefficients
     if form in ("orthonormal", "classical") or (form == "auto" and n <= QUICK_EXACT):
         return None
-    length = taylor_length(problem, accuracy)
-    found = shift = Sections.shift(length)
-    if form == "sections" or (form == "auto" and length > _QUICK_TAYLOR):
+    shift = Sections.shift(taylor_length(problem, accuracy))
+    if form == "taylor":
+        return _possible(problem, shift, accuracy)
+    if form == "sections":
+        return _possible(problem, shortest_sections(problem, _SHARE * accuracy), accuracy)
+    best = None if _work(problem, None) < _work(problem, shift) else shift
+    if _work(problem, best) > _QUICK:
         found = shortest_sections(problem, _SHARE * accuracy)
-        if form == "auto" and not _work(problem, found) < _CLEARLY * _work(problem, shift):
-            found = shift
-    if form == "auto" and n <= LARGEST_EXACT and found.order > 4 * n:
-        return None
-    limit = LONGEST_TAYLOR if found.is_shift else LONGEST_SECTIONS
-    if found.order > limit:
-        raise SizeError(
-            f"`problem` has {n} coefficients in the exact form, and needs {found.order} "
-            f"{'Taylor coefficients' if found.is_shift else 'coefficients of repeated sections'} for accuracy {accuracy:g} at"
-            f" decay rate {problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are possible. Put lightly damped"
-            " modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
-            " frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
-        )
-    return found
+        if _work(problem, found) < _CLEARLY * _work(problem, best):
+            best = found
+    return best if best is None else _possible(problem, best, accuracy)
 
 
-def _work(problem: MixedProblem, sections: Sections) -> float:
-    """Of a Newton step, in multiplications, nearly: factors of n x n matrices, and sums over the lines."""
-    n, lines = sections.order, sum(frf.omega.size for frf in problem.frequency)
-    return 20.0 * n**3 + (0.0 if sections.is_shift else 4.0 * lines * n**2)
+def _possible(problem: MixedProblem, sections: Sections, accuracy: float) -> Sections:
+    """The same, where it is not too large."""
+    n, limit = sections.order, LONGEST_TAYLOR if sections.is_shift else LONGEST_SECTIONS
+    if n <= limit:
+        return sections
+    kind = (
+        "Taylor coefficients"
+        if sections.is_shift
+        else f"coefficients (a section of degree {sections.degree}, repeated)"
+    )
+    raise SizeError(
+        f"`problem` has {problem.coefficients} coefficients in the exact form, and needs {n} {kind} for accuracy {accuracy:g} at"
+        f" decay rate {problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are possible. Put lightly damped"
+        " modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
+        " frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
+    )
+
+
+def _work(problem: MixedProblem, sections: Sections | None) -> float:
+    """Of a Newton step, in multiplications, nearly, as measured; infinite where a form is too large for the problem."""
+    lines = sum(frf.omega.size for frf in problem.frequency)
+    n = problem.coefficients if sections is None else sections.order
+    if sections is None:
+        return 8.0 * n**4 if n <= LARGEST_EXACT else math.inf
+    if sections.is_shift:
+        return 20.0 * n**3 if n <= LONGEST_TAYLOR else math.inf
+    return 40.0 * n**3 + 3.0 * lines * n**2 if n <= LONGEST_SECTIONS and lines * n <= MOST_STORED else math.inf
 
 
 def taylor_length(problem: MixedProblem, accuracy: float) -> int:

@@ -118,9 +118,7 @@ def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[comp
         return np.log(_decay(zeta, zeros(v)) / weights) - v[-1]
 
     quantiles = np.round((1 - np.cos(np.pi * (np.arange(pairs) + 0.5) / pairs)) / 2 * (zeta.size - 1)).astype(int)
-    starts = [
-        np.concatenate([np.full(pairs, d), angles[quantiles] / width, [0.0]]) for d in np.linspace(0.02, 0.98, 25)
-    ]
+    starts = [np.concatenate([np.full(pairs, d), angles[quantiles] / width, [0.0]]) for d in np.linspace(0.02, 1.0, 25)]
     start = max(starts, key=lambda v: spare(v).min())
     start[-1] = spare(start).min()
     bounds = [(1e-9, 1.0)] * pairs + [(0.0, np.pi / width)] * pairs + [(None, None)]

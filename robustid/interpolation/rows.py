@@ -147,10 +147,10 @@ class _Repeated:
     def lines(self, angles: np.ndarray) -> np.ndarray:
         """Values at exp(j angle), (F, n)."""
         prior = self.problem.prior
-        if angles.size * self.sections.order > _STORED:
+        if angles.size * self.sections.order > MOST_STORED:
             raise SizeError(
                 f"`problem` has {self.sections.order} coefficients in the form of sections and {angles.size} frequency lines; their"
-                f' product may be up to {_STORED:.2g}. Use form="taylor", or thin the data: frf.select(slice(None, None, step))'
+                f' product may be up to {MOST_STORED:.2g}. Use form="taylor", or thin the data: frf.select(slice(None, None, step))'
             )
         return prior.gain_bound * self.sections.evaluate(np.exp(-1j * angles) / prior.decay_rate)
 
@@ -196,7 +196,7 @@ class _Repeated:
 
 _Functions = _Exact | _Taylor | _Repeated
 
-_STORED = 4e7  # complex entries of the columns of all lines: 0.6 GB, which the solver holds twice
+MOST_STORED = 4e7  # complex entries of the columns of all lines: 0.6 GB, of which the solver holds a few copies
 
 
 def taylor_tail(prior: Prior, length: int) -> float:

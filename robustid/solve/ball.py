@@ -176,6 +176,30 @@ class DenseBall:
         return total
 
 
+class TurnedBall:
+    """H(V y) of another ball, V orthogonal."""
+
+    def __init__(self, ball: Ball, axes: np.ndarray):
+        self._ball, self._axes, self.size = ball, axes, ball.size
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(V x)."""
+        return self._ball.matrix(self._axes @ x)
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """V' times the adjoint."""
+        return self._axes.T @ self._ball.adjoint(Y)
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(V x) M."""
+        return self._ball.times(self._axes @ x, M)
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """V' times the curvature times V."""
+        turned = self._axes.T @ self._ball.curvature(pairs) @ self._axes
+        return (turned + turned.T) / 2
+
+
 def _symmetrised(stack: np.ndarray) -> np.ndarray:
     return (stack + np.swapaxes(stack, -1, -2)) / 2
 
