@@ -12,7 +12,15 @@ from robustid.bases import Sections, shift_pair
 from robustid.identification.forms import pose, sections_of, taylor_length
 from robustid.identification.residuals import model_residuals
 from robustid.identification.section_choice import demands, shortest_sections
-from robustid.interpolation import SarasonMap, SectionMap, evaluate_certificate, measurement_rows, taylor_tail
+from robustid.interpolation import (
+    BalancedContraction,
+    SarasonMap,
+    SectionMap,
+    evaluate_certificate,
+    measurement_rows,
+    taylor_tail,
+)
+from robustid.reduction import hankel_singular_values
 from test_taylor_form import at, polynomials, random_experiments, responses, taylor
 
 CIRCLE = np.exp(2j * np.pi * np.arange(2**13) / 2**13)
@@ -434,3 +442,35 @@ def test_bad_input():
         rid.identify(lines(np.linspace(0.001, 1, 500), rho=1.001), form="sections")
     with pytest.raises(rid.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency lines"):
         measurement_rows(lines(np.linspace(0.001, 1, 100_000)), Sections([0.5], 500))
+
+
+# --- the model --------------------------------------------------------------------------------------------------------
+
+
+def test_balanced_contractions_against_the_general_reduction():
+    """Hankel values of another method, errors on the circle within the bound, bounds within the tolerance."""
+    import control
+
+    rng = np.random.default_rng(0)
+    A = (
+        0.99
+        * np.linalg.qr(rng.standard_normal((30, 30)))[0]
+        * np.append(rng.uniform(0.1, 1, 10), rng.uniform(0, 0.1, 20))
+    )
+    B, C, D = rng.standard_normal((30, 1)), rng.standard_normal((1, 30)), np.array([[0.3]])
+    balanced, model = BalancedContraction(A, B, C, D), control.ss(A, B, C, D, 1.0)
+    expected = hankel_singular_values(model)
+    assert np.abs(balanced.hankel - expected[: balanced.hankel.size]).max() <= 1e-13 * expected[0]
+    orders = []
+    for tolerance in (1.0, 1e-3, 1e-9):
+        small = balanced.truncate(tolerance)
+        orders.append(small.A.shape[0])
+        z = np.exp(1j * np.linspace(0, np.pi, 500))
+        error = np.abs(model(z) - control.ss(*small[:4], 1.0)(z)).max()
+        assert error <= small.bound <= tolerance
+        assert small.bound == pytest.approx(2 * expected[orders[-1] :].sum(), rel=1e-3, abs=1e-11)
+        assert np.abs(np.linalg.eigvals(small.A)).max() < 1
+    assert orders == sorted(set(orders))
+    whole = balanced.truncate(1e-30)  # below rounding: what stands out from it
+    assert whole.bound > 1e-30
+    assert np.abs(model(z) - control.ss(*whole[:4], 1.0)(z)).max() <= whole.bound

@@ -4,6 +4,7 @@ from robustid.interpolation.central import Interpolants, interpolants, transfer
 from robustid.interpolation.certificate import MarginCertificate, certify_margin, evaluate_certificate
 from robustid.interpolation.classical import ClassicalForm, classical_form
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.contraction import BalancedContraction
 from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
@@ -12,6 +13,7 @@ from robustid.interpolation.sarason import SarasonMap, SectionMap, ShiftMap, ant
 from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
 
 __all__ = [
+    "BalancedContraction",
     "ClassicalForm",
     "DenseColumns",
     "ImpulseReduction",

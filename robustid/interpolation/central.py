@@ -73,15 +73,6 @@ class Interpolants(Frozen):
         gamma = np.hstack([full[n:, :n], self.outer[n:] @ c])
         return alpha, beta, gamma, full[n:, n:]
 
-    def coefficients(self, count: int, E: Any = 0.0) -> np.ndarray:
-        """The first `count` Taylor coefficients of phi_E."""
-        alpha, beta, gamma, delta = self.realise(E)
-        columns, power = beta, alpha
-        while columns.shape[1] < count:  # alpha^k beta for twice as many k
-            columns = np.hstack([columns, power @ columns])
-            power = power @ power
-        return np.concatenate([delta[0], (gamma @ columns)[0]])[:count]
-
     def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
         """The values phi_E(zeta), |zeta| < 1."""
         return transfer(self.realise(E), zeta)[:, 0, 0]

@@ -129,4 +129,4 @@ def antidiagonal_blocks(blocks: np.ndarray) -> np.ndarray:
     """(M, m, M, m): block k + j - (M - 1) in the place (k, j), zero above the antidiagonal."""
     M = blocks.shape[0]
     padded = np.concatenate([np.zeros((M - 1, *blocks.shape[1:])), blocks])
-    return np.lib.stride_tricks.sliding_window_view(padded, M, axis=0).transpose(0, 1, 3, 2)
+    return np.lib.stride_tricks.sliding_window_view(padded, M, axis=0).transpose(0, 1, 3, 2).copy()

@@ -113,8 +113,8 @@ class BlockHankelBall:
         sums = np.zeros((2 * M, m, m))
         for k, row in enumerate(np.swapaxes(np.reshape(Y.T, (M, m, M, m)), 1, 2)):
             sums[k : k + M] += row
-        along, pairs = sums.reshape(2 * M, m * m), ((self._U, M - 1), (self._V, M))
-        return sum(along[k : k + M] @ part.reshape(m, m * m).T for part, k in pairs).ravel()
+        flat, U, V = sums.reshape(2 * M, m * m), self._U.reshape(m, m * m), self._V.reshape(m, m * m)
+        return (flat[M - 1 : -1] @ U.T + flat[M:] @ V.T).ravel()
 
     def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
         """H(x) M."""

@@ -55,8 +55,8 @@ class DenseDesign:
         turn = np.sqrt(np.where(size > 0, b[:d] / np.where(size > 0, size, 1.0), 1.0))
         along, across = np.sqrt(a[:d] + size) * turn, np.sqrt(np.maximum(a[:d] - size, 0.0)) * turn
         rows = np.empty((real.shape[0] + d, real.shape[1]))
-        rows[:d] = along.real[:, None] * real[:d] - along.imag[:, None] * imag
-        rows[d : 2 * d] = across.imag[:, None] * real[:d] + across.real[:, None] * imag
+        rows[:d] = np.real(along)[:, None] * real[:d] - np.imag(along)[:, None] * imag
+        rows[d : 2 * d] = np.imag(across)[:, None] * real[:d] + np.real(across)[:, None] * imag
         rows[2 * d :] = np.sqrt(a[d:] + np.real(b[d:]))[:, None] * real[d:]
         return rows.T @ rows
 
