@@ -1,6 +1,7 @@
 """The form of a repeated all-pass section: its functions, its tails, its proofs and its models."""
 
 import dataclasses
+import json
 
 import mpmath as mp
 import numpy as np
@@ -413,6 +414,12 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert np.array_equal(again.model.A, result.model.A)
     assert again.verification.checks == result.verification.checks
+    text = tmp_path / "sections.json"
+    record = json.loads(text.read_text())
+    record["sections"]["repeats"] += 1
+    text.write_text(json.dumps(record))
+    with pytest.raises(rid.FileFormatError, match="its sections do not belong to its coefficients"):
+        rid.load_identification(tmp_path / "sections")
 
 
 def test_objectives_and_other_solutions():

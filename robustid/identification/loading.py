@@ -78,6 +78,8 @@ def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identific
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
     sections = _read_sections(record["sections"])
+    if sections is not None and sections.order != arrays["result/coefficients"].size:
+        raise ValueError("its sections do not belong to its coefficients")
     data, posed = pose(problem, sections).data, pose(dataclasses.replace(problem, prior=prior), sections)
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
     certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])

@@ -93,7 +93,8 @@ class Identification(Frozen):
             return f"{self.coefficients.size} coefficients, exact"
         if self.sections.is_shift:
             return f"{self.length} Taylor coefficients"
-        return f"{self.length} coefficients of an all-pass section of degree {self.sections.degree}, {self.sections.repeats} times"
+        degree, repeats = self.sections.degree, self.sections.repeats
+        return f"{self.length} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
 
     @functools.cached_property
     def tail(self) -> float:
