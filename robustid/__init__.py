@@ -4,6 +4,7 @@ from robustid._arrays import Channel
 from robustid._version import __version__
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.bases import ParametricBasis, kautz
+from robustid.certify import WorstCaseError, worst_case_error
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -67,6 +68,7 @@ __all__ = [
     "Status",
     "TimeRecord",
     "Weight",
+    "WorstCaseError",
     "Zero",
     "ZeroEntries",
     "__version__",
@@ -90,5 +92,6 @@ __all__ = [
     "suggest_prior",
     "to_continuous",
     "validate",
+    "worst_case_error",
     "write_report",
 ]

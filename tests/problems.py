@@ -58,10 +58,11 @@ def random_problem(
     return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis)
 
 
-def judge_margin(problem: rid.MixedProblem) -> float:
+def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:
     """The margin from Theorem 1 of Inanc et al. as printed: complex nodes with their conjugates, M0, and Clarabel.
 
-    Shares neither basis nor reduction to real form with the library; one frequency and one time experiment at most.
+    Shares neither basis nor reduction to real form with the library; one frequency and one time experiment at most. Ellipses
+    are given by `whitening` (F, 2, 2): |W_k (Re e_k, Im e_k)| <= s.
     """
     import cvxpy as cp
 
@@ -90,8 +91,11 @@ def judge_margin(problem: rid.MixedProblem) -> float:
         if problem.parametric is not None:
             P = problem.parametric.response(frf.omega * dt)
             F = [re + P.real @ p, im + P.imag @ p]
-        y, bound = frf.values[:, 0, 0], frf.bound[:, 0, 0]
-        limits.append(cp.norm(cp.vstack([(y.real - F[0]) / bound, (y.imag - F[1]) / bound]), 2, axis=0) <= s)
+        y = frf.values[:, 0, 0]
+        W = np.eye(2) / frf.bound if whitening is None else whitening
+        e = (y.real - F[0], y.imag - F[1])
+        parts = [cp.multiply(W[:, i, 0], e[0]) + cp.multiply(W[:, i, 1], e[1]) for i in (0, 1)]
+        limits.append(cp.norm(cp.vstack(parts), 2, axis=0) <= s)
     if samples:
         g = cp.Variable(samples)
         for j in range(samples):
@@ -101,6 +105,10 @@ def judge_margin(problem: rid.MixedProblem) -> float:
         U = np.array([[record.u[i - j, 0] if i >= j else 0.0 for j in range(samples)] for i in range(samples)])
         f = g if problem.parametric is None else g + problem.parametric.impulse(samples) @ p
         limits.append(cp.abs((record.y[:, 0] - U @ f) / record.bound[:, 0]) <= s)
+    if problem.parameter_bounds is not None:
+        low, high = problem.parameter_bounds.T
+        held = np.isfinite(low)
+        limits += [p[held] >= low[held], p[held] <= high[held]] if held.any() else []
     # ||root X back|| <= K, in real form.
     X = 0
     for unknown, pattern in terms:

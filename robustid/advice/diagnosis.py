@@ -87,7 +87,7 @@ def diagnose(identification: Identification) -> Diagnosis:
 
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
     k a^k, which absorb errors of the poles to first order), one more pair where the frequency lines show what the others lack most,
-    the gain bound times 2 and times 10, and half the decay (rho - 1).
+    the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out.
 
     Parameters
     ----------
@@ -129,6 +129,8 @@ def diagnose(identification: Identification) -> Diagnosis:
         changes.append((pair[0], _with_functions(problem, pair[1])))
     changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
     changes.append(("rho - 1 halved", problem.with_prior(decay_rate=1 + (rho - 1) / 2)))
+    if problem.parameter_bounds is not None:
+        changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
     trials = []
     for text, changed in changes:
         try:
@@ -161,7 +163,10 @@ def _reachable_margin(problem: MixedProblem) -> float:
 
 def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProblem:
     parts = (basis,) if problem.parametric is None else (problem.parametric, basis)
-    return dataclasses.replace(problem, parametric=parts)
+    bounds = problem.parameter_bounds
+    if bounds is not None:
+        bounds = np.vstack([bounds, np.tile([-np.inf, np.inf], (basis.size, 1))])
+    return dataclasses.replace(problem, parametric=parts, parameter_bounds=bounds)
 
 
 def _mode_of(poles: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -195,7 +200,7 @@ def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
     if not problem.frequency:
         return None
     omega, value, bound = (
-        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "bound")
+        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "outer_radius")
     )
     poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
     if 2 * omega.size < 4 * (poles.size + 1) + 4:

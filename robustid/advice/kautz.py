@@ -91,7 +91,7 @@ def suggest_kautz(
     Parameters
     ----------
     frf : FrequencyResponse
-        One input, one output. Without `bound`, 5 % of the magnitude takes its place.
+        One input, one output. Without `bound`, 5 % of the magnitude takes its place; of an ellipse, the disc around it.
     dt : float, s
         Sample time of the basis; default that of `frf`.
     modes : int
@@ -210,7 +210,7 @@ def _checked(frf: Any, dt: Any) -> LineData:
     size = np.abs(value)
     if not np.any(size > 0):
         raise InputError("`frf` is zero at all lines; check the output")
-    bound = np.maximum(0.05 * size, 1e-6 * size.max()) if frf.bound is None else frf.bound[:, 0, 0]
+    bound = np.maximum(0.05 * size, 1e-6 * size.max()) if frf.bound is None else frf.outer_radius[:, 0, 0]
     data = LineData(angle, value, np.asarray(bound), step)
     if data.room < 1:
         raise InputError(f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth rest")

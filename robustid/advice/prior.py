@@ -144,7 +144,7 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
 def _sizes(problem: MixedProblem) -> tuple[float, float]:
     """Largest response in the data and smallest bound, both as a gain (output per input)."""
     values = [float(np.abs(f.values).max()) for f in problem.frequency]
-    bounds = [float(f.bound.min()) for f in problem.frequency]
+    bounds = [float(f.inner_radius.min()) for f in problem.frequency]
     for record in problem.time:
         drive = float(np.abs(record.u).max()) or 1.0
         values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)
@@ -190,8 +190,9 @@ def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> t
         ceiling = _CEILINGS[-1] * largest
         return None, (
             f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
-            " each other (repeated lines, overlapping records) or the parametric part is wrong; check them, or widen the"
-            " bounds"
+            " each other (repeated lines, overlapping records) or the parametric part"
+            + (" is wrong" if problem.parameter_bounds is None else " or an interval of its coefficients is wrong")
+            + "; check them, or widen the bounds"
         )
     floor = smallest  # a rest smaller than every bound can't be seen, hence not excluded either
     cost = np.where(usable, np.maximum(gains, floor) * _slope(rates), np.inf)

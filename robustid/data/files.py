@@ -21,7 +21,7 @@ from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
-_ARRAYS = {"frequency": ("omega", "values", "bound", "covariance"), "time": ("u", "y", "bound", "reference")}
+_ARRAYS = {"frequency": ("omega", "values", "bound", "tilt", "covariance"), "time": ("u", "y", "bound", "reference")}
 _FACTS = {"frequency": ("dt", "note"), "time": ("dt", "initial", "past_input_bound", "note")}
 _CLASSES = {"frequency": FrequencyResponse, "time": TimeRecord}
 
@@ -210,7 +210,7 @@ def _unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
     for name, shape in meta["shapes"].items():
         if meta["layout"] == ".npz":
             arrays[name] = table.columns[name]
-        elif name in ("values", "covariance"):
+        elif name in ("values", "tilt", "covariance"):
             real, imag = (_stack(table, _column_names(name, shape, part)) for part in ("real", "imag"))
             array = np.empty(real.shape, complex)
             # Not real + 1j*imag, which loses the sign of zeros.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Channel, Frozen, as_array, as_bound, as_channels, as_positive, freeze
+from robustid.data.ellipses import as_tilt, ellipse_of
 from robustid.errors import InputError, InputTypeError
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
@@ -17,7 +18,7 @@ _NYQUIST_SLACK = 1 + 1e-12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrequencyResponse(Frozen):
-    """Samples of a frequency response, each in a complex disc of known radius.
+    """Samples of a frequency response, each in a complex disc (or ellipse) of known size.
 
     ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (engineer's convention;
     ``F(1j*omega[k])`` where `dt` is None).
@@ -31,6 +32,9 @@ class FrequencyResponse(Frozen):
         Response in output units per input unit. Frequency is the first axis; nothing is ever transposed.
     bound : scalar, (F,) or (F, ny, nu) array, optional
         Radius of the disc around each value.
+    tilt : (F,) or (F, ny, nu) complex array, optional
+        Makes the disc an ellipse, ``|e + tilt conj(e)| <= bound`` with ``|tilt| < 1``: semi-axes bound/(1 + |tilt|), in the
+        direction arg(tilt)/2, and bound/(1 - |tilt|), across. `with_ellipses` takes it from covariances.
     covariance : (F, ny*nu, ny*nu) complex array, optional
         E[e e^H] of vec(values[k]) (columns stacked), of the estimate itself: E|e|^2, not per real part.
     dt : float, optional
@@ -59,6 +63,7 @@ class FrequencyResponse(Frozen):
     values: np.ndarray
     _: dataclasses.KW_ONLY
     bound: Any = None
+    tilt: Any = None
     covariance: Any = None
     dt: float | None = None
     inputs: Any = None
@@ -87,6 +92,7 @@ class FrequencyResponse(Frozen):
                 " Frequencies are in rad/s, not Hz; check `dt` too"
             )
         bound = as_bound(self.bound, values.shape, "F")
+        tilt = as_tilt(self.tilt, values.shape, bound)
         covariance = None
         if self.covariance is not None:
             covariance = as_array("covariance", self.covariance, dtype=complex)
@@ -102,6 +108,7 @@ class FrequencyResponse(Frozen):
             omega=freeze(omega[order]),
             values=freeze(values[order]),
             bound=None if bound is None else freeze(bound[order]),
+            tilt=None if tilt is None else freeze(tilt[order]),
             covariance=None if covariance is None else freeze(covariance[order]),
             dt=dt,
             inputs=as_channels("inputs", self.inputs, nu, "u"),
@@ -111,7 +118,7 @@ class FrequencyResponse(Frozen):
     def __repr__(self) -> str:
         low, high = self.freq_hz[[0, -1]]
         parts = [f"{self.omega.size} lines, {low:.5g} to {high:.5g} Hz", f"{len(self.outputs)}x{len(self.inputs)}"]
-        parts += [name for name in ("bound", "covariance") if getattr(self, name) is not None]
+        parts += [name for name in ("bound", "tilt", "covariance") if getattr(self, name) is not None]
         parts += [f"dt={self.dt:.6g} s"] if self.dt is not None else []
         return f"<FrequencyResponse: {', '.join(parts)}>"
 
@@ -119,6 +126,16 @@ class FrequencyResponse(Frozen):
     def freq_hz(self) -> np.ndarray:
         """Frequencies in Hz, (F,)."""
         return self.omega / (2 * np.pi)
+
+    @property
+    def inner_radius(self) -> np.ndarray:
+        """Of the largest disc inside each bound, (F, ny, nu): the smaller semi-axis of an ellipse."""
+        return self.bound if self.tilt is None else self.bound / (1 + np.abs(self.tilt))
+
+    @property
+    def outer_radius(self) -> np.ndarray:
+        """Of the smallest disc around each bound, (F, ny, nu): the larger semi-axis of an ellipse."""
+        return self.bound if self.tilt is None else self.bound / (1 - np.abs(self.tilt))
 
     def channel(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
         """One entry of the matrix, by index or channel name, still with shape (F, 1, 1)."""
@@ -129,6 +146,7 @@ class FrequencyResponse(Frozen):
             self,
             values=self.values[pick],
             bound=None if self.bound is None else self.bound[pick],
+            tilt=None if self.tilt is None else self.tilt[pick],
             covariance=None if self.covariance is None else self.covariance[:, flat, flat, None, None],
             inputs=(self.inputs[j],),
             outputs=(self.outputs[i],),
@@ -147,6 +165,7 @@ class FrequencyResponse(Frozen):
             omega=self.omega[index],
             values=self.values[index],
             bound=None if self.bound is None else self.bound[index],
+            tilt=None if self.tilt is None else self.tilt[index],
             covariance=None if self.covariance is None else self.covariance[index],
         )
 
@@ -161,8 +180,41 @@ class FrequencyResponse(Frozen):
         return self.select(inside)
 
     def with_bound(self, bound: Any, note: str = "") -> FrequencyResponse:
-        """The same samples with another bound."""
+        """The same samples with another bound, of the same tilt."""
         return dataclasses.replace(self, bound=bound, note=note or self.note)
+
+    def with_ellipses(self, covariance: Any, deviations: float, note: str = "") -> FrequencyResponse:
+        """The same samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
+
+        Parameters
+        ----------
+        covariance : (F, 2, 2) real array
+            C = E[e e'] of the real and the imaginary part at every line, in the order of `omega` here.
+        deviations : float
+            How many standard deviations the bound is.
+        note : str, optional
+            Where the bound comes from.
+
+        Raises
+        ------
+        InputError
+            Several channels, another shape, a matrix that isn't symmetric and positive definite.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0], [1 - 0.1j], dt=0.01)
+        >>> frf = frf.with_ellipses([[[4e-4, 0.0], [0.0, 1e-4]]], deviations=3)
+        >>> frf.inner_radius.round(9).item(), frf.outer_radius.round(9).item()
+        (0.03, 0.06)
+        """
+        if self.values.shape[1:] != (1, 1):
+            raise InputError(
+                f"`with_ellipses` takes one channel at a time; this response has {len(self.outputs)} outputs and"
+                f" {len(self.inputs)} inputs. Pick one entry with .channel(output, input)"
+            )
+        bound, tilt = ellipse_of(covariance, self.omega.size, as_positive("deviations", deviations))
+        return dataclasses.replace(self, bound=bound, tilt=tilt, note=note or self.note)
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:

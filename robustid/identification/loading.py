@@ -67,7 +67,13 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
         matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}
         basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
     prior = Prior(**text["prior"])
-    return MixedProblem(frequency=experiments["frequency"], time=experiments["time"], prior=prior, parametric=basis)
+    return MixedProblem(
+        frequency=experiments["frequency"],
+        time=experiments["time"],
+        prior=prior,
+        parametric=basis,
+        parameter_bounds=arrays.get("parameter_bounds"),
+    )
 
 
 def _read_sections(text: dict[str, Any] | None) -> Sections | None:

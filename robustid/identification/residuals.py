@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data.ellipses import bound_ratio
 from robustid.identification.simulation import response, simulate
 from robustid.interpolation import MixedProblem
 from robustid.interpolation.problem import excited_lines
@@ -31,6 +32,8 @@ class Residual(Frozen):
         Complex for frequency samples.
     bound : (N,) array
         The bound in force (widened by an unknown past input where there is one).
+    tilt : (N,) complex array or None
+        Where the bounds are ellipses: |error + tilt conj(error)| <= bound.
     """
 
     kind: str
@@ -38,14 +41,16 @@ class Residual(Frozen):
     axis: np.ndarray
     error: np.ndarray
     bound: np.ndarray
+    tilt: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         self._set(axis=freeze(self.axis), error=freeze(self.error), bound=freeze(self.bound))
+        self._set(tilt=None if self.tilt is None else freeze(self.tilt))
 
     @property
     def ratio(self) -> np.ndarray:
-        """|error|/bound, (N,)."""
-        return np.abs(self.error) / self.bound
+        """|error|/bound, (N,), of an ellipse |error + tilt conj(error)|/bound."""
+        return bound_ratio(self.error, self.bound, self.tilt)
 
 
 def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None = None, p: Any = None) -> list[Residual]:
@@ -108,7 +113,8 @@ def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _frequency_residual(index: int, frf: FrequencyResponse, model: Any, problem: MixedProblem) -> Residual:
     error = frf.values[:, 0, 0] - response(model, frf.omega * problem.dt)
-    return Residual("frequency", index, frf.omega, error, frf.bound[:, 0, 0])
+    tilt = None if frf.tilt is None else frf.tilt[:, 0, 0]
+    return Residual("frequency", index, frf.omega, error, frf.bound[:, 0, 0], tilt)
 
 
 def _steady_state(record: TimeRecord, model: Any) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.bases import Sections
+from robustid.data.ellipses import bound_ratio
 from robustid.errors import InconsistentDataError, Status
 from robustid.identification.forms import Claim, Posed, level_of, pose
 from robustid.identification.model import Family, family_of, nominal_model, physical_parameters
@@ -19,6 +20,8 @@ from robustid.identification.storage import save_identification
 from robustid.identification.verification import Verification
 from robustid.interpolation import MarginCertificate, MixedProblem, Prior
 from robustid.solve import Candidate
+
+_AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -136,7 +139,7 @@ class Identification(Frozen):
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
                 " consistency says next to nothing, and the model can do anything between the samples"
             )
-        wide = [np.mean(f.bound >= np.abs(f.values)) for f in self.problem.frequency]
+        wide = [np.mean(bound_ratio(f.values, f.bound, f.tilt) <= 1) for f in self.problem.frequency]
         if self.consistent and wide and max(wide) > 0.5:
             found.append(
                 f"at {100 * max(wide):.0f} % of the lines the bound exceeds the response itself: such lines can hardly contradict"
@@ -151,6 +154,24 @@ class Identification(Frozen):
         """Coefficients of the parametric functions, (m,)."""
         return freeze(physical_parameters(self._posed.data.rows, self.scaled_parameters))
 
+    @functools.cached_property
+    def active_intervals(self) -> tuple[tuple[str, float], ...]:
+        """Parameters at an end of their interval, in the model or where the margin is reached: (function, that end).
+
+        Within 1e-6 of half the interval, and so near that no sample feels the difference as 1e-6 of its bound, nearly.
+        """
+        problem, basis = self.problem, self.problem.parametric
+        if problem.parameter_bounds is None:
+            return ()
+        claimed = self._posed.with_prior(**dataclasses.asdict(problem.prior))
+        found = np.zeros((basis.size, 2), bool)
+        for posed, p in ((self._posed, self.scaled_parameters), (claimed, self.claim.p)):
+            ends = posed.data.rows.ends[: basis.size]
+            width = ends[:, 1] - ends[:, 0]
+            near = np.abs(p[: basis.size, None] - ends) <= _AT_END * np.minimum(width / 2, 1.0)[:, None]
+            found |= near & (width > 0)[:, None]
+        return tuple((basis.labels[i], float(problem.parameter_bounds[i, k])) for i, k in np.argwhere(found))
+
     @property
     def residuals(self) -> tuple[Residual, ...]:
         """Data minus model at every sample, one entry per experiment."""
@@ -160,6 +181,12 @@ class Identification(Frozen):
     def order(self) -> int:
         """Number of states of the model."""
         return self.model.nstates
+
+    @property
+    def _intervals(self) -> int:
+        """Number of parameters with an interval."""
+        bounds = self.problem.parameter_bounds
+        return 0 if bounds is None else int(np.isfinite(bounds[:, 0]).sum())
 
     @functools.cached_property
     def _posed(self) -> Posed:
@@ -236,7 +263,8 @@ class Identification(Frozen):
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
             f"class      |G| <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
-            + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else ""),
+            + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
+            + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
                 [f"form       {self.form}; the rest moves no sample by more than {self.tail:.2g} bounds"]
                 * bool(self.length)
@@ -251,6 +279,10 @@ class Identification(Frozen):
         for kind, index, at, share in self.conflicting_samples(0.02)[:6]:
             place = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
             lines.append(f"limited by {kind} experiment {index + 1} at {place}: {100 * share:.0f} % of the proof")
+        lines += [
+            f"interval   the coefficient of {name} is at the end {end:.6g} of its interval"
+            for name, end in self.active_intervals
+        ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
         lines.append("assumed    gain bound, decay rate and parametric poles: data can refute them, never prove them")
         return "\n".join(lines)

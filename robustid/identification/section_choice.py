@@ -65,7 +65,7 @@ def demands(problem: MixedProblem) -> tuple[np.ndarray, np.ndarray, float]:
     records: infinity where there are none.
     """
     angles = [frf.omega * problem.dt for frf in problem.frequency]
-    bounds, everywhere = [frf.bound[:, 0, 0] for frf in problem.frequency], np.inf
+    bounds, everywhere = [frf.inner_radius[:, 0, 0] for frf in problem.frequency], np.inf
     for record in problem.time:
         least = float(record.bound[np.isfinite(record.bound)].min())
         if record.initial == "periodic":

@@ -105,4 +105,6 @@ def _describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dic
         basis = problem.parametric
         arrays |= {f"parametric/{name}": getattr(basis, name) for name in ("A", "B", "C", "D", "poles")}
         text["parametric"] = {"dt": basis.dt, "labels": list(basis.labels)}
+    if problem.parameter_bounds is not None:
+        arrays["parameter_bounds"] = problem.parameter_bounds
     return arrays, text

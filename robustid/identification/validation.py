@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from robustid._arrays import Frozen, freeze
+from robustid.data.ellipses import bound_ratio
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -38,11 +39,12 @@ class Validation(Frozen):
         NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per channel: 1 is perfect, 0 no better
         than the mean, negative worse.
     ratio : float or None
-        Largest ``|residual| / bound``; None where the data have no bound.
+        Largest ``|residual| / bound`` (of an ellipse ``|residual + tilt conj(residual)| / bound``); None where the data
+        have no bound.
     worst : tuple of int, or None
         Index of that sample in `residuals`.
     outside : int or None
-        Number of samples with ``|residual| > bound``.
+        Number of samples outside their bound.
     whiteness : (ny,) array or None
         Time records: p value of the Ljung-Box test of each residual over 20 lags (fewer in short records).
         Below 0.01 the residual is not white at 99 %: something predictable is left. nan where it can't be
@@ -142,7 +144,7 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse) ->
     used = np.ones(measured.shape, dtype=bool) if data.bound is None else np.isfinite(data.bound)
     result: dict[str, Any] = {}
     if data.bound is not None:
-        ratios = np.abs(residuals) / data.bound
+        ratios = bound_ratio(residuals, data.bound, getattr(data, "tilt", None))
         worst = tuple(int(i) for i in np.unravel_index(np.argmax(ratios), ratios.shape))
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data.ellipses import tilted
 from robustid.identification.forms import Claim, Posed
 from robustid.identification.model import Nominal, family_of, physical_parameters
 from robustid.identification.residuals import Residual, largest, model_residuals
 from robustid.identification.simulation import response, simulate
 from robustid.interpolation import MixedProblem
+from robustid.interpolation.rows import line_tilts
 from robustid.solve import Candidate, ConvexData
 
 
@@ -58,6 +60,7 @@ def verify(
     checks = [
         Check("largest |residual|/bound of the model", worst, level * (1 + 1e-5)),
         Check("||X||: the non-parametric part is in the ball", data.sarason.norm(point.x), 1.0),
+        *_interval_checks(problem, data, point),
         *_model_checks(posed, point, nominal),
         Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),
         Check("width of the proven interval of the margin", claim.width, claim.accuracy),
@@ -68,6 +71,17 @@ def verify(
         ),
     ]
     return Verification(tuple(checks), tuple(residuals))
+
+
+def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) -> list[Check]:
+    """Whether the parameters of the model are in their intervals."""
+    if problem.parameter_bounds is None:
+        return []
+    low, high = problem.parameter_bounds.T
+    p = physical_parameters(data.rows, point.p)
+    return [
+        Check("largest distance of a parameter from its interval", max(0.0, float(np.max([low - p, p - high]))), 0.0)
+    ]
 
 
 def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Check]:
@@ -113,13 +127,19 @@ def truncation_error(posed: Posed, point: Candidate, model: Any, count: int = 25
 
 
 def line_error(posed: Posed, point: Candidate, model: Any) -> float:
-    """Largest (|model - E x - P p| - tail)/K at the frequency lines; 0 where there are none."""
+    """Largest (|model - E x - P p| - tail)/K at the frequency lines; 0 where there are none.
+
+    Both along the ellipses, where bounds are such, in units of their smaller semi-axes.
+    """
     problem, rows = posed.problem, posed.data.rows
-    lines = slice(0, rows.discs)
-    bound = np.concatenate([np.zeros(0), *(frf.bound[:, 0, 0] for frf in problem.frequency)])
-    angles = np.concatenate([np.zeros(0), *(frf.omega * problem.dt for frf in problem.frequency)])
-    values = bound * (rows.E @ point.x + rows.P @ point.p)[lines]
-    excess = np.abs(response(model, angles) - values) - bound * rows.tail[lines]
+    lines, frf = slice(0, rows.discs), problem.frequency
+    bound, small = (
+        np.concatenate([np.zeros(0), *(getattr(f, name)[:, 0, 0] for f in frf)]) for name in ("bound", "inner_radius")
+    )
+    angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in frf)])
+    values = (rows.E @ point.x + rows.P @ point.p)[lines]
+    error = tilted(response(model, angles), line_tilts(problem)) / bound - values
+    excess = (np.abs(error) - rows.tail[lines]) * small
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
 
 

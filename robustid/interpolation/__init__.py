@@ -8,14 +8,16 @@ from robustid.interpolation.contraction import BalancedContraction
 from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
-from robustid.interpolation.rows import Rows, measurement_rows, taylor_tail
+from robustid.interpolation.rows import Rows, line_tails, measurement_rows, taylor_tail
 from robustid.interpolation.sarason import SarasonMap, SectionMap, ShiftMap, antidiagonal_blocks
 from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
+from robustid.interpolation.support_certificate import Functional, SupportCertificate, certify_support, evaluate_support
 
 __all__ = [
     "BalancedContraction",
     "ClassicalForm",
     "DenseColumns",
+    "Functional",
     "ImpulseReduction",
     "Interpolants",
     "MarginCertificate",
@@ -26,13 +28,17 @@ __all__ = [
     "SectionMap",
     "ShiftColumns",
     "ShiftMap",
+    "SupportCertificate",
     "TaylorInterpolants",
     "antidiagonal_blocks",
     "balanced_from_impulse",
     "certify_margin",
+    "certify_support",
     "classical_form",
     "evaluate_certificate",
+    "evaluate_support",
     "interpolants",
+    "line_tails",
     "measurement_rows",
     "taylor_interpolants",
     "taylor_tail",

@@ -21,12 +21,13 @@ class MarginCertificate(Frozen):
 
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
 
-        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - |P'l| p_max - sum|l_k| tail_k
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
 
-    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1; p_max bounds
-    the free parameters of every system whose margin is at most `upper` (others need no proof). The right-hand side is
-    recomputed from the numbers by `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays
-    y, E, P, A, c are taken as they are in double precision.
+    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1. The maximum is
+    over the parameters p in their intervals; of the free ones it is |P'l| p_max, where p_max bounds those of every system
+    whose margin is at most `upper` (others need no proof). The right-hand side is recomputed from the numbers by
+    `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays y, E, P, A, c are taken as
+    they are in double precision.
 
     Attributes
     ----------
@@ -88,38 +89,67 @@ def certify_margin(
 
 def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """The lower bound of the margin that the multipliers prove, rounding errors allowed for."""
-    A, c, n, count = sarason.pair.A, sarason.pair.c, sarason.pair.order, rows.y.size
-    size, eps = np.abs(samples), float(np.finfo(float).eps)
+    size, count, eps = np.abs(samples), rows.y.size, float(np.finfo(float).eps)
     weight = float(np.sum(size))
     if not (weight > 0 and np.isfinite(weight)):
         return 0.0
     # An inner product of length m, complex or not, errs by at most 2 (m + 2) eps sum|terms|.
-    long, short = 2 * (count + 2) * eps, 2 * (n + 2) * eps
+    long = 2 * (count + 2) * eps
     fit = float(np.real(samples.conj() @ rows.y)) - long * float(size @ np.abs(rows.y))
-    Y = ball - A @ ball @ A.T
-    spread = np.abs(ball) + np.abs(A) @ np.abs(ball) @ np.abs(A.T)
-    nuclear = float(np.sum(np.linalg.svd(Y, compute_uv=False))) if n else 0.0
-    nuclear += 10 * n * eps * nuclear + 2 * short * np.sqrt(n) * float(np.linalg.norm(spread))
-    mismatch = float(np.linalg.norm(rows.E.adjoint(samples) - (c @ ball)[0]))
-    mismatch += long * float(np.linalg.norm(rows.E.spread(size)))
-    mismatch += short * float(np.linalg.norm(np.abs(c) @ np.abs(ball)))
-    leak = 0.0
-    if rows.P.shape[1]:
-        leak = float(np.linalg.norm(np.real(rows.P.conj().T @ samples)))
-        leak = (leak + long * float(np.linalg.norm(np.abs(rows.P).T @ size))) * _parameter_bound(upper, rows)
+    nuclear, mismatch = nuclear_norm(ball, sarason), mismatched(samples, ball, rows, sarason)
+    leak = leaked(samples, rows, upper)
     tail = float(size @ rows.tail) * (1 + long)
     return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
 
 
-def _real_rows(matrix: np.ndarray) -> np.ndarray:
+def nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> float:
+    """||S - A S A'||_*, with an allowance for rounding."""
+    A, n, eps = sarason.pair.A, sarason.pair.order, float(np.finfo(float).eps)
+    if not n:
+        return 0.0
+    Y = S - A @ S @ A.T
+    spread = np.abs(S) + np.abs(A) @ np.abs(S) @ np.abs(A.T)
+    nuclear = float(np.sum(np.linalg.svd(Y, compute_uv=False)))
+    return nuclear + 10 * n * eps * nuclear + 4 * (n + 2) * eps * np.sqrt(n) * float(np.linalg.norm(spread))
+
+
+def mismatched(
+    samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray | float = 0.0
+) -> float:
+    """||wanted + E'l - c S||, with an allowance for rounding."""
+    c, n, size, eps = sarason.pair.c, sarason.pair.order, np.abs(samples), float(np.finfo(float).eps)
+    long, short = 2 * (size.size + 2) * eps, 2 * (n + 2) * eps
+    mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - (c @ S)[0]))
+    mismatch += long * float(np.linalg.norm(rows.E.spread(size))) + 4 * eps * float(np.linalg.norm(wanted))
+    return mismatch + short * float(np.linalg.norm(np.abs(c) @ np.abs(S)))
+
+
+def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | float = 0.0) -> float:
+    """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
+    if not rows.P.shape[1]:
+        return 0.0
+    eps, held = float(np.finfo(float).eps), rows.held
+    slope = wanted + np.real(rows.P.conj().T @ samples)
+    rounding = 2 * (samples.size + 2) * eps * (np.abs(rows.P).T @ np.abs(samples)) + 4 * eps * np.abs(wanted)
+    ends = rows.ends[held]
+    free = float(np.linalg.norm(slope[~held]) + np.linalg.norm(rounding[~held]))
+    leak = free * _parameter_bound(upper, rows) if free else 0.0
+    reach = np.abs(ends).max(axis=1, initial=0.0)
+    error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
+    return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
+
+
+def real_rows(matrix: np.ndarray) -> np.ndarray:
+    """Real parts above imaginary parts."""
     return np.concatenate([np.real(matrix), np.imag(matrix)])
 
 
 def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
-    """The multipliers with the smallest relative change for which E'l = target and P'l = 0, nearly."""
-    flat, scale = _real_rows(samples), np.tile(np.abs(samples), 2)
-    matrix = np.hstack([_real_rows(rows.E.dense()), _real_rows(rows.P)])
-    wanted = np.concatenate([target, np.zeros(rows.P.shape[1])])
+    """The multipliers with the smallest relative change for which E'l = target and P'l = 0 of the free parameters, nearly."""
+    flat, scale = real_rows(samples), np.tile(np.abs(samples), 2)
+    free = real_rows(rows.P[:, ~rows.held])
+    matrix = np.hstack([real_rows(rows.E.dense()), free])
+    wanted = np.concatenate([target, np.zeros(free.shape[1])])
     for _ in range(3):  # each pass removes the rounding of the one before
         flat = flat + scale * np.linalg.lstsq((scale[:, None] * matrix).T, wanted - matrix.T @ flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
@@ -127,19 +157,22 @@ def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray
 
 def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
     """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
-    if not rows.P.shape[1]:
+    if rows.held.all():
         return samples
-    stacked, flat = _real_rows(rows.P), _real_rows(samples)
+    stacked, flat = real_rows(rows.P[:, ~rows.held]), real_rows(samples)
     for _ in range(2):  # the second pass removes the rounding of the first
         flat = flat - stacked @ np.linalg.lstsq(stacked, flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
-    """||p|| of every system with margin <= upper: P p = y - E x - e, ||x|| <= 1, |e_k| <= upper + tail_k."""
-    singular = np.linalg.svd(_real_rows(rows.P), compute_uv=False)
+    """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= 1, |e_k| <= upper + tail_k."""
+    singular = np.linalg.svd(real_rows(rows.P[:, ~rows.held]), compute_uv=False)
     smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
     if smallest <= 0:
         return np.inf
     reach = np.linalg.norm(rows.y) + rows.E.norm + upper * np.sqrt(rows.y.size) + np.linalg.norm(rows.tail)
+    reach += np.linalg.norm(rows.P[:, rows.held]) * np.linalg.norm(
+        np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0)
+    )
     return float(reach / smallest) * (1 + 1e-9)

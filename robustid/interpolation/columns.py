@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.data.ellipses import tilted
 
 _TABLE = 2**21  # complex entries of a generated block of lines: 32 MiB
 
@@ -57,6 +58,8 @@ class DenseColumns(Frozen):
 class ShiftColumns(Frozen):
     """E of L Taylor coefficients, never stored for the lines: E_kj = gain_k rho^-j exp(-i theta_k j), then the rows `real`.
 
+    Of tilted lines E + kappa conj(E): E'x is tilted, and Re E'^H l = Re E^H (l + kappa conj(l)), since that map is symmetric.
+
     Attributes
     ----------
     angles, gain : (F,) arrays
@@ -65,15 +68,19 @@ class ShiftColumns(Frozen):
         rho^-j.
     real : (N - F, L) array
         Rows of the time samples.
+    tilt : (F,) complex array or None
+        kappa.
     """
 
     angles: np.ndarray
     gain: np.ndarray
     decay: np.ndarray
     real: np.ndarray
+    tilt: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("angles", "gain", "decay", "real")})
+        self._set(tilt=None if self.tilt is None else freeze(self.tilt))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -83,19 +90,19 @@ class ShiftColumns(Frozen):
     def dense(self) -> np.ndarray:
         """All of E, (N, L)."""
         lines = [table * self.gain[at, None] * self.decay for at, table in self._tables()]
-        return np.vstack([*lines, self.real]) if lines else self.real.astype(complex)
+        return np.vstack([tilted(np.vstack(lines), self.tilt), self.real]) if lines else self.real.astype(complex)
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         weighted = self.decay * x
         lines = [self.gain[at] * (table @ weighted) for at, table in self._tables()]
-        return np.concatenate([*lines, self.real @ x])
+        return np.concatenate([tilted(np.concatenate([np.zeros(0), *lines]), self.tilt), self.real @ x])
 
     def adjoint(self, samples: np.ndarray) -> np.ndarray:
         """Re E^H l, (L,)."""
         lines = self.angles.size
-        total = np.zeros(self.decay.size)
+        total, weights = np.zeros(self.decay.size), self.gain * tilted(samples[:lines], self.tilt)
         for at, table in self._tables():
-            total += np.real((self.gain[at] * samples[:lines][at]).conj() @ table)
+            total += np.real(weights[at].conj() @ table)
         return self.decay * total + self.real.T @ np.real(samples[lines:])
 
     def spread(self, size: np.ndarray) -> np.ndarray:
@@ -105,12 +112,17 @@ class ShiftColumns(Frozen):
         """
         lines = self.angles.size
         phases = 8 + np.pi * np.arange(self.decay.size) / (size.size + 2)
-        return self.decay * phases * float(self.gain @ size[:lines]) + np.abs(self.real).T @ size[lines:]
+        return self.decay * phases * float(self._reach @ size[:lines]) + np.abs(self.real).T @ size[lines:]
 
     @property
     def norm(self) -> float:
-        """Frobenius norm."""
-        return float(np.hypot(np.linalg.norm(self.gain) * np.linalg.norm(self.decay), np.linalg.norm(self.real)))
+        """Frobenius norm; of tilted lines an upper bound."""
+        return float(np.hypot(np.linalg.norm(self._reach) * np.linalg.norm(self.decay), np.linalg.norm(self.real)))
+
+    @property
+    def _reach(self) -> np.ndarray:
+        """What the tilts can make of the gains, (F,)."""
+        return self.gain if self.tilt is None else self.gain * (1 + np.abs(self.tilt))
 
     def _tables(self) -> Iterator[tuple[slice, np.ndarray]]:
         """Blocks of exp(-i theta_k j): products of two short tables, one exponential per 32 entries."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
+from robustid._arrays import Frozen, as_array, freeze
 from robustid.bases import as_basis
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -24,7 +24,7 @@ _EXCITED = 1e-12
 class MixedProblem(Frozen):
     """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
 
-    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` and time samples
+    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
     ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound.
 
     Parameters
@@ -37,12 +37,17 @@ class MixedProblem(Frozen):
     parametric : ParametricBasis, control.StateSpace, or a sequence of them, optional
         Known functions with free real coefficients (`kautz`); integrators at z = 1 are allowed where no
         frequency line lies on them.
+    parameter_bounds : (m, 2) array, optional
+        What is known of the coefficients of `parametric`, hard: lower and upper end of each, in the units of
+        `Identification.parameters`. Two equal ends fix a coefficient, two infinite ones leave it free; for a known sign
+        alone, give as the other end a size that is surely not exceeded. Unlike the bounds of the samples they do not grow
+        with the margin: data that contradict them have a margin above 1.
 
     Raises
     ------
     InputError
         Missing bounds, different dt, several channels, a line on an integrator, functions that the data
-        cannot tell apart.
+        cannot tell apart, parameter bounds of another shape, in the wrong order or with one infinite end.
 
     Notes
     -----
@@ -61,6 +66,7 @@ class MixedProblem(Frozen):
     time: Any = None
     prior: Prior
     parametric: Any = None
+    parameter_bounds: Any = None
 
     angles: np.ndarray = dataclasses.field(init=False, repr=False)
     taylor: int = dataclasses.field(init=False, repr=False)
@@ -76,6 +82,8 @@ class MixedProblem(Frozen):
         self._set(frequency=frequency, time=time)
         if self.parametric is not None:
             self._set(parametric=as_basis(self.parametric, self.dt))
+        if self.parameter_bounds is not None:
+            self._set(parameter_bounds=freeze(_intervals(self.parameter_bounds, self.parametric)))
         self._set(angles=freeze(_merge(self._all_angles())), taylor=self._taylor())
         self._check_integrators()
 
@@ -158,6 +166,32 @@ def _experiments(name: str, value: Any, kind: type) -> tuple:
         if kind is TimeRecord and not np.any(np.isfinite(item.bound)):
             raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
     return items
+
+
+def _intervals(value: Any, basis: Any) -> np.ndarray:
+    """The parameter bounds, (m, 2), checked."""
+    if basis is None:
+        raise InputError(
+            "`parameter_bounds` bounds the coefficients of `parametric`, which is missing; give both or none"
+        )
+    ends = as_array("parameter_bounds", value, finite=False)
+    if ends.shape != (basis.size, 2):
+        raise InputError(
+            f"`parameter_bounds` must have shape (m, 2) with m = {basis.size} from `parametric`, a lower and an upper end"
+            f" of each; got {ends.shape}"
+        )
+    for number, (low, high) in enumerate(ends):
+        name = f"`parameter_bounds`: number {number} ({basis.labels[number]})"
+        if np.isnan([low, high]).any():
+            raise InputError(f"{name} must not be NaN; a free coefficient has the ends -inf and inf")
+        if low > high:
+            raise InputError(f"{name} has its lower end above the upper one: {low:g} > {high:g}; swap them")
+        if np.isfinite([low, high]).sum() == 1 or (low == high and np.isinf(low)):
+            raise InputError(
+                f"{name} has one infinite end: [{low:g}, {high:g}]; give both ends, the other one a size that is surely not"
+                " exceeded, or -inf and inf"
+            )
+    return ends
 
 
 def _check_single(name: str, item: Any) -> None:

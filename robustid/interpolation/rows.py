@@ -10,6 +10,7 @@ import scipy.linalg
 from robustid._arrays import Frozen, freeze
 from robustid.bases import InputNormalPair, Sections
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data.ellipses import tilted
 from robustid.errors import InputError, SizeError
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
 from robustid.interpolation.prior import Prior
@@ -20,6 +21,7 @@ from robustid.interpolation.problem import MixedProblem, excited_lines
 class Rows(Frozen):
     """Residuals e = y - E x - P p of all samples, each divided by its bound: sample k is kept if |e_k| <= 1.
 
+    Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns.
     Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
     with the coefficients x has the residuals e - d with |d_k| <= tail_k: what its other coefficients can do.
 
@@ -36,6 +38,8 @@ class Rows(Frozen):
         Zero where n coefficients determine the samples (the exact form).
     discs : int
         Number of complex samples.
+    ends : (m, 2) array
+        Lower and upper end of every scaled parameter, known beforehand; -inf and inf where it is free.
     """
 
     y: np.ndarray
@@ -46,9 +50,19 @@ class Rows(Frozen):
     discs: int
     column_scale: np.ndarray
     parameters: int
+    ends: np.ndarray
 
     def __post_init__(self) -> None:
-        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale")})
+        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale", "ends")})
+
+    @property
+    def held(self) -> np.ndarray:
+        """Which parameters have an interval, (m,) bool."""
+        return np.isfinite(self.ends[:, 0])
+
+    def within(self, p: np.ndarray) -> bool:
+        """Whether every scaled parameter is in its interval."""
+        return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
 
     def real(self, a: np.ndarray) -> np.ndarray:
         """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
@@ -213,11 +227,16 @@ def taylor_tail(prior: Prior, length: int) -> float:
 def measurement_rows(problem: MixedProblem, basis: InputNormalPair | Sections) -> Rows:
     """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of a repeated section."""
     functions = _functions(problem, basis)
-    blocks = [_frequency_block(problem, f, functions) for f in problem.frequency]
+    blocks = [_in_discs(_frequency_block(problem, f, functions), f) for f in problem.frequency]
     for record in problem.time:
         block = _periodic_block if record.initial == "periodic" else _time_block
         blocks.append(block(problem, record, functions))
     return _assemble(problem, blocks, functions)
+
+
+def line_tails(problem: MixedProblem, sections: Sections, angles: np.ndarray) -> np.ndarray:
+    """Largest value at exp(j angle) of what a member of the ball has beyond the coefficients of a repeated section, (F,)."""
+    return _functions(problem, sections).line_tail(angles)
 
 
 def _functions(problem: MixedProblem, basis: InputNormalPair | Sections) -> _Functions:
@@ -233,6 +252,15 @@ def _frequency_block(problem: MixedProblem, frf: FrequencyResponse, functions: _
     bound, zero = frf.bound[:, 0, 0], np.zeros(angles.size)
     E = none if isinstance(functions, _Taylor) else functions.lines(angles)
     return _Block(frf.values[:, 0, 0], E, P, bound, zero, none, functions.line_tail(angles))
+
+
+def _in_discs(block: _Block, frf: FrequencyResponse) -> _Block:
+    """The lines with their ellipses turned into discs; columns that are generated follow in `_columns`."""
+    if frf.tilt is None:
+        return block
+    tilt = frf.tilt[:, 0, 0]
+    y, E, P = (tilted(a, tilt) for a in (block.y, block.E, block.P))
+    return dataclasses.replace(block, y=y, E=E, P=P, tail=block.tail * (1 + np.abs(tilt)))
 
 
 def _time_block(problem: MixedProblem, record: TimeRecord, functions: _Functions) -> _Block:
@@ -305,7 +333,10 @@ def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Functions
     parameters = 0 if problem.parametric is None else problem.parametric.size
     _check_independent(problem, P, parameters)
     fixed, tail = (np.concatenate(parts) / total for parts in zip(*((b.bound, b.tail) for b in blocks), strict=True))
-    return Rows(y, E, P, fixed, tail, discs, scale, parameters)
+    ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
+    if problem.parameter_bounds is not None:
+        ends[:parameters] = problem.parameter_bounds * scale[:parameters, None]
+    return Rows(y, E, P, fixed, tail, discs, scale, parameters, ends)
 
 
 def _columns(
@@ -316,7 +347,14 @@ def _columns(
     angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in problem.frequency)])
     real = [b.E for b in blocks[len(problem.frequency) :]]
     stacked = np.vstack([np.zeros((0, functions.length)), *real]) / total[discs:, None]
-    return ShiftColumns(angles, problem.prior.gain_bound / total[:discs], functions.decay, stacked)
+    return ShiftColumns(angles, problem.prior.gain_bound / total[:discs], functions.decay, stacked, line_tilts(problem))
+
+
+def line_tilts(problem: MixedProblem) -> np.ndarray | None:
+    """The kappa of all frequency lines, 0 where the bound is a disc; None where all are."""
+    if all(f.tilt is None for f in problem.frequency):
+        return None
+    return np.concatenate([np.zeros(f.omega.size) if f.tilt is None else f.tilt[:, 0, 0] for f in problem.frequency])
 
 
 def _check_independent(problem: MixedProblem, P: np.ndarray, parameters: int) -> None:

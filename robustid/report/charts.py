@@ -120,14 +120,15 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
         magnitude.append(Layer(y=np.abs(value), **style))
         phase.append(Layer(y=with_gaps(angle), **style))
     for k, frf in enumerate(problem.frequency):
-        measured, bound, x = frf.values[:, 0, 0], frf.bound[:, 0, 0], np.maximum(frf.omega, low) / HZ
+        measured, bound, x = frf.values[:, 0, 0], frf.outer_radius[:, 0, 0], np.maximum(frf.omega, low) / HZ
         size = np.abs(measured)
         turn = np.degrees(np.arcsin(np.minimum(bound / np.maximum(size, bound), 1)))
         turn = np.where(bound >= size, 180.0, turn)  # the disc holds 0: any phase
         near = phases[0][np.searchsorted(omega, frf.omega).clip(0, omega.size - 1)]
         angle = np.degrees(np.angle(measured))
         angle = angle - 360 * np.round((angle - near) / 360)  # next to the curve, on this side of the jump
-        name = _numbered("data with their discs", k, len(problem.frequency))
+        what = "data with their discs" if frf.tilt is None else "data with discs around their ellipses"
+        name = _numbered(what, k, len(problem.frequency))
         hover = tuple(
             f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}, {number(p)}°"
             for w, a, b, p in zip(frf.omega, size, bound, angle, strict=True)
@@ -229,7 +230,7 @@ def _evaluate(model: Any, angles: np.ndarray) -> np.ndarray:
 def _magnitude_range(problem: Any, values: list[np.ndarray]) -> tuple[float, float]:
     """Holds all samples and the curves, but not the bottom of deep notches."""
     sizes = [np.abs(f.values[:, 0, 0]) for f in problem.frequency]
-    tops = [s + f.bound[:, 0, 0] for s, f in zip(sizes, problem.frequency, strict=True)]
+    tops = [s + f.outer_radius[:, 0, 0] for s, f in zip(sizes, problem.frequency, strict=True)]
     top = float(np.max(np.concatenate([*map(np.abs, values), *tops])))
     if not top > 0:
         return 0.1, 1.0

@@ -123,9 +123,25 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
         if len(listed) < len(rows):  # poles at z = 0
             listed.append(delay_words(basis))
         words = "; ".join(listed) or "none"
-        out.append(("Parametric part", f"{basis.size} functions with free coefficients and fixed poles: {words}."))
+        free = "free " if problem.parameter_bounds is None else ""
+        out.append(("Parametric part", f"{basis.size} functions with {free}coefficients and fixed poles: {words}."))
+    if problem.parameter_bounds is not None:
+        out.append(("Intervals", _interval_words(identification)))
     out.append(("Bounds", "Every sample lies within its bound of the response of the plant; see the table."))
     return out
+
+
+def _interval_words(identification: Identification) -> str:
+    """The intervals of the parameters, and which of their ends are reached."""
+    problem, words = identification.problem, []
+    for name, (low, high) in zip(problem.parametric.labels, problem.parameter_bounds, strict=True):
+        if np.isfinite(low):
+            words.append(f"{name} {number(low)}" if low == high else f"{name} {number(low)} … {number(high)}")
+    if not words:
+        return "None of the coefficients of the parametric functions is bounded."
+    reached = [f"{name} is at the end {number(end)}" for name, end in identification.active_intervals]
+    what = f"Coefficients of the parametric functions, known beforehand: {'; '.join(words)}."
+    return f"{what} Where the margin is reached, or in the model, {'; '.join(reached)}." if reached else what
 
 
 class Experiment(NamedTuple):
@@ -152,6 +168,9 @@ def _experiment(kind: str, data: Any, axis: np.ndarray, bound: np.ndarray) -> Ex
     low, high = number(bound.min(), 3), number(bound.max(), 3)
     radius = f"± {low}" if low == high else f"± {low} … {high}"
     if isinstance(data, FrequencyResponse):
+        if data.tilt is not None:
+            ends = number(data.inner_radius.min(), 3), number(data.outer_radius.max(), 3)
+            radius = "ellipses, half-axes {} … {}".format(*ends)
         channel, symbol, name = f"{data.outputs[0]} / {data.inputs[0]}", "Hz", "frequency response"
         axis = axis / _HZ
     else:

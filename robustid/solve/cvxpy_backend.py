@@ -57,17 +57,17 @@ def solve_conic(
 ) -> Candidate:
     """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
 
-    "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa, |e_k| <= factor * (the bound at K kappa),
-    ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the off-diagonal block of X, a
-    Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
+    All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
+    |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the
+    off-diagonal block of X, a Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
 
     The status of the solver is not looked at: the caller evaluates the numbers.
     """
     import cvxpy as cp
 
     name = solver_name(solver)
-    rows, (Q, _) = data.rows, data.orthonormal
-    y, E, Q = rows.real(rows.y), rows.real(rows.E.dense()), rows.real(Q)
+    rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
+    y, E, Q = rows.real(data.y), rows.real(rows.E.dense()), rows.real(Q)
     n, samples, discs = data.sarason.pair.order, rows.y.size, rows.discs
     unknown, q, level = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
     x = unknown if classical is None else classical.to_orthonormal @ unknown
@@ -91,6 +91,7 @@ def solve_conic(
         Z = cp.reshape(classical.data_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
         inverse = np.linalg.inv(classical.gram)
         cones = [cp.bmat([[ball * inverse, Z], [Z.T, ball * classical.gram]]) >> 0]
+    inside = [cp.abs(a - B @ q) <= 1] if a.size else []
     cost: Any = level
     if objective == "order":
         half = n // 2
@@ -98,7 +99,7 @@ def solve_conic(
         cost = (
             cp.normNuc(cp.reshape(block.reshape(n, -1).T @ x, block.shape[1:], order="C")) if half else cp.Constant(0.0)
         )
-    program = cp.Problem(cp.Minimize(cost), limits + cones)
+    program = cp.Problem(cp.Minimize(cost), limits + cones + inside)
     _run(program, name)
     if unknown.value is None and level.value is None:
         raise SolverError(

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg
 
+from robustid.data.ellipses import tilted
 from robustid.interpolation import DenseColumns, ShiftColumns
 from robustid.solve.nonuniform import NonuniformSums
 
@@ -65,7 +66,8 @@ class ShiftDesign:
     """G = [E Q] for L Taylor coefficients on F lines, then time samples; all sums over the lines by non-uniform FFTs.
 
     Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with
-    c_l = Re sum a_k g_k^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l).
+    c_l = Re sum a_k g_k^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place
+    of E the same holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
     """
 
     def __init__(self, columns: ShiftColumns, Q: np.ndarray):
@@ -80,7 +82,8 @@ class ShiftDesign:
         columns, L = self._columns, self._coefficients
         out = (self._Q @ v[L:]).astype(complex)
         if self._lines:
-            out[: self._lines] += columns.gain * self._short.over_exponents(columns.decay * v[:L])
+            straight = columns.gain * self._short.over_exponents(columns.decay * v[:L])
+            out[: self._lines] += tilted(straight, columns.tilt)
         out[self._lines :] += columns.real @ v[:L]
         return out
 
@@ -93,8 +96,14 @@ class ShiftDesign:
         columns, L, F = self._columns, self._coefficients, self._lines
         inner = columns.real.T @ ((a + np.real(b))[F:, None] * columns.real)
         if F:
-            toeplitz = np.real(self._short.over_angles(columns.gain**2 * a[:F]))
-            hankel = np.real(self._long.over_angles(columns.gain**2 * b[:F]))
+            first, second = a[:F], b[:F]
+            if (kappa := columns.tilt) is not None:
+                first, second = (
+                    first * (1 + np.abs(kappa) ** 2) + 2 * np.real(second * kappa),
+                    second + (second * kappa**2).conj() + 2 * first * kappa.conj(),
+                )
+            toeplitz = np.real(self._short.over_angles(columns.gain**2 * first))
+            hankel = np.real(self._long.over_angles(columns.gain**2 * second))
             both = scipy.linalg.toeplitz(toeplitz) + np.lib.stride_tricks.sliding_window_view(hankel, L)
             inner += both * columns.decay * columns.decay[:, None]
         if not self._Q.shape[1]:
@@ -109,8 +118,33 @@ class ShiftDesign:
         columns, F = self._columns, self._lines
         out = np.real(z[:, F:]) @ columns.real
         if F:
-            weights = columns.gain * z[:, :F].conj()
+            weights = columns.gain * tilted(z[:, :F].T, columns.tilt).T.conj()
             out += columns.decay * np.real([self._short.over_angles(row) for row in weights])
+        return out
+
+
+class IntervalDesign:
+    """The rows of the samples, then real rows B of the last unknowns alone: those of the intervals."""
+
+    def __init__(self, samples: Design, count: int, B: np.ndarray):
+        self._samples, self._count, self._B = samples, count, B
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v."""
+        return np.concatenate([self._samples.apply(v), self._B @ v[v.size - self._B.shape[1] :]])
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z."""
+        out = self._samples.adjoint(z[: self._count])
+        out[out.size - self._B.shape[1] :] += self._B.T @ np.real(z[self._count :])
+        return out
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Weighted Gram matrix."""
+        count, B = self._count, self._B
+        out = self._samples.gram(a[:count], b[:count])
+        first = out.shape[0] - B.shape[1]
+        out[first:, first:] += B.T @ ((a + np.real(b))[count:, None] * B)
         return out
 
 

@@ -7,25 +7,31 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy.linalg
 
 from robustid.errors import SolverError
 from robustid.interpolation import DenseColumns
 from robustid.solve.ball import TurnedBall, ball_of
 from robustid.solve.conic import Candidate, ConvexData
-from robustid.solve.design import design_of
+from robustid.solve.design import IntervalDesign, design_of
 from robustid.solve.structured import Iterate, Limits, Program, center, extent, path, start
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
 
 def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
-    rows, (Q, _), E, ball = data.rows, data.orthonormal, data.rows.E, ball_of(data.sarason)
+    """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
+    rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
+    E, ball, y = rows.E, ball_of(data.sarason), data.y
     if data.axes is not None:
         E, ball = DenseColumns(E.dense() @ data.axes), TurnedBall(ball, data.axes)
     design = design_of(E, Q, rows.discs)
+    if a.size:
+        design, y = IntervalDesign(design, y.size, B), np.concatenate([y, a])
+        constant, slope = limits.reach
+        reach = np.concatenate([constant, np.ones(a.size)]), np.concatenate([slope, np.zeros(a.size)])
+        limits = dataclasses.replace(limits, reach=reach)
     w = np.zeros(ball.size + Q.shape[1]) if linear is None else linear
-    return Program(ball, design, rows.y, limits, cost, w)
+    return Program(ball, design, y, limits, cost, w)
 
 
 def _candidate(data: ConvexData, at: Iterate) -> Candidate:
@@ -33,7 +39,7 @@ def _candidate(data: ConvexData, at: Iterate) -> Candidate:
     n = data.sarason.pair.order
     Y = data.sarason.turned(at.Z[0] - at.Z[1])
     x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
-    return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1], Y, "structured")
+    return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
 
 def _unknowns(data: ConvexData, point: Candidate) -> np.ndarray:
@@ -50,8 +56,11 @@ def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
     rows, n = data.rows, data.sarason.pair.order
     count = rows.y.size
     program = _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
-    v = np.concatenate([np.zeros(n), program.design.adjoint(rows.y)[n:]])
-    worst = float(np.abs(rows.y - program.design.apply(v)).max(initial=0.0))
+    # Least squares of the free parameters; the others are inside their intervals where q is counted from.
+    p, free = data.origin.copy(), ~rows.held
+    p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rows.real(data.y), rcond=None)[0]
+    v = np.concatenate([np.zeros(n), data.orthonormal_parameters(p)])
+    worst = float(np.abs(data.y - program.design.apply(v)[:count]).max(initial=0.0))
     # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
     floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
     for at in path(program, start(program, v, 2 * max(worst, floor))):
@@ -103,14 +112,17 @@ def support_path(
 ) -> Iterator[tuple[Candidate, float, float]]:
     """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
 
+    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), nearly.
     The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
     """
     count = data.rows.y.size
     reach = level + data.rows.tail if outer else level - data.rows.tail
-    R = data.orthonormal[1]
-    along = scipy.linalg.solve_triangular(R, direction[1], trans=1) if R.size else np.zeros(0)
     direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
-    w, limits = np.concatenate([direct, along]), Limits((1.0, 0.0), (reach, np.zeros(count)))
+    w, limits = (
+        np.concatenate([direct, data.direction(direction[1])]),
+        Limits((1.0, 0.0), (reach, np.zeros(count))),
+    )
+    offset = float(direction[1] @ data.origin)
     v = _unknowns(data, inside)
     # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
     size = extent(_program(data, limits, None), v, w)
@@ -118,7 +130,7 @@ def support_path(
         return
     program = _program(data, limits, None, -w / size)
     for at in path(program, start(program, v, 0.0)):
-        value, gap = float(w @ at.v), size * at.estimate
-        yield _candidate(data, at), value, gap
+        value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, at)
+        yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
         if gap < _LAST * max(abs(value), size):
             return

@@ -1,0 +1,379 @@
+"""worst_case_error(): what every consistent system can be away from a model, at every frequency."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
+from robustid.certify.circle import CircleBound, Curvature, arc_bound, known_part
+from robustid.certify.consistent_set import ConsistentSet, consistent_set
+from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
+from robustid.certify.sweep import Progress, value_sets
+from robustid.certify.value_set import ValueSet, verify_value_set
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification
+from robustid.identification.simulation import response
+
+LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
+_GRID = 64  # frequencies of the default grid, besides those of the poles
+_ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class WorstCaseError(Frozen):
+    """How far every consistent system can be from a model: proved from above, attained from below.
+
+    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
+    the samples. Data can refute these, never prove them.
+
+    Attributes
+    ----------
+    identification : Identification
+    model : control.StateSpace
+        The nominal that the errors are measured from.
+    values : tuple of ValueSet
+        At each frequency the polygon that contains F, and attained points.
+    parameters : ParameterIntervals
+    directions : int
+    gap : float
+        Part of the distance from the centre to which every support value was found.
+    """
+
+    identification: Identification
+    model: Any
+    values: tuple[ValueSet, ...]
+    parameters: ParameterIntervals
+    directions: int
+    gap: float
+
+    @functools.cached_property
+    def omega(self) -> np.ndarray:
+        """Frequencies, rad/s, (F,)."""
+        return freeze(np.array([v.omega for v in self.values]))
+
+    @functools.cached_property
+    def nominal(self) -> np.ndarray:
+        """Response of the model at them, (F,) complex."""
+        return freeze(response(self.model, self.omega * self.identification.problem.dt))
+
+    @functools.cached_property
+    def _errors(self) -> np.ndarray:
+        return np.array([v.farthest(m) for v, m in zip(self.values, self.nominal, strict=True)])
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Guaranteed bound of |F - model| over all consistent F, (F, 1, 1)."""
+        return freeze(self._errors[:, 0].reshape(-1, 1, 1))
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Error of consistent systems that were found, (F, 1, 1): no bound can be smaller."""
+        return freeze(self._errors[:, 1].reshape(-1, 1, 1))
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        """Guaranteed range of |F|, (F, 2)."""
+        return freeze(np.array([v.magnitude for v in self.values]))
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Guaranteed range of the phase in rad, (F, 2)."""
+        return freeze(np.array([v.phase for v in self.values]))
+
+    @functools.cached_property
+    def circle(self) -> CircleBound:
+        """The bound on the whole circle, to 5 %: more frequencies are evaluated where it needs them (once; it may take minutes)."""
+        return self.on_circle()
+
+    @property
+    def hinf(self) -> float:
+        """Guaranteed bound of the H-infinity norm of F - model (over |omega| >= the first line where there is an integrator)."""
+        return self.circle.largest
+
+    @property
+    def certified(self) -> bool:
+        """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        return self._certified
+
+    @functools.cached_property
+    def _certified(self) -> bool:
+        return self.verify()
+
+    def verify(self) -> bool:
+        """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
+        consistent = self._consistent
+        return verify_parameters(consistent, self.parameters) and all(
+            verify_value_set(consistent, v) for v in self.values
+        )
+
+    @functools.cached_property
+    def _consistent(self) -> ConsistentSet:
+        return consistent_set(self.identification)
+
+    def with_model(self, model: Any) -> WorstCaseError:
+        """The same guarantees around another nominal; nothing is solved anew."""
+        return dataclasses.replace(self, model=as_nominal(model, self.identification))
+
+    def on_circle(
+        self,
+        rtol: float = 0.05,
+        *,
+        executor: concurrent.futures.Executor | None = None,
+        progress: Progress | None = None,
+    ) -> CircleBound:
+        """A rigorous bound of |F - model| on the whole circle, by adaptive refinement.
+
+        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''| (h the arc between them), for
+        bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+
+        Parameters
+        ----------
+        rtol : float
+            Tolerance of the largest bound, relative to the largest error at a frequency.
+        executor : concurrent.futures.Executor, optional
+        progress : callable (done, all), optional
+
+        Returns
+        -------
+        CircleBound
+        """
+        rtol = as_positive("rtol", rtol)
+        return _refine(self, rtol, executor, progress)
+
+    def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
+        """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
+        order = np.argsort(-self._errors[:, 0])[:count]
+        labels = [
+            f"{r.kind} {r.index + 1} at " + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
+            for r in self.identification.residuals
+            for at in r.axis
+        ]
+        rows = ((int(k), *self._errors[k].tolist()) for k in order)
+        return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
+
+    def limiting_sample(self, index: int) -> int:
+        """Number of the sample with the largest share in the proofs at a frequency."""
+        return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
+
+    def __repr__(self) -> str:
+        return f"<WorstCaseError: {len(self.values)} frequencies, largest {self._errors[:, 0].max():.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain text."""
+        upper, lower = self._errors.T
+        size = np.abs(self.nominal)
+        relative = upper / np.maximum(size, np.finfo(float).tiny)
+        lines = [
+            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
+            f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
+            f"gap        upper bounds exceed attained errors by {100 * np.max(1 - lower / upper):.2g} % at most",
+        ]
+        for w, high, low, label in self.worst():
+            lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
+        lines.append(
+            "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+        )
+        return "\n".join(lines)
+
+
+def worst_case_error(
+    identification: Identification,
+    *,
+    model: Any = None,
+    omega: Any = None,
+    directions: int = 16,
+    rtol: float = 0.05,
+    executor: concurrent.futures.Executor | None = None,
+    progress: Progress | None = None,
+) -> WorstCaseError:
+    """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
+
+    At each frequency the values of all consistent systems form a convex set. Its support function in `directions` equally spaced
+    directions gives a polygon around it, each side with a certificate (a dual feasible point, evaluated without the solver), and
+    points inside that are attained:
+
+        lower <= max over consistent F of |F(exp(j omega T)) - model(exp(j omega T))| <= upper.
+
+    Parameters
+    ----------
+    identification : Identification
+        Consistent.
+    model : control.StateSpace, optional
+        Any stable nominal with the dt of the data, a reduced one for instance. Default: that of the identification.
+    omega : (F,) array, rad/s, optional
+        Default: 64 frequencies over the range of the data and below and above it, and the frequencies of the parametric poles.
+    directions : int
+        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most.
+    rtol : float
+        Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
+    executor : concurrent.futures.Executor, optional
+        Spreads the frequencies. Default: in this process.
+    progress : callable (done, all), optional
+
+    Returns
+    -------
+    WorstCaseError
+
+    Raises
+    ------
+    InconsistentDataError
+        The data fit no system of the class.
+    InputError
+        An unstable model, another dt, frequencies above pi/dt, too few or too many directions.
+
+    Notes
+    -----
+    Exact form: the frequency is one more interpolation node. Taylor form: the value is a linear functional of the coefficients, and
+    the tail of the rest is part of both bounds. Source: `inanc2001` section II-C (diameter and worst-case error); the certificate
+    is the dual of the LMI of Theorem 1 with a linear objective.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.eye(1, 2)[0], [0.5, 0.25], dt=1.0, bound=1e-3)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
+    >>> error = rid.worst_case_error(result, omega=[0.0, 1.0])
+    >>> error.upper.shape, bool(np.all(error.lower <= error.upper)), error.certified
+    ((2, 1, 1), True, True)
+    """
+    if not isinstance(identification, Identification):
+        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    directions = as_count("directions", directions, least=LEAST)
+    if directions > MOST:
+        raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
+    rtol = as_positive("rtol", rtol)
+    model = as_nominal(model, identification)
+    grid = default_grid(identification) if omega is None else as_frequencies(omega, identification)
+    consistent = consistent_set(identification)
+    gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    values = value_sets(consistent, grid, directions, gap, executor, progress)
+    return WorstCaseError(
+        identification=identification,
+        model=model,
+        values=tuple(values),
+        parameters=parameter_intervals(consistent),
+        directions=directions,
+        gap=gap,
+    )
+
+
+def as_nominal(model: Any, identification: Identification) -> Any:
+    """The model, checked: one channel, stable (integrators where the parametric part has them), the dt of the data."""
+    import control
+
+    if model is None:
+        return identification.model
+    if not isinstance(model, control.StateSpace):
+        raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
+    dt = identification.problem.dt
+    if (model.ninputs, model.noutputs) != (1, 1):
+        raise InputError(f"`model` must have one input and one output; got {model.ninputs} and {model.noutputs}")
+    if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
+        raise InputError(f"`model` must be discrete-time with the dt of the data, {dt:g} s; got dt = {model.dt}")
+    poles = np.linalg.eigvals(model.A) if model.nstates else np.zeros(0)
+    basis = identification.problem.parametric
+    allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
+    if np.any(np.abs(poles[~allowed]) >= 1):
+        raise InputError(
+            f"`model` must be stable: its error could not be bounded; got a pole of modulus {np.abs(poles[~allowed]).max():.6g}"
+        )
+    return model
+
+
+def as_frequencies(omega: Any, identification: Identification) -> np.ndarray:
+    """Frequencies in rad/s, checked and sorted."""
+    grid = np.unique(np.atleast_1d(as_array("omega", omega)))
+    dt, basis = identification.problem.dt, identification.problem.parametric
+    if grid.size == 0:
+        raise InputError("`omega` is empty; give at least one frequency")
+    if grid[0] < 0 or grid[-1] * dt > np.pi * (1 + 1e-9):
+        bad = grid[0] if grid[0] < 0 else grid[-1]
+        raise InputError(f"`omega` must lie between 0 and pi/dt = {np.pi / dt:g} rad/s (not Hz); got {bad:g}")
+    if basis is not None and basis.has_integrator and grid[0] == 0:
+        raise InputError("`omega` must not contain 0: the integrator of the parametric part is infinite there")
+    return np.minimum(grid, np.pi / dt)
+
+
+def default_grid(identification: Identification) -> np.ndarray:
+    """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
+    problem = identification.problem
+    top, basis = np.pi / problem.dt, problem.parametric
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
+    grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
+    if basis is not None:
+        poles = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
+        for pole in np.unique(np.round(poles, 12)):
+            width = -np.log(np.abs(pole)) * np.array([-2, -1, -0.5, 0, 0.5, 1, 2])
+            grid.append((np.angle(pole) + width) / problem.dt)
+    grid = np.concatenate(grid)
+    if basis is not None and basis.has_integrator and lines.size:
+        grid = grid[grid >= lines.min()]
+    return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))
+
+
+def _refine(
+    error: WorstCaseError, rtol: float, executor: concurrent.futures.Executor | None, progress: Progress | None
+) -> CircleBound:
+    """Halve the arcs whose bound exceeds the largest error at a frequency by more than rtol."""
+    problem, consistent = error.identification.problem, error._consistent
+    known = {v.omega: v for v in error.values}
+    top, basis = np.pi / problem.dt, problem.parametric
+    bottom = 0.0
+    if basis is not None and basis.has_integrator:
+        lines = [f.omega.min() for f in problem.frequency]
+        bottom = float(min(lines)) if lines else float(error.omega.min())
+    curvature = _curvature(error)
+    angle_step = problem.dt
+    limits: dict[tuple[float, float], float] = {}
+    wanted = np.array([bottom, top])
+    for _ in range(_ROUNDS):
+        new = np.array([w for w in wanted if w not in known])
+        for found in value_sets(consistent, new, error.directions, error.gap, executor, progress):
+            known[found.omega] = found
+        edges = np.array(sorted(w for w in known if bottom <= w <= top))
+        upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, _nominal(error, edges), strict=True)]).T
+        bound = np.empty(edges.size - 1)
+        for k, (a, b) in enumerate(itertools.pairwise(edges)):
+            if (a, b) not in limits:
+                limits[a, b] = curvature.largest(a * angle_step, b * angle_step)
+            bound[k] = arc_bound((upper[k], upper[k + 1]), (b - a) * angle_step, limits[a, b])
+        long = bound > (1 + rtol) * upper.max()
+        result = CircleBound(edges, bound, float(lower.max()), not np.any(long))
+        if result.converged or edges.size + np.count_nonzero(long) > _LARGEST:
+            break
+        wanted = (edges[:-1][long] + edges[1:][long]) / 2
+    return result
+
+
+def _nominal(error: WorstCaseError, omega: np.ndarray) -> np.ndarray:
+    return response(error.model, omega * error.identification.problem.dt)
+
+
+def _curvature(error: WorstCaseError) -> Curvature:
+    identification = error.identification
+    problem, basis = identification.problem, identification.problem.parametric
+    q = identification.parameters
+    if error.model is identification.model and basis is not None:
+        # The parametric part of its own model is q'P exactly, its states the last ones.
+        own = error.model.nstates - basis.states
+        G = error.model.A[:own, :own], error.model.B[:own], error.model.C[:, :own]
+        parts = known_part(_Part(*G), None, q)
+    else:
+        parts = known_part(error.model, basis, q)
+    reach = np.maximum(np.abs(error.parameters.lower - q), np.abs(error.parameters.upper - q))
+    functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
+    return Curvature(problem.prior, parts, functions, reach)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
