@@ -92,6 +92,16 @@ def test_the_map_of_a_repeated_section(sections):
         assert fast.norm(inside) <= 1 + 1e-10
 
 
+def test_zeros_that_are_real_to_rounding():
+    for zero in (-0.5 + 1e-17j, 0.5 - 0j, -0.5 - 0j, -1e-3 + 1e-20j, 0.5 * np.exp(1j * np.pi)):
+        sections = Sections([zero, 0.3j], 2)
+        assert sections.degree == sections.section.order == 3
+        assert sections.pair.order == sections.order == 6
+    high = lines(np.linspace(3.0, np.pi, 100), rho=1.005)  # zeros at angle pi, twice
+    sections = shortest_sections(high, 1e-5)
+    assert sections.degree == sections.section.order
+
+
 def test_the_shift_is_a_section():
     sections = Sections.shift(6)
     assert sections.is_shift

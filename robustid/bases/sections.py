@@ -53,6 +53,7 @@ class Sections(Frozen):
 
     def __post_init__(self) -> None:
         zeros = tuple(complex(a.real, abs(a.imag)) for a in map(complex, self.zeros))
+        zeros = tuple(a if 0 < np.angle(a) < np.pi else complex(a.real) for a in zeros)  # real to rounding: one zero
         if not zeros or not all(abs(a) < 1 for a in zeros):  # false for NaN too
             raise InputError(f"`zeros` must be one or more numbers inside the unit disc; got {list(self.zeros)}")
         self._set(zeros=zeros, repeats=as_count("repeats", self.repeats, least=1))

@@ -97,6 +97,7 @@ def _decay(zeta: np.ndarray, zeros: tuple[complex, ...]) -> np.ndarray:
 
 
 _FAR = 700.0  # -log|B| at a zero
+_REAL = 1e-15  # sines this small are rounding
 
 
 def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[complex, ...]:
@@ -111,8 +112,11 @@ def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[comp
     width = max(float(np.ptp(angles)), 0.01)
 
     def zeros(v: np.ndarray) -> tuple[complex, ...]:
-        points = (1 - np.exp(deepest * v[:pairs])) * np.exp(1j * width * v[pairs : 2 * pairs])
-        return tuple(a for a in points for _ in range(1 if a.imag else 2))
+        turned = np.exp(1j * width * v[pairs : 2 * pairs])
+        turned[np.abs(turned.imag) < _REAL] = np.sign(
+            turned[np.abs(turned.imag) < _REAL].real
+        )  # at either end of the circle
+        return tuple(a for a in (1 - np.exp(deepest * v[:pairs])) * turned for _ in range(1 if a.imag else 2))
 
     def spare(v: np.ndarray) -> np.ndarray:
         return np.log(_decay(zeta, zeros(v)) / weights) - v[-1]
