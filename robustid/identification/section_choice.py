@@ -112,10 +112,9 @@ def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[comp
     width = max(float(np.ptp(angles)), 0.01)
 
     def zeros(v: np.ndarray) -> tuple[complex, ...]:
-        turned = np.exp(1j * width * v[pairs : 2 * pairs])
-        turned[np.abs(turned.imag) < _REAL] = np.sign(
-            turned[np.abs(turned.imag) < _REAL].real
-        )  # at either end of the circle
+        angle = width * v[pairs : 2 * pairs]
+        real = np.abs(np.sin(angle)) < _REAL  # at either end of the circle
+        turned = np.where(real, np.sign(np.cos(angle)), np.exp(1j * angle))
         return tuple(a for a in (1 - np.exp(deepest * v[:pairs])) * turned for _ in range(1 if a.imag else 2))
 
     def spare(v: np.ndarray) -> np.ndarray:
