@@ -4,7 +4,13 @@ from robustid._arrays import Channel
 from robustid._version import __version__
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.bases import ParametricBasis, kautz
-from robustid.certify import WorstCaseError, worst_case_error
+from robustid.certify import (
+    UncertaintyWeight,
+    WorstCaseError,
+    guaranteed_margin,
+    uncertainty_weight,
+    worst_case_error,
+)
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -67,6 +73,7 @@ __all__ = [
     "StaticGain",
     "Status",
     "TimeRecord",
+    "UncertaintyWeight",
     "Weight",
     "WorstCaseError",
     "Zero",
@@ -79,6 +86,7 @@ __all__ = [
     "fit_covariance",
     "fit_mfd",
     "flexible_structure",
+    "guaranteed_margin",
     "identify",
     "kautz",
     "load",
@@ -91,6 +99,7 @@ __all__ = [
     "suggest_order",
     "suggest_prior",
     "to_continuous",
+    "uncertainty_weight",
     "validate",
     "worst_case_error",
     "write_report",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import control
 import numpy as np
+import scipy.signal
 
 import robustid as rid
 
@@ -21,10 +24,34 @@ def small_part(rng, gain: float, decay_rate: float):
     return numerator * gain * rng.uniform(0.3, 0.9) / (peak * 1.001), denominator
 
 
-def random_problem(
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """The plant behind a random problem: G as numerator and denominator in the delay, the basis and its weights."""
+
+    numerator: np.ndarray
+    denominator: np.ndarray
+    basis: rid.ParametricBasis | None
+    weights: np.ndarray | None
+
+    def response(self, angle):
+        z = np.exp(-1j * np.asarray(angle))
+        F = np.polyval(self.numerator[::-1], z) / np.polyval(self.denominator[::-1], z)
+        return F if self.basis is None else F + self.basis.response(angle) @ self.weights
+
+    def impulse(self, count):
+        f = scipy.signal.lfilter(self.numerator, self.denominator, np.eye(1, count)[0])
+        return f if self.basis is None else f + self.basis.impulse(count) @ self.weights
+
+
+def random_problem(seed: int, case: str, coefficients: int, **options):
+    """The problem of `random_experiment`."""
+    return random_experiment(seed, case, coefficients, **options)[0]
+
+
+def random_experiment(
     seed: int, case: str, coefficients: int, *, noise: float = 0.9, gain: float = 1.0, spread: float = 1.0
 ):
-    """A problem of about so many coefficients; `noise` <= 1 keeps the truth inside the bounds (`spread` scales them)."""
+    """A problem of about so many coefficients, and its truth: inside the bounds for `noise` <= 1 (`spread` scales them)."""
     rng = np.random.default_rng([seed, CASES.index(case)])
     dt, rho = 0.01, rng.uniform(1.02, 1.3)
     numerator, denominator = small_part(rng, gain, rho)
@@ -32,30 +59,24 @@ def random_problem(
     if case == "parametric":
         basis = rid.kautz(2 * np.pi * rng.uniform(5, 30), rng.uniform(0.003, 0.05), dt=dt, delay=1)
         weights = rng.standard_normal(2) * gain * 3
+    truth = Truth(numerator, denominator, basis, weights)
     lines = {"time": 0, "frequency": coefficients // 2}.get(case, coefficients // 4)
     samples = coefficients - 2 * lines
     frequency = time = None
     if lines:
         angle = np.sort(rng.uniform(0.05, 3.0, lines))
-        z = np.exp(-1j * angle)
-        F = np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)
-        if basis is not None:
-            F = F + basis.response(angle) @ weights
+        F = truth.response(angle)
         bound = spread * gain * rng.uniform(0.01, 0.1, lines)
         error = noise * bound * np.sqrt(rng.uniform(0, 1, lines)) * np.exp(2j * np.pi * rng.uniform(0, 1, lines))
         frequency = rid.FrequencyResponse(angle / dt, F + error, bound=bound, dt=dt)
     if samples:
-        from scipy.signal import lfilter
-
         u = np.sign(rng.standard_normal(samples)) + 0.3 * rng.standard_normal(samples)
-        f = lfilter(numerator, denominator, np.eye(1, samples)[0])
-        if basis is not None:
-            f = f + basis.impulse(samples) @ weights
+        f = truth.impulse(samples)
         bound = spread * gain * rng.uniform(0.02, 0.2, samples)
         y = np.convolve(u, f)[:samples] + noise * bound * rng.uniform(-1, 1, samples)
         time = rid.TimeRecord(u, y, dt=dt, bound=bound)
     prior = rid.Prior(gain_bound=gain, decay_rate=rho)
-    return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis)
+    return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis), truth
 
 
 def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:

@@ -73,7 +73,9 @@ class InputNormalPair(Frozen):
         return (T + T.T) / 2
 
 
-def input_normal_pair(angles: Iterable[float], radius: float, taylor: int = 0) -> InputNormalPair:
+def input_normal_pair(
+    angles: Iterable[float], radius: float, taylor: int = 0, first: Iterable[float] = ()
+) -> InputNormalPair:
     """Input-normal pair with nodes radius*exp(+-j*angle) and a zero of multiplicity `taylor`.
 
     Each conjugate pair contributes one 2x2 section, angles 0 and pi one 1x1 section, each zero a delay. Nodes and
@@ -88,6 +90,8 @@ def input_normal_pair(angles: Iterable[float], radius: float, taylor: int = 0) -
         Modulus of the nodes, 0 < radius < 1 (1/decay_rate).
     taylor : int
         Number of Taylor coefficients.
+    first : iterable of float, rad
+        Further nodes, at the head of the cascade: their functions vanish at all others.
 
     Examples
     --------
@@ -100,7 +104,8 @@ def input_normal_pair(angles: Iterable[float], radius: float, taylor: int = 0) -
     lines = [line_section(angle, radius) for angle in angles]
     delays = [_real_section(0.0)] * taylor
     half = taylor // 2
-    return cascade([*lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
+    head = [line_section(angle, radius) for angle in first]
+    return cascade([*head, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
 
 
 def shift_pair(length: int) -> InputNormalPair:

@@ -113,8 +113,3 @@ def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np
         return A, B, C
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     return np.asarray(balanced), B / scale[:, None], C * scale
-
-
-def arc_bound(ends: tuple[float, float], length: float, curvature: float) -> float:
-    """|E| on an arc from its bounds at the ends: no further from the chord than length^2/8 max|E''|."""
-    return max(ends) + curvature * length**2 / 8

@@ -131,7 +131,8 @@ class ConsistentSet:
         if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
             return self
         prior = problem.prior
-        pair = input_normal_pair(np.append(problem.angles, min(angle, np.pi)), 1 / prior.decay_rate, problem.taylor)
+        # At the head of the cascade: tight samples then say nothing about the new coefficients.
+        pair = input_normal_pair(problem.angles, 1 / prior.decay_rate, problem.taylor, first=[min(angle, np.pi)])
         data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair))
         alpha, beta, gamma, delta = self._interpolant
         # x = c g(A) of the central interpolant g(zeta) = delta + zeta gamma (I - zeta alpha)^-1 beta.

@@ -11,17 +11,19 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
-from robustid.certify.circle import CircleBound, Curvature, arc_bound, known_part
+from robustid.certify.circle import CircleBound, Curvature, known_part
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
 from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
 from robustid.certify.sweep import Progress, value_sets
 from robustid.certify.value_set import ValueSet, verify_value_set
+from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import response
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 _GRID = 64  # frequencies of the default grid, besides those of the poles
+_COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
@@ -124,18 +126,21 @@ class WorstCaseError(Frozen):
         self,
         rtol: float = 0.05,
         *,
+        everywhere: bool = False,
         executor: concurrent.futures.Executor | None = None,
         progress: Progress | None = None,
     ) -> CircleBound:
         """A rigorous bound of |F - model| on the whole circle, by adaptive refinement.
 
-        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''| (h the arc between them), for
-        bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
+        that near to its chord. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
 
         Parameters
         ----------
         rtol : float
             Tolerance of the largest bound, relative to the largest error at a frequency.
+        everywhere : bool
+            Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
         executor : concurrent.futures.Executor, optional
         progress : callable (done, all), optional
 
@@ -144,7 +149,17 @@ class WorstCaseError(Frozen):
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        return _refine(self, rtol, executor, progress)
+        return _refine(self, rtol, everywhere, executor, progress)
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight` for the arguments; the bound is that of `on_circle`, held to 30 % everywhere.
+        """
+        circle = self.on_circle(0.3, everywhere=True)
+        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
@@ -319,41 +334,63 @@ def default_grid(identification: Identification) -> np.ndarray:
 
 
 def _refine(
-    error: WorstCaseError, rtol: float, executor: concurrent.futures.Executor | None, progress: Progress | None
+    error: WorstCaseError,
+    rtol: float,
+    everywhere: bool,
+    executor: concurrent.futures.Executor | None,
+    progress: Progress | None,
 ) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error at a frequency by more than rtol."""
-    problem, consistent = error.identification.problem, error._consistent
-    known = {v.omega: v for v in error.values}
-    top, basis = np.pi / problem.dt, problem.parametric
-    bottom = 0.0
-    if basis is not None and basis.has_integrator:
-        lines = [f.omega.min() for f in problem.frequency]
-        bottom = float(min(lines)) if lines else float(error.omega.min())
-    curvature = _curvature(error)
-    angle_step = problem.dt
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
+
+    New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
+    matter.
+    """
+    dt, consistent, curvature = error.identification.problem.dt, error._consistent, _curvature(error)
+    bottom, top = _range(error)
+    known = {v.omega: v for v in error.values if bottom <= v.omega <= top}
+    fine = set(known)
     limits: dict[tuple[float, float], float] = {}
-    wanted = np.array([bottom, top])
+    coarse, sharp = [w for w in (bottom, top) if w not in known], []
     for _ in range(_ROUNDS):
-        new = np.array([w for w in wanted if w not in known])
-        for found in value_sets(consistent, new, error.directions, error.gap, executor, progress):
-            known[found.omega] = found
-        edges = np.array(sorted(w for w in known if bottom <= w <= top))
-        upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, _nominal(error, edges), strict=True)]).T
-        bound = np.empty(edges.size - 1)
-        for k, (a, b) in enumerate(itertools.pairwise(edges)):
-            if (a, b) not in limits:
-                limits[a, b] = curvature.largest(a * angle_step, b * angle_step)
-            bound[k] = arc_bound((upper[k], upper[k + 1]), (b - a) * angle_step, limits[a, b])
-        long = bound > (1 + rtol) * upper.max()
-        result = CircleBound(edges, bound, float(lower.max()), not np.any(long))
-        if result.converged or edges.size + np.count_nonzero(long) > _LARGEST:
+        for wanted, settings in ((coarse, _COARSE), (sharp, (error.directions, error.gap))):
+            found = value_sets(consistent, np.array(wanted), *settings, executor, progress)
+            known |= {v.omega: v for v in found}
+        fine |= set(sharp)
+        edges = np.array(sorted(known))
+        nominal = response(error.model, edges * dt)
+        upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, nominal, strict=True)]).T
+        sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
+        ends = np.maximum(sure[:-1], sure[1:])
+        peak = ends if everywhere else np.full(ends.size, sure.max())
+        arcs = list(itertools.pairwise(edges))
+        limits |= {arc: curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
+        bend = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
+        bound = np.maximum(upper[:-1], upper[1:]) + bend
+        open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
+        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0)
+        coarse, sharp = [], []
+        for k in open_arcs:
+            rough = [
+                w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak[k]
+            ]
+            if bend[k] <= 0.5 * rtol * peak[k] and rough:
+                sharp += rough
+            else:
+                coarse.append(float(sum(arcs[k]) / 2))
+        sharp = sorted(set(sharp))
+        if result.converged or edges.size + len(coarse) > _LARGEST:
             break
-        wanted = (edges[:-1][long] + edges[1:][long]) / 2
     return result
 
 
-def _nominal(error: WorstCaseError, omega: np.ndarray) -> np.ndarray:
-    return response(error.model, omega * error.identification.problem.dt)
+def _range(error: WorstCaseError) -> tuple[float, float]:
+    """Of the circle, rad/s: from 0, or from the first line where the plant has an integrator."""
+    problem = error.identification.problem
+    top, basis = np.pi / problem.dt, problem.parametric
+    if basis is None or not basis.has_integrator:
+        return 0.0, top
+    lines = [f.omega.min() for f in problem.frequency]
+    return float(min(lines, default=error.omega.min())), top
 
 
 def _curvature(error: WorstCaseError) -> Curvature:

@@ -1,0 +1,242 @@
+r"""Rational magnitudes above a bound: a log-Chebyshev fit on the circle by differential correction.
+
+On the circle the squared magnitude of a model of order r is a ratio of polynomials of degree r in ``x = tan^2(angle/2)``, and
+every such ratio without zeros and poles on x >= 0 belongs to a stable minimum-phase model: its roots map to
+``s = -sqrt(-x)``, ``z = (1 + s)/(1 - s)``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# A step aims no farther than this in |W|^2, where linear programs in double precision still tell the ends apart.
+_REACH = np.log(1e6)
+_STEPS = 40
+_CLOSE = 4e-3  # in log |W|^2: bisection ends here
+# Below the first line the weight has no bound to follow; it stays within this factor of the first one.
+_FREE = 100.0
+_ZERO = 1e-9  # what a linear program calls zero
+_POINTS = 240
+_NONE = np.zeros(0)
+
+
+class Magnitude(NamedTuple):
+    """Zeros and poles in x, one of each conjugate pair (imaginary part >= 0); the constant factor is left open."""
+
+    zeros: np.ndarray
+    poles: np.ndarray
+
+
+class Grid(NamedTuple):
+    """Points x of the half circle, and the logarithms of the squared bound: largest and smallest of the cells that meet there."""
+
+    x: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def grid_of(angles: np.ndarray, bound: np.ndarray, magnitude: Magnitude, extra: np.ndarray = _NONE) -> Grid:
+    """Edges, points within every cell, points at the resonances of a magnitude, and extra points x."""
+    inner = max(3, -(-_POINTS // bound.size))
+    first = angles[0] if angles[0] > 0 else angles[1] / 1e3
+    spread = np.geomspace(first, np.pi, _POINTS)
+    parts = np.concatenate([[angles[0]], spread[(spread > angles[0]) & (spread < np.pi)]])
+    steps = (np.arange(inner) + 0.5) / inner
+    within = (angles[:-1, None] + np.diff(angles)[:, None] * steps).ravel()
+    parts = np.concatenate([angles, parts, within])
+    if angles[0] > 0:
+        parts = np.concatenate([parts, [0.0], np.geomspace(angles[0] / _FREE, angles[0], 40)[:-1]])
+    roots = np.concatenate(magnitude)
+    centre, width = np.real(roots)[:, None], np.imag(roots)[:, None]
+    x = np.concatenate([(centre + width * np.array([-4, -2, -1, -0.5, 0, 0.5, 1, 2, 4])).ravel(), extra])
+    parts = np.concatenate([parts, 2 * np.arctan(np.sqrt(x[x > 0]))])
+    theta = np.unique(parts)
+    left = np.clip(np.searchsorted(angles, theta, side="left") - 1, 0, bound.size - 1)
+    right = np.clip(np.searchsorted(angles, theta, side="right") - 1, 0, bound.size - 1)
+    slack = np.where(theta < angles[0], 2 * np.log(_FREE), 0.0)
+    low = 2 * np.log(np.maximum(bound[left], bound[right])) - slack
+    high = 2 * np.log(np.minimum(bound[left], bound[right])) + slack
+    return Grid(np.tan(theta / 2) ** 2, low, high)
+
+
+def improve(magnitude: Magnitude, angles: np.ndarray, bound: np.ndarray) -> Magnitude:
+    """The magnitude of the same order with the smallest looseness, max |W|/bound where min |W|/bound = 1.
+
+    Is there n'/d' with ``low d' <= n' <= g high d'``? is a linear program: bisection on g finds the global optimum, and a
+    last step of differential correction `cheney1962` polishes it. Each program is posed in the partial fractions of the best
+    roots so far, in which n'/n and d'/d are near one however steep the bound is.
+    """
+    grid = grid_of(angles, bound, magnitude)
+    least, reached = float((grid.low - grid.high).max()), _looseness(magnitude, grid)
+    opened = least
+    for _ in range(_STEPS):
+        closing = reached - least <= _CLOSE
+        aim = reached if closing else (least + reached) / 2
+        found, crossings = _step(magnitude, grid, aim)
+        # Points at the resonances that the step has moved: what looked good between the old points is judged there.
+        grid = _merged(grid, grid_of(angles, bound, found or magnitude, crossings))
+        before = _looseness(magnitude, grid)
+        reached = before if found is None else min(before, _looseness(found, grid))
+        if found is not None and reached < before:
+            magnitude = found
+        if found is None:
+            if closing:
+                break
+            least = aim
+        elif closing and not crossings.size:
+            if before - reached < _CLOSE:
+                break
+            least = opened
+    return magnitude
+
+
+def _merged(first: Grid, second: Grid) -> Grid:
+    x, where = np.unique(np.concatenate([first.x, second.x]), return_index=True)
+    return Grid(x, np.concatenate([first.low, second.low])[where], np.concatenate([first.high, second.high])[where])
+
+
+def to_plane(roots: np.ndarray) -> np.ndarray:
+    """Roots in z, inside the unit circle, pairs complete."""
+    s = -np.sqrt(-np.where(np.imag(roots) == 0, np.real(roots), roots).astype(complex))
+    z = (1 + s) / (1 - s)
+    paired = np.imag(roots) > 0
+    return np.concatenate([np.where(paired, z, np.real(z)), z[paired].conj()])
+
+
+def log_square(magnitude: Magnitude, x: np.ndarray) -> np.ndarray:
+    """Log |W|^2 at x, without the constant factor."""
+    return _log_product(magnitude.zeros, x) - _log_product(magnitude.poles, x)
+
+
+def _log_product(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+    times = np.where(np.imag(roots) > 0, 2.0, 1.0)
+    return np.log(np.abs(x[:, None] - roots)) @ times
+
+
+def _looseness(magnitude: Magnitude, grid: Grid) -> float:
+    """Log of the largest |W|^2/high, with W as small as low allows."""
+    values = log_square(magnitude, grid.x)
+    return float((values - grid.high).max() - (values - grid.low).min())
+
+
+def raised(magnitude: Magnitude, angles: np.ndarray) -> Magnitude:
+    """The same magnitude with one more zero and pole, which cancel, where the roots are farthest apart."""
+    band = np.array([min(angles[angles > 0][0], 0.3), np.clip(angles[-2], 1.0, 3.0)])
+    low, high = 2 * np.log(np.tan(band / 2))
+    places = np.linspace(low - 1, high + 1, 61)
+    taken = np.log(np.abs(np.concatenate([*magnitude, [1e-300, 1e300]])))
+    distance = np.abs(places[:, None] - taken).min(axis=1)
+    root = [-np.exp(places[np.argmax(distance)])]
+    return Magnitude(*(np.concatenate([roots, root]) for roots in magnitude))
+
+
+def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | None, np.ndarray]:
+    """A magnitude of looseness exp(aim), None where there is none; and points x where it has a zero or pole on the circle.
+
+    With such points, what is returned lies on the way there, as far as there are none.
+    """
+    values = log_square(magnitude, grid.x)
+    values = values - (values - grid.low).min()
+    looseness = (values - grid.high).max()
+    share = min(1.0, _REACH / max(looseness, _REACH))
+    low, high = np.exp(share * (values - grid.low)), np.exp(share * (values - grid.high - aim))
+    bases = [_fractions(roots, grid.x) for roots in magnitude]
+    weights = _program(bases[0], bases[1], low, high)
+    if weights is None:
+        return None, _NONE
+    crossings, still = _NONE, np.eye(1, bases[0].shape[1])[0]
+    for part in (1.0, 0.5, 0.25, 0.1):
+        columns = [part * column + (1 - part) * still for column in weights]
+        moved = [_roots(roots, column) for roots, column in zip(magnitude, columns, strict=True)]
+        bad = [np.real(roots[(np.imag(roots) == 0) & (np.real(roots) >= 0)]) for roots in moved]
+        if not any(points.size for points in bad):
+            return Magnitude(*moved), crossings
+        if part == 1.0:
+            crossings = np.concatenate(bad)
+    return magnitude, crossings
+
+
+def _fractions(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Columns 1 and the partial fractions of ``p(x)/prod(x - roots)``, each at most one in size on x >= 0."""
+    columns = [np.ones_like(x)]
+    for root, size in zip(roots, _sizes(roots), strict=True):
+        value = size / (x - root)
+        columns += [np.real(value)] + ([np.imag(value)] if np.imag(root) > 0 else [])
+    return np.stack(columns, axis=1)
+
+
+def _sizes(roots: np.ndarray) -> np.ndarray:
+    """Distance of each root from x >= 0."""
+    return np.where(np.real(roots) > 0, np.abs(np.imag(roots)), np.abs(roots))
+
+
+def _roots(roots: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Zeros of the sum of partial fractions: eigenvalues of ``diag(roots) - b c'/weights[0]``, one of each pair.
+
+    States in the scale of the roots, largest first: eigenvalues of a graded matrix keep their digits.
+    """
+    n = weights.size - 1
+    matrix, drive, row = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    k = 0
+    for root, size in zip(roots, _sizes(roots), strict=True):
+        scale, matrix[k, k] = np.sqrt(np.abs(root)), np.real(root)
+        drive[k], row[k] = scale, weights[k + 1] * size / scale
+        if np.imag(root) > 0:
+            matrix[k + 1, k + 1] = np.real(root)
+            matrix[k, k + 1], matrix[k + 1, k] = np.imag(root), -np.imag(root)
+            row[k + 1] = -weights[k + 2] * size / scale
+            k += 1
+        k += 1
+    order = np.argsort(-np.abs(np.diag(matrix)), kind="stable")
+    matrix = (matrix - np.outer(drive, row) / weights[0])[order][:, order]
+    found = np.linalg.eigvals(matrix)
+    return found[np.imag(found) >= 0].astype(complex)
+
+
+def _program(
+    top: np.ndarray, bottom: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Weights of n'/n and d'/d: ``min t``, ``d' <= low n'``, ``high n' - d' <= t``, ``d' <= 1``; None where t < 0 is impossible.
+
+    Only the rows that matter are given to the program; those that its solution violates most, one of each run of neighbours,
+    are added until none is left.
+    """
+    import scipy.optimize
+
+    m, k = top.shape
+    rows = [
+        np.hstack([-low[:, None] * top, bottom, np.zeros((m, 1))]),
+        np.hstack([high[:, None] * top, -bottom, -np.ones((m, 1))]),
+        np.hstack([np.zeros_like(top), bottom, np.zeros((m, 1))]),
+    ]
+    right = [np.zeros(m), np.zeros(m), np.ones(m)]
+    start = np.unique(np.linspace(0, m - 1, min(m, 8 * k)).astype(int))
+    chosen = [start, np.union1d(start, [np.argmax(high)]), start]
+    cost = np.eye(1, 2 * k + 1, 2 * k)[0]
+    solution = np.zeros(2 * k + 1)
+    for _ in range(30):
+        found = scipy.optimize.linprog(
+            cost,
+            np.vstack([r[c] for r, c in zip(rows, chosen, strict=True)]),
+            np.concatenate([b[c] for b, c in zip(right, chosen, strict=True)]),
+            bounds=[(-1e4, 1e4)] * (2 * k) + [(-1.0, 0.0)],
+            method="highs-ds",
+            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        )
+        if found.x is None:
+            break
+        solution = found.x
+        fresh = [np.setdiff1d(_peaks(r @ solution - b), c) for r, b, c in zip(rows, right, chosen, strict=True)]
+        if not any(points.size for points in fresh):
+            break
+        chosen = [np.union1d(c, points) for c, points in zip(chosen, fresh, strict=True)]
+    return (solution[:k], solution[k:-1]) if solution[-1] < -_ZERO else None
+
+
+def _peaks(excess: np.ndarray) -> np.ndarray:
+    """Index of the largest excess of every run of violated rows."""
+    inner = np.concatenate([[-np.inf], excess, [-np.inf]])
+    top = (inner[1:-1] > 1e-8) & (inner[1:-1] >= inner[:-2]) & (inner[1:-1] >= inner[2:])
+    return np.flatnonzero(top)
