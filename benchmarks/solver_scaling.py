@@ -21,6 +21,7 @@ PEERS = ("CLARABEL", "SCS", "CVXOPT", "SDPA")
 # Above, a peer would take more than about ten minutes (left: as quick runs go).
 LARGEST = {"CLARABEL": (60, 80), "SCS": (60, 80), "CVXOPT": (100, 160), "SDPA": (100, 200)}
 ACCURACY = 1e-4
+FORMS = ("taylor", "sections")
 
 
 def measurements(length, lines, samples, kautz=False, seed=0):
@@ -58,21 +59,61 @@ def measurements(length, lines, samples, kautz=False, seed=0):
 def ours(length, lines, samples, what):
     """Margin (or all of identify) by the structured solver: (value, Newton systems)."""
     import robustid as rid
+    from robustid.bases import Sections
     from robustid.identification.forms import pose
     from robustid.identification.margin import prove_margin
     from robustid.solve import structured, threads_for
 
-    problem, systems = measurements(length, lines, samples, kautz=what == "identify"), []
-    factorise = structured._State.factorise
-    structured._State.factorise = lambda state: (systems.append(1), factorise(state))[1]
+    problem, systems = measurements(length, lines, samples, kautz=what == "identify"), counted(structured)
     start = time.perf_counter()
     if what == "identify":
         result = rid.identify(problem, form="taylor")
         value = result.require().margin if result.consistent else result.margin
     else:
         with threads_for(length):
-            value = prove_margin(pose(problem, length), "structured", ACCURACY)[0].margin
+            value = prove_margin(pose(problem, Sections.shift(length)), "structured", ACCURACY)[0].margin
     return value, time.perf_counter() - start, len(systems)
+
+
+def counted(structured):
+    """A list that grows by one with every Newton system."""
+    systems, factorise = [], structured._State.factorise
+    structured._State.factorise = lambda state: (systems.append(1), factorise(state))[1]
+    return systems
+
+
+def oversampled(rho, lines, top=0.05, bound=0.01):
+    """Lines up to 5 % of the sampling rate of a member: three modes that decay 1.5 to 2.5 times as fast as rho asks."""
+    import robustid as rid
+
+    rng = np.random.default_rng(0)
+    angles = 2 * np.pi * np.linspace(2e-4, top, lines)
+    poles = (1 + (rho - 1) * rng.uniform(1.5, 2.5, 3)) * np.exp(2j * np.pi * top * rng.uniform(0.1, 0.9, 3))
+    weights = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+
+    def member(z):
+        return sum(
+            w / (1 - z / p) + w.conjugate() / (1 - z / p.conjugate()) for w, p in zip(weights, poles, strict=True)
+        )
+
+    size = np.abs(member(rho * np.exp(1j * np.linspace(0, np.pi, 20000)))).max()
+    error = 1.5 * bound * np.sqrt(rng.random(lines)) * np.exp(2j * np.pi * rng.random(lines))
+    frf = rid.FrequencyResponse(angles / 1e-3, 0.9 * member(np.exp(-1j * angles)) / size + error, dt=1e-3, bound=bound)
+    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=rho))
+
+
+def banded(rho, lines, form):
+    """All of identify(): (coefficients, margin, width), seconds, Newton systems."""
+    import robustid as rid
+    from robustid.solve import structured
+
+    problem, systems = oversampled(rho, lines), counted(structured)
+    start = time.perf_counter()
+    result = rid.identify(problem, form=form)
+    seconds = time.perf_counter() - start
+    if not result.verification.passed:
+        raise RuntimeError(result.summary())
+    return (result.length, result.margin, result.margin - result.margin_lower), seconds, len(systems)
 
 
 def theirs(length, lines, samples, solver):
@@ -80,9 +121,10 @@ def theirs(length, lines, samples, solver):
     import cvxpy as cp
     import scipy.linalg
 
+    from robustid.bases import Sections
     from robustid.identification.forms import pose
 
-    rows = pose(measurements(length, lines, samples), length).data.rows
+    rows = pose(measurements(length, lines, samples), Sections.shift(length)).data.rows
     E, y = rows.real(rows.E.dense()), rows.real(rows.y)
     x, s = cp.Variable(length), cp.Variable()
     basis = np.stack([scipy.linalg.toeplitz(row, np.zeros(length)) for row in np.eye(length)])
@@ -100,8 +142,12 @@ def one(arguments):
     """In a process of its own: value, seconds, gigabytes, Newton systems as a line of JSON."""
     length, lines, samples, name = arguments
     work = theirs if name in PEERS else ours
-    work(8, 12, 0, name)  # imports and first calls
-    value, seconds, systems = work(int(length), int(lines), int(samples), name)
+    if name in FORMS:
+        banded(1.3, 60, name)
+        value, seconds, systems = banded(float(length), int(lines), name)
+    else:
+        work(8, 12, 0, name)  # imports and first calls
+        value, seconds, systems = work(int(length), int(lines), int(samples), name)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     sys.stdout.write(json.dumps([value, seconds, memory, systems]) + "\n")
 
@@ -169,6 +215,26 @@ def large(full):
         print(f"{n:5d}{lines:8d}{samples:9d}{seconds:9.1f}{memory:6.2f}{systems:9d}{value:9.4f}", flush=True)
 
 
+def bands(full):
+    """Lines up to 5 % of the sampling rate: Taylor coefficients against a repeated section."""
+    print("\nidentify(), lines up to 5 % of the sampling rate: Taylor coefficients, and a repeated section")
+    print(
+        f"{'rho':>7}{'lines':>7}{'L':>6}{'s':>8}{'width':>9}{'n':>6}{'s':>8}{'GB':>6}{'width':>9}{'L/n':>6}{'ratio s':>9}"
+    )
+    cases = [(1.05, 1000), (1.02, 1000), (1.005, 1000), (1.005, 10_000), (1.003, 1000)]
+    for rho, lines in cases if full else cases[:2]:
+        (n, margin, width), seconds, memory, _ = run(rho, lines, 0, "sections")
+        other = run(rho, lines, 0, "taylor")
+        if other:
+            (L, wide, slack), slow, _, _ = other
+            if max(margin - width, wide - slack) > min(margin, wide):
+                raise RuntimeError(f"the proven intervals contradict each other at rho = {rho}")
+            left, ratio = f"{L:6d}{slow:8.1f}{slack:9.0e}", f"{L / n:6.1f}{slow / seconds:9.1f}"
+        else:
+            left, ratio = f"{'refused':>23}", ""
+        print(f"{rho:7g}{lines:7d}{left}{n:6d}{seconds:8.1f}{memory:6.2f}{width:9.0e}{ratio}", flush=True)
+
+
 def draw(path, times, rows):
     """Seconds against the number of coefficients, all solvers."""
     from matplotlib.figure import Figure
@@ -197,6 +263,7 @@ def main():
     times = against_peers(arguments.full)
     rows = growth(arguments.full)
     large(arguments.full)
+    bands(arguments.full)
     if arguments.plot:
         draw(arguments.plot, times, rows)
 

@@ -13,13 +13,20 @@ from robustid._terminal import plain, step
 from robustid.errors import SizeError
 
 
-def identified(console: Any, proposal: Any, objective: str, solver: str, accuracy: float) -> Any:
+def identified(
+    console: Any,
+    proposal: Any,
+    objective: str = "center",
+    solver: str = "auto",
+    accuracy: float = 1e-4,
+    form: str = "auto",
+) -> Any:
     """The identification, with the choices of the proposal as its notes."""
     from robustid.identification import identify as solve
 
     problem = proposal.problem
     with step(console, f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"):
-        result = solve(problem, objective=objective, solver=solver, accuracy=accuracy)
+        result = solve(problem, objective=objective, solver=solver, accuracy=accuracy, form=form)
     return dataclasses.replace(result, notes=proposal.choices)
 
 
@@ -72,7 +79,7 @@ def size_in_options() -> Iterator[None]:
     try:
         yield
     except SizeError as error:
-        count = str(error).split(".")[0].replace("`problem` has", "the data make")
+        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
         raise SizeError(
             f"{count}. Use a part of them: --band LOW:HIGH keeps the lines between two frequencies in Hz, --first N the"
             " first N time samples"

@@ -90,7 +90,7 @@ def demo(
     )
     with step(console, "choosing modes and prior from the data"):
         proposal = propose(frequency=[data.frequency], time=[data.time])
-    result = identified(console, proposal, "center", "auto", 1e-4)
+    result = identified(console, proposal)
     page = folder / "report.html"
     finish(console, result, folder / "result", page, reduce=True, title="robustid demo")
     console.print(plain(f"\nNext: open {page} in a browser."), highlight=False)
@@ -157,6 +157,14 @@ def identify(
     ] = "center",
     solver: Annotated[str, typer.Option(help='"auto", "structured", "cvxpy", or an installed cvxpy solver.')] = "auto",
     accuracy: Annotated[float, typer.Option(help="Width of the proven interval of the margin.")] = 1e-4,
+    form: Annotated[
+        str,
+        typer.Option(
+            help="The finite problem: orthonormal (exact, up to 200 coefficients), classical (the same as published, for small"
+            " data), taylor (any number of samples), sections (fewer coefficients where the lines fill a part of the circle only,"
+            " as in oversampled data), or auto."
+        ),
+    ] = "auto",
     output: Output = Path("result"),
     report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
     reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
@@ -174,12 +182,14 @@ def identify(
     70 an error of the program, 130 interrupted.
     """
     from robustid._cli_data import Options, measurements, parse_modes
-    from robustid.identification.consistency import OBJECTIVES
+    from robustid.identification.consistency import FORMS, OBJECTIVES
     from robustid.interpolation import Prior
     from robustid.pipeline import propose
 
     if objective not in OBJECTIVES:
         raise InputError(f"--objective must be one of {', '.join(OBJECTIVES)}; got {objective!r}")
+    if form not in FORMS:
+        raise InputError(f"--form must be one of {', '.join(FORMS)}; got {form!r}")
     if not frequency and not time:
         raise InputError("--frequency and --time are both missing; give at least one file")
     if (gain is None) != (decay is None):
@@ -199,7 +209,7 @@ def identify(
     with size_in_options(), step(console, "choosing modes and prior from the data"):
         proposal = propose(frequency=lines, time=records, modes=modes, prior=prior, repeat=repeat, delay=delay)
     with size_in_options():
-        result = identified(console, proposal, objective, solver, accuracy)
+        result = identified(console, proposal, objective, solver, accuracy, form)
     finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(EXIT[result.status])
 

@@ -80,6 +80,19 @@ def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch)
     assert np.allclose(rid.load_identification("result").problem.frequency[0].omega, frf.omega)
 
 
+def test_the_form_is_an_option(files, capsys, monkeypatch):
+    lines = ["identify", "--frequency", "frf.csv", "--no-reduce"]
+    code, _, err = run([*lines, *CLASS, "--form", "sections", "--accuracy", "1e-3"], capsys, monkeypatch)
+    assert code == 0, err
+    result = rid.load_identification("result")
+    assert result.verification.passed
+    assert result.sections.degree > 1
+    code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"], capsys, monkeypatch)
+    assert code == 2
+    assert "coefficients (a section of degree" in " ".join(err.split())
+    assert "--band" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -91,6 +104,7 @@ def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch)
         ([*COMMAND, "--channel", "0"], "OUTPUT,INPUT"),
         ([*COMMAND, "--time-field", "u"], "ROLE=NAME"),
         ([*COMMAND, *CLASS, "--objective", "best"], "objective"),
+        ([*COMMAND, *CLASS, "--form", "best"], "--form must be one of auto, orthonormal, classical, taylor, sections"),
         ([*COMMAND, *CLASS, "--solver", "NONE"], "solver"),
         ([*COMMAND, "-o", "no/such/folder/x"], "folder"),
         (["identify", "--frequency", "bad.mat", "--dt", "0.01", "--frequency-bound", "1"], "bad.mat"),

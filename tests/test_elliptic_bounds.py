@@ -192,7 +192,8 @@ def test_rows_of_a_taylor_form():
 
 
 @pytest.mark.parametrize(
-    "options", [{"solver": "cvxpy"}, {"solver": "structured"}, {"form": "taylor"}, {"form": "classical"}]
+    "options",
+    [{"solver": "cvxpy"}, {"solver": "structured"}, {"form": "taylor"}, {"form": "sections"}, {"form": "classical"}],
 )
 def test_one_real_value_against_the_closed_form(options):
     """At omega = 0 F is any real f, |f| <= K: y = jv and kappa = jb give the margin v (1 - b^2)/sqrt(1 + b^2)/bound."""
@@ -269,7 +270,7 @@ def test_no_tilt_is_a_disc():
         assert second.margin_lower == pytest.approx(first.margin_lower, rel=1e-9)
 
 
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_the_truth_inside_its_ellipses_is_never_refuted(form):
     """Errors on the border of every ellipse (99.9 % of it), drawn along the whole border."""
     for seed in range(10):
@@ -284,7 +285,7 @@ def test_the_truth_inside_its_ellipses_is_never_refuted(form):
 
 
 @pytest.mark.parametrize("power", [-60, 60])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_units_do_not_matter(power, form):
     problem, _ = elliptic(random_problem(3, "mixed", 10, spread=0.3, noise=3.0).with_prior(decay_rate=1.25), 3)
     unit = 2.0**power

@@ -58,7 +58,9 @@ def one_constant(value, low, high, dt=0.01):
     return rid.MixedProblem(frequency=frf, prior=prior, parametric=one, parameter_bounds=[(low, high)])
 
 
-@pytest.mark.parametrize("options", [{"solver": "cvxpy"}, {"solver": "structured"}, {"form": "taylor"}])
+@pytest.mark.parametrize(
+    "options", [{"solver": "cvxpy"}, {"solver": "structured"}, {"form": "taylor"}, {"form": "sections"}]
+)
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (1.0, 1.0), (-5.0, 1.0), (-1e7, 1.0), (1 - 1e-7, 1.0)])
 def test_a_constant_out_of_reach(options, low, high):
     result = rid.identify(one_constant(3.0, low, high), **options)
@@ -221,7 +223,7 @@ def test_certificates_from_arbitrary_multipliers_hold_for_members():
 
 
 @pytest.mark.parametrize("power", [-60, 60])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_units_do_not_matter(power, form):
     for kind in KINDS:
         problem = bounded(tight(3), kind, 3)
@@ -259,7 +261,7 @@ def truthful(seed):
     return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis), p
 
 
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_intervals_around_the_truth_never_refute(form):
     for seed in range(6):
         problem, p = truthful(seed)

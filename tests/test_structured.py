@@ -8,17 +8,17 @@ import pytest
 
 import robustid as rid
 from problems import CASES, judge_margin, random_problem
-from robustid.bases import input_normal_pair
+from robustid.bases import Sections, input_normal_pair
 from robustid.identification import margin as margin_module
 from robustid.identification.forms import pose
-from robustid.interpolation import SarasonMap, ShiftColumns, certify_margin
+from robustid.interpolation import SarasonMap, SectionMap, ShiftColumns, certify_margin
 from robustid.solve import analytic_center, discs, gain_path, margin_path, solve_conic, support_path
-from robustid.solve.ball import DenseBall, HankelBall, longest_step
+from robustid.solve.ball import BlockHankelBall, DenseBall, HankelBall, TurnedBall, longest_step
 from robustid.solve.design import DenseDesign, ShiftDesign
 from robustid.solve.paths import _program
 from robustid.solve.structured import Limits, _State, center, path, start
 
-FORMS = (0, 12)  # the exact form; so many Taylor coefficients
+FORMS = (None, Sections.shift(12), Sections([0.6, 0.5 + 0.4j], 4))  # the exact form; 12 coefficients
 
 
 def hankel_basis(n):
@@ -58,6 +58,14 @@ def test_balls_against_stored_matrices(n):
         angles = np.sort(rng.uniform(0.1, 3, n // 4))
         sarason = SarasonMap(input_normal_pair(angles, 0.9, n - 2 * angles.size))
         check_ball(DenseBall(sarason.symmetric_basis), sarason.symmetric_basis, rng)
+        zeros = np.sqrt(rng.uniform(0, 1, 1 + seed)) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed))
+        zeros[seed // 2 :] = np.abs(zeros[seed // 2 :])  # real ones too
+        sections = Sections(zeros, max(1, n // 4))
+        basis = SarasonMap(sections.pair).symmetric_basis
+        check_ball(BlockHankelBall(SectionMap(sections)), basis, rng)
+        axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
+        turned = TurnedBall(BlockHankelBall(SectionMap(sections)), axes)
+        check_ball(turned, np.tensordot(axes.T, basis, 1), rng)
 
 
 def test_a_long_hankel_ball_against_its_definition():
@@ -273,16 +281,16 @@ def test_generated_columns_and_their_non_uniform_transforms(lines, samples, para
 # --- one Newton system ------------------------------------------------------------------------------------------------
 
 
-def small_data(seed, case, length, coefficients=12):
+def small_data(seed, case, form, coefficients=12):
     problem = random_problem(seed, case, coefficients, spread=0.5, noise=2.0)
-    return pose(problem.with_prior(decay_rate=1.25) if length else problem, length).data
+    return pose(problem.with_prior(decay_rate=1.25) if form else problem, form).data
 
 
-def dense_arrays(data):
-    """H_j and G, by the definitions."""
-    n = data.sarason.pair.order
-    H = np.array([data.sarason.symmetry @ SarasonMap(data.sarason.pair).matrix(e) for e in np.eye(n)])
-    return H, np.hstack([data.rows.E.dense(), data.orthonormal[0]])
+def dense_arrays(data, axes=None):
+    """H_j and G, by the definitions, of coordinates along the axes."""
+    axes = np.eye(data.sarason.pair.order) if axes is None else axes
+    H = np.array([data.sarason.symmetry @ SarasonMap(data.sarason.pair).matrix(e) for e in axes.T])
+    return H, np.hstack([data.rows.E.dense() @ axes, data.orthonormal[0]])
 
 
 def feasible(data):
@@ -293,14 +301,15 @@ def feasible(data):
 
 
 def unknowns(data, point):
-    return np.concatenate([point.x, data.orthonormal_parameters(point.p)])
+    y = point.x if data.axes is None else np.linalg.solve(data.axes, point.x)
+    return np.concatenate([y, data.orthonormal_parameters(point.p)])
 
 
 def programs(data):
     """Margin, gain and extreme of a functional: (program, v, t) strictly feasible."""
     point, worst = feasible(data)
     level, count, v = 1.2 * worst + 0.1, data.rows.y.size, unknowns(data, point)
-    e = np.abs(data.rows.y - dense_arrays(data)[1] @ v).max()
+    e = np.abs(data.rows.y - dense_arrays(data, data.axes)[1] @ v).max()
     yield _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0), v, 2 * e + 0.1
     fixed, tail = data.rows.fixed, data.rows.tail
     yield _program(data, Limits((0.0, 1.0), (level * fixed, level * (1 - fixed) - tail)), 1.0), v, 1.0
@@ -308,12 +317,12 @@ def programs(data):
     yield _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None, w), v, 0.0
 
 
-@pytest.mark.parametrize("length", FORMS)
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("case", CASES)
-def test_a_direction_solves_the_linearised_equations(case, length):
+def test_a_direction_solves_the_linearised_equations(case, form):
     """Affine and corrected, at the first iterates of three programs: every equation, assembled from stored matrices."""
-    data = small_data(1, case, length)
-    H, G = dense_arrays(data)
+    data = small_data(1, case, form)
+    H, G = dense_arrays(data, data.axes)
     n, discs_count = H.shape[0], data.rows.discs
     for program, v, t in programs(data):
         for number, at in enumerate(path(program, start(program, v, t))):
@@ -382,7 +391,8 @@ def barrier_gradient(data, level, v):
     """Of -log det(I - X'X) - sum log(reach^2 - |e|^2), X and not H, each derivative by itself."""
     n = data.sarason.pair.order
     basis = SarasonMap(data.sarason.pair).basis
-    X, G = np.tensordot(v[:n], basis, 1), dense_arrays(data)[1]
+    basis = basis if data.axes is None else np.tensordot(data.axes.T, basis, 1)
+    X, G = np.tensordot(v[:n], basis, 1), dense_arrays(data, data.axes)[1]
     inverse = np.linalg.inv(np.eye(n) - X.T @ X)
     e = data.rows.y - G @ v
     e[data.rows.discs :] = e[data.rows.discs :].real
@@ -391,11 +401,11 @@ def barrier_gradient(data, level, v):
     return out
 
 
-@pytest.mark.parametrize("length", FORMS)
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("case", CASES)
-def test_the_centre_is_where_the_barrier_is_stationary(case, length):
+def test_the_centre_is_where_the_barrier_is_stationary(case, form):
     for seed in range(3):
-        data = small_data(seed, case, length)
+        data = small_data(seed, case, form)
         point, worst = feasible(data)
         level, count = 1.05 * worst + 0.02, data.rows.y.size
         program = _program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(count))), None)
@@ -421,7 +431,8 @@ def test_the_centre_is_where_the_barrier_is_stationary(case, length):
         state.factorise()
         assert after @ np.linalg.solve(state.matrix, after) <= 1e-12
         found = analytic_center(data, level)
-        assert np.linalg.norm(found.x - at.v[: found.x.size]) <= 1e-5
+        n = found.x.size
+        assert np.linalg.norm((unknowns(data, found) - at.v)[:n]) <= 1e-5
 
 
 # --- whole paths ------------------------------------------------------------------------------------------------------
@@ -489,11 +500,16 @@ def check_margin_path(data):
     return best
 
 
-def check_problem(seed, case, length, coefficients, count):
+def resized(form, size):
+    """A form with about so many coefficients."""
+    return form and dataclasses.replace(form, repeats=-(-size // form.degree))
+
+
+def check_problem(seed, case, form, coefficients, count):
     """One problem, all programs against Clarabel; returns the largest relative differences."""
     spread, noise = ((1.0, 0.9), (0.2, 4.0))[seed % 2]
     problem = random_problem(seed, case, coefficients, spread=spread, noise=noise)
-    data = pose(problem.with_prior(decay_rate=1.25) if length else problem, length).data
+    data = pose(problem.with_prior(decay_rate=1.25) if form else problem, form).data
     candidate, margin, _ = check_margin_path(data)
     count.take()
     conic = solve_conic(data, "margin", solver="cvxpy")
@@ -530,13 +546,13 @@ def check_problem(seed, case, length, coefficients, count):
     return off
 
 
-@pytest.mark.parametrize("length", FORMS)
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("case", CASES)
-def test_paths_end_at_the_optimum_of_an_independent_solver(case, length, monkeypatch):
-    """24 problems, consistent and not: margin, gain, support functions of both sets to 1e-6; at most 60 systems each."""
+def test_paths_end_at_the_optimum_of_an_independent_solver(case, form, monkeypatch):
+    """36 problems, consistent and not: margin, gain, support functions of both sets to 1e-6; at most 60 systems each."""
     count = Count(monkeypatch)
     for seed in range(3):
-        off = check_problem(seed, case, length, 8, count)
+        off = check_problem(seed, case, resized(form, 8), 8, count)
         assert max(off.values()) <= 1e-6, off
     assert count.largest <= 60
 
@@ -546,12 +562,12 @@ def test_paths_on_two_hundred_problems(monkeypatch, capsys):
     count, worst, failures = Count(monkeypatch), {}, []
     for seed in range(25):
         for case in CASES:
-            for length in FORMS:
+            for form in FORMS:
                 size = 6 + 2 * (seed % 6)
-                off = check_problem(100 + seed, case, length and size, size, count)
+                off = check_problem(100 + seed, case, resized(form, size), size, count)
                 worst = {name: max(worst.get(name, 0.0), value) for name, value in off.items()}
                 if max(off.values()) > 1e-6:
-                    failures.append((100 + seed, case, length, size, off))
+                    failures.append((100 + seed, case, form, size, off))
     with capsys.disabled():
         print("\nlargest differences", worst, "most Newton systems", count.largest)
     assert not failures

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 import robustid as rid
 from problems import CASES, random_problem
-from robustid.bases import shift_pair
+from robustid.bases import Sections, shift_pair
 from robustid.identification.forms import pose, taylor_length
 from robustid.identification.residuals import model_residuals
 from robustid.interpolation import (
@@ -129,7 +129,7 @@ def test_the_tails_of_all_samples_hold_for_random_members():
         prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.01, 1.3))
         problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
         L = int(rng.integers(1, 60))
-        rows = measurement_rows(problem, L)
+        rows = measurement_rows(problem, Sections.shift(L))
         bound = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
         widened = bound.copy()
         past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
@@ -151,10 +151,12 @@ def test_the_length_keeps_every_tail_below_a_tenth_of_the_accuracy():
         problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
         for accuracy in (1e-2, 1e-5):
             L = taylor_length(problem, accuracy)
-            tail = measurement_rows(problem, L).tail
+            tail = measurement_rows(problem, Sections.shift(L)).tail
             assert 0 < tail.max() <= 0.1 * accuracy or L >= 40
             assert tail.max() <= 0.1 * accuracy * (1 + 1e-9)
-            assert measurement_rows(problem, max(L // 3, 1)).tail.max() > 0.1 * accuracy  # not absurdly long
+            assert (
+                measurement_rows(problem, Sections.shift(max(L // 3, 1))).tail.max() > 0.1 * accuracy
+            )  # not absurdly long
 
 
 # --- the map ----------------------------------------------------------------------------------------------------------
@@ -222,7 +224,7 @@ def check_outer(problem, result, exact, rng):
         worst = max(r.ratio.max() for r in model_residuals(problem, model))
         assert worst >= result.margin_lower - 1e-9 * max(1, worst)
     # The best system known, mixed with random members: whatever the rest of its coefficients does.
-    rows = measurement_rows(problem, result.length)
+    rows = measurement_rows(problem, result.sections)
     for t in (1e-4, 1e-3, 1e-2, 0.1, 1.0):
         for sign in (1, -1):
             x = (1 - t) * result.claim.x + sign * t * taylor(random_member(rng), result.length)
@@ -238,7 +240,7 @@ def compare(case, seed):
     if rid.Status.UNDECIDED not in (exact.status, result.status):
         assert exact.status is result.status
     # The certificate, re-evaluated by its definition; one of value 0 claims nothing.
-    data, proof = pose(problem, result.length).data, result.certificate
+    data, proof = pose(problem, result.sections).data, result.certificate
     weights, A = proof.samples, ShiftMap(result.length).pair.A
     if proof.value:
         value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")

@@ -14,7 +14,7 @@ from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.forms import length_of, pose
+from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem
 from robustid.solve import margin_path
 
@@ -155,7 +155,7 @@ def _effect(margin: float, before: float) -> str:
 def _reachable_margin(problem: MixedProblem) -> float:
     """A margin that some system reaches, within 0.1 % (or 0.001) of the smallest."""
     margin = np.inf
-    for _, margin, gap in margin_path(pose(problem, length_of(problem, "auto", _DIGITS)).data):
+    for _, margin, gap in margin_path(pose(problem, sections_of(problem, "auto", _DIGITS)).data):
         if gap <= _DIGITS * max(margin, 1.0):
             break
     return float(margin)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
-from robustid.identification.forms import length_of, pose
+from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem, Prior
 from robustid.solve import analytic_center, gain_path
 
@@ -128,7 +128,7 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     for ceiling in _CEILINGS:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
-        data = pose(trial, length_of(trial, "auto", _TAILS)).data
+        data = pose(trial, sections_of(trial, "auto", _TAILS)).data
         try:
             center = analytic_center(data, 1.0)
         except SolverError:
@@ -157,7 +157,7 @@ def _possible_rates(problem: MixedProblem) -> np.ndarray:
     rates, refusal = _default_rates(problem), None
     for first, rho in enumerate(rates):
         try:
-            length_of(
+            sections_of(
                 problem.with_prior(gain_bound=_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)), "auto", _DIGITS
             )
         except SizeError as error:

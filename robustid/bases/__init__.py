@@ -2,10 +2,12 @@
 
 from robustid.bases.input_normal import InputNormalPair, input_normal_pair, shift_pair, solve_stein
 from robustid.bases.parametric import ParametricBasis, as_basis, kautz, stack_bases
+from robustid.bases.sections import Sections
 
 __all__ = [
     "InputNormalPair",
     "ParametricBasis",
+    "Sections",
     "as_basis",
     "input_normal_pair",
     "kautz",

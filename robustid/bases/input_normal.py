@@ -101,11 +101,11 @@ def input_normal_pair(
     True
     """
     angles = np.sort(np.asarray(list(angles), dtype=float))
-    lines = [_line_section(angle, radius) for angle in angles]
+    lines = [line_section(angle, radius) for angle in angles]
     delays = [_real_section(0.0)] * taylor
     half = taylor // 2
-    head = [_line_section(angle, radius) for angle in first]
-    return _cascade([*head, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
+    head = [line_section(angle, radius) for angle in first]
+    return cascade([*head, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
 
 
 def shift_pair(length: int) -> InputNormalPair:
@@ -121,7 +121,8 @@ def shift_pair(length: int) -> InputNormalPair:
     return InputNormalPair(np.eye(length, k=1), np.eye(length)[:, length - 1 :], np.eye(1, length), np.zeros((1, 1)))
 
 
-def _line_section(angle: float, radius: float) -> np.ndarray:
+def line_section(angle: float, radius: float) -> np.ndarray:
+    """[a b; c d], orthogonal, of the all-pass function with the zeros radius*exp(+-j*angle), one where they are real."""
     if angle == 0.0:
         return _real_section(radius)
     if angle == np.pi:
@@ -144,7 +145,8 @@ def _real_section(a: float) -> np.ndarray:
     return np.array([[a, s], [s, -a]])
 
 
-def _cascade(sections: list[np.ndarray]) -> InputNormalPair:
+def cascade(sections: list[np.ndarray]) -> InputNormalPair:
+    """The pair of a product of all-pass functions [a b; c d]."""
     total = sum(s.shape[0] - 1 for s in sections)
     A, B = np.zeros((total, total)), np.zeros((total, 1))
     c, d = np.zeros((1, total)), np.ones((1, 1))

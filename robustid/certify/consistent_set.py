@@ -18,8 +18,8 @@ from robustid.interpolation import (
     SarasonMap,
     SupportCertificate,
     certify_support,
+    line_tails,
     measurement_rows,
-    taylor_tail,
 )
 from robustid.solve import Candidate, ConvexData, analytic_center, support_path
 
@@ -104,8 +104,10 @@ class ConsistentSet:
         """Weights of (x, p) in F(exp(j omega T)), complex, and what the other coefficients can add."""
         problem, rows = self.posed.problem, self.data.rows
         prior, angle = problem.prior, omega * problem.dt
-        phi = prior.gain_bound * self.data.sarason.pair.evaluate(np.exp(-1j * np.array([angle])) / prior.decay_rate)[0]
-        tail = taylor_tail(prior, self.posed.length) if self.posed.length else 0.0
+        here, sections = np.array([angle]), self.posed.sections
+        basis = self.data.sarason.pair if sections is None else sections
+        phi = prior.gain_bound * basis.evaluate(np.exp(-1j * here) / prior.decay_rate)[0]
+        tail = 0.0 if sections is None else float(line_tails(problem, sections, here)[0])
         return phi, self._parameter_weights(lambda basis: basis.response(np.array([angle]))[0], rows), tail
 
     def parameter_weights(self, index: int) -> np.ndarray:
@@ -123,11 +125,11 @@ class ConsistentSet:
     def with_node(self, omega: float) -> ConsistentSet:
         """The same set with coefficients that determine the value at `omega` too.
 
-        A Taylor form stays as it is (its tail bounds the value); so does a pair that has the node.
+        The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
         """
         problem = self.posed.problem
         angle = omega * problem.dt
-        if self.posed.length or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
+        if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
             return self
         prior = problem.prior
         # At the head of the cascade: tight samples then say nothing about the new coefficients.
@@ -161,7 +163,7 @@ def consistent_set(identification: Identification) -> ConsistentSet:
             " system whose error could be bounded; loosen the bounds or the prior first"
         )
     problem = identification.problem
-    posed = pose(problem, identification.length)
+    posed = pose(problem, identification.sections)
     level = 1.0 if identification.margin < 1 - _BARELY else 1 + _BARELY
     claim = identification.claim
     shrink = identification.prior.gain_bound / problem.prior.gain_bound

@@ -1,4 +1,4 @@
-"""The finite problems that stand for the infinite one: the exact form, and the form of L Taylor coefficients."""
+"""The finite problems that stand for the infinite one: the exact form, Taylor coefficients, a repeated section."""
 
 from __future__ import annotations
 
@@ -7,23 +7,29 @@ import math
 
 import numpy as np
 
-from robustid.bases import input_normal_pair
+from robustid.bases import Sections, input_normal_pair
 from robustid.errors import SizeError, Status
+from robustid.identification.section_choice import demands, shortest_sections
 from robustid.interpolation import (
     ClassicalForm,
     MarginCertificate,
     MixedProblem,
     SarasonMap,
+    SectionMap,
     ShiftMap,
     classical_form,
     measurement_rows,
     taylor_tail,
 )
+from robustid.interpolation.rows import MOST_STORED
 from robustid.solve import ConvexData
 
 # The exact form is dense: n^4 work per Newton step. Minutes begin at the second.
 QUICK_EXACT, LARGEST_EXACT = 100, 200
+LONGEST_SECTIONS = 1000  # the same, with N x n columns of the lines
 LONGEST_TAYLOR = 2000  # dense L x L matrices: 32 MB each, a dozen of them, and L^3 work per Newton step
+_QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
+_CLEARLY = 0.5  # of the work of the other forms: what sections may take
 _EDGE = 1e-6  # how far outside the smallest margin the model is centred
 _SHARE = 0.1  # of the accuracy that is left to the tails
 
@@ -36,26 +42,27 @@ class Posed:
     ----------
     problem : MixedProblem
     data : ConvexData
-    length : int
-        Number L of Taylor coefficients; 0 for the exact form.
+    sections : Sections or None
+        The repeated section, the shift for Taylor coefficients; None for the exact form.
     classical : ClassicalForm or None
         The basis of the paper's inequality, where that was asked.
     """
 
     problem: MixedProblem
     data: ConvexData
-    length: int
+    sections: Sections | None
     classical: ClassicalForm | None = None
 
     def with_prior(self, **changes: float) -> Posed:
         """The same form of the problem with another prior."""
-        return pose(self.problem.with_prior(**changes), self.length, self.classical is not None)
+        return pose(self.problem.with_prior(**changes), self.sections, self.classical is not None)
 
 
-def pose(problem: MixedProblem, length: int = 0, classical: bool = False) -> Posed:
-    """Arrays of the exact form (length 0), in the orthonormal or the paper's basis, or of `length` Taylor coefficients."""
-    if length:
-        return Posed(problem, ConvexData(measurement_rows(problem, length), ShiftMap(length)), length)
+def pose(problem: MixedProblem, sections: Sections | None = None, classical: bool = False) -> Posed:
+    """Arrays of the exact form, in the orthonormal or the paper's basis, or of the form of a repeated section."""
+    if sections is not None:
+        sarason = ShiftMap(sections.order) if sections.is_shift else SectionMap(sections)
+        return Posed(problem, ConvexData(measurement_rows(problem, sections), sarason), sections)
     n = problem.coefficients
     if n > LARGEST_EXACT:
         raise SizeError(
@@ -68,30 +75,57 @@ def pose(problem: MixedProblem, length: int = 0, classical: bool = False) -> Pos
     basis = None
     if classical and n:
         basis = classical_form(pair, problem.angles, problem.prior.decay_rate, problem.taylor)
-    return Posed(problem, data, 0, basis)
+    return Posed(problem, data, None, basis)
 
 
-def length_of(problem: MixedProblem, form: str, accuracy: float) -> int:
-    """The number of Taylor coefficients for a form; 0 for the exact one.
+def sections_of(problem: MixedProblem, form: str, accuracy: float) -> Sections | None:
+    """The repeated section of a form, the shift for Taylor coefficients; None for the exact form.
 
-    "auto" takes the exact form while it is quick, and where it is the smaller one.
+    "auto" takes the exact form while it is quick, and then the form with the least work; sections only where they clearly save.
     """
-    if form in ("orthonormal", "classical"):
-        return 0
     n = problem.coefficients
-    if form == "auto" and n <= QUICK_EXACT:
-        return 0
-    length = taylor_length(problem, accuracy)
-    if form == "auto" and n <= LARGEST_EXACT and length > 4 * n:
-        return 0
-    if length > LONGEST_TAYLOR:
-        raise SizeError(
-            f"`problem` has {n} coefficients in the exact form, and needs {length} Taylor coefficients for accuracy {accuracy:g} at"
-            f" decay rate {problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {LONGEST_TAYLOR} are possible. Put lightly damped"
-            " modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
-            " frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
-        )
-    return length
+    if form in ("orthonormal", "classical") or (form == "auto" and n <= QUICK_EXACT):
+        return None
+    shift = Sections.shift(taylor_length(problem, accuracy))
+    if form == "taylor":
+        return _possible(problem, shift, accuracy)
+    if form == "sections":
+        return _possible(problem, shortest_sections(problem, _SHARE * accuracy), accuracy)
+    best = None if _work(problem, None) < _work(problem, shift) else shift
+    if _work(problem, best) > _QUICK:
+        found = shortest_sections(problem, _SHARE * accuracy)
+        if _work(problem, found) < _CLEARLY * _work(problem, best):
+            best = found
+    return best if best is None else _possible(problem, best, accuracy)
+
+
+def _possible(problem: MixedProblem, sections: Sections, accuracy: float) -> Sections:
+    """The same, where it is not too large."""
+    n, limit = sections.order, LONGEST_TAYLOR if sections.is_shift else LONGEST_SECTIONS
+    if n <= limit:
+        return sections
+    kind = (
+        "Taylor coefficients"
+        if sections.is_shift
+        else f"coefficients (a section of degree {sections.degree}, repeated)"
+    )
+    raise SizeError(
+        f"`problem` has {problem.coefficients} coefficients in the exact form, and needs {n} {kind} for accuracy {accuracy:g} at"
+        f" decay rate {problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are possible. Put lightly damped"
+        " modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
+        " frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
+    )
+
+
+def _work(problem: MixedProblem, sections: Sections | None) -> float:
+    """Of a Newton step, in multiplications, nearly, as measured; infinite where a form is too large for the problem."""
+    lines = sum(frf.omega.size for frf in problem.frequency)
+    n = problem.coefficients if sections is None else sections.order
+    if sections is None:
+        return 8.0 * n**4 if n <= LARGEST_EXACT else math.inf
+    if sections.is_shift:
+        return 20.0 * n**3 if n <= LONGEST_TAYLOR else math.inf
+    return 40.0 * n**3 + 3.0 * lines * n**2 if n <= LONGEST_SECTIONS and lines * n <= MOST_STORED else math.inf
 
 
 def taylor_length(problem: MixedProblem, accuracy: float) -> int:
@@ -102,15 +136,9 @@ def taylor_length(problem: MixedProblem, accuracy: float) -> int:
 
 def smallest_bound(problem: MixedProblem) -> float:
     """Largest error of the model, at every frequency, that no sample feels as more than its bound."""
-    least = [float(frf.inner_radius.min()) for frf in problem.frequency]
-    for record in problem.time:
-        # sum over the past of |u| rho^-j <= max|u| / (1 - 1/rho); a periodic record has the l1 norm of its spectrum.
-        drive = float(np.abs(record.u).max()) / (1 - 1 / problem.prior.decay_rate)
-        if record.initial == "periodic":
-            drive = 2 * float(np.sum(np.abs(np.fft.rfft(record.u[:, 0])))) / record.u.shape[0]
-        if drive > 0:
-            least.append(float(record.bound[np.isfinite(record.bound)].min()) / drive)
-    return min(least, default=problem.prior.gain_bound)
+    _, bounds, everywhere = demands(problem)
+    least = min(everywhere, float(bounds.min(initial=np.inf)))
+    return least if np.isfinite(least) else problem.prior.gain_bound
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

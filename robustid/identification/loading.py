@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.bases import ParametricBasis
+from robustid.bases import ParametricBasis, Sections
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError
 from robustid.identification.forms import Claim, level_of, pose
@@ -76,11 +76,17 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
     )
 
 
+def _read_sections(text: dict[str, Any] | None) -> Sections | None:
+    return None if text is None else Sections(tuple(complex(*a) for a in text["zeros"]), text["repeats"])
+
+
 def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
-    length = record["length"]
-    data, posed = pose(problem, length).data, pose(dataclasses.replace(problem, prior=prior), length)
+    sections = _read_sections(record["sections"])
+    if sections is not None and sections.order != arrays["result/coefficients"].size:
+        raise ValueError("its sections do not belong to its coefficients")
+    data, posed = pose(problem, sections).data, pose(dataclasses.replace(problem, prior=prior), sections)
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
     certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
     point = (arrays["claim/x"], arrays["claim/p"])
@@ -97,7 +103,7 @@ def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identific
         prior=prior,
         coefficients=x,
         scaled_parameters=p,
-        length=length,
+        sections=sections,
         model=nominal.model,
         verification=verify(posed, center, nominal, claim, data, level),
         timing=record["timing_s"],

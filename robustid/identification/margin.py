@@ -64,13 +64,15 @@ def _candidates(posed: Posed, solver: str, accuracy: float) -> Iterator[tuple[Ca
             yield solve_conic(posed.data, "margin", solver=solver, classical=posed.classical), True
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
-    waiting = None
+    nearest, least = None, np.inf
     for candidate, margin, gap in margin_path(posed.data):
         near = gap <= accuracy * max(1.0, margin)
-        waiting = None if near else candidate
+        if gap < least:
+            nearest, least = None if near else candidate, gap
         yield candidate, near
-    if waiting is not None:
-        yield waiting, True
+    # At the limit of precision multipliers get worse again.
+    if nearest is not None:
+        yield nearest, True
 
 
 def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:

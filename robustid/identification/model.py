@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -12,6 +13,8 @@ import scipy.linalg
 from robustid.identification.forms import Posed, smallest_bound
 from robustid.identification.residuals import largest_ratio
 from robustid.interpolation import (
+    BalancedContraction,
+    ImpulseReduction,
     Interpolants,
     MixedProblem,
     Rows,
@@ -50,23 +53,28 @@ class Nominal:
 
 def family_of(posed: Posed, x: np.ndarray) -> Family:
     """All functions of the unit ball with the coefficients x."""
-    return taylor_interpolants(x) if posed.length else interpolants(posed.data.sarason, x)
+    taylor = posed.sections is not None and posed.sections.is_shift
+    return taylor_interpolants(x) if taylor else interpolants(posed.data.sarason, x)
 
 
 def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
     """The interpolant with the free parameter E, joined with the parametric part.
 
-    Of a Taylor form, states are left out as long as every residual stays below level * bound.
+    But for the exact form, states are left out as long as every residual stays below level * bound.
     """
     problem, rows = posed.problem, posed.data.rows
     family = family_of(posed, point.x)
     if isinstance(family, Interpolants):
-        scaled = _unscaled(problem, family.realise(E))
-        return Nominal(join_model(problem, rows, scaled, point.p), scaled[0].shape[0], 0.0)
+        states = _unscaled(problem, family.realise(E))
+        if posed.sections is None:
+            return Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], 0.0)
+        cut = BalancedContraction(*states).truncate
+    else:
+        cut = functools.partial(_from_impulse, problem, family, E)
     tolerance = _SHARE * smallest_bound(problem)
     while True:
-        realised, error = _reduced(problem, family, E, tolerance)
-        nominal = Nominal(join_model(problem, rows, realised, point.p), realised[0].shape[0], error)
+        small = cut(tolerance)
+        nominal = Nominal(join_model(problem, rows, small[:4], point.p), small.A.shape[0], small.bound)
         if tolerance < 1e-10 * problem.prior.gain_bound or largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
             return nominal
         tolerance /= 10
@@ -81,14 +89,14 @@ def _unscaled(problem: MixedProblem, scaled: Scaled) -> Scaled:
     return alpha / rho, root * beta, root * gamma / rho, K * delta
 
 
-def _reduced(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> tuple[Scaled, float]:
+def _from_impulse(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> ImpulseReduction:
     """Balanced truncation of the interpolant, from its impulse response, within a tolerance in units of the response."""
     prior = problem.prior
     wanted = taylor_tail(prior, 0) / (1e-3 * tolerance)
     count = min(_LONGEST, max(2, math.ceil(math.log(max(wanted, 2.0)) / math.log(prior.decay_rate))))
     g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float) * family.coefficients(count, E)
     small = balanced_from_impulse(g, tolerance)
-    return (small.A, small.B, small.C, small.D), small.bound + taylor_tail(prior, count)
+    return small._replace(bound=small.bound + taylor_tail(prior, count))
 
 
 def join_model(problem: MixedProblem, rows: Rows, realised: Scaled, p: np.ndarray) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.bases import Sections
 from robustid.data.ellipses import bound_ratio
 from robustid.errors import InconsistentDataError, Status
 from robustid.identification.forms import Claim, Posed, level_of, pose
@@ -37,12 +38,12 @@ class Identification(Frozen):
     prior : Prior
         Of the model: that of the problem, with a smaller gain bound for objective "gain".
     coefficients : (n,) array
-        Of the non-parametric part, in the orthonormal basis (Taylor coefficients where `length` is not 0), relative to the
-        gain bound.
+        Of the non-parametric part, in the orthonormal basis, relative to the gain bound.
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
-    length : int
-        Number of Taylor coefficients of the finite problem; 0 where that was the exact form.
+    sections : Sections or None
+        The all-pass function, and how often it is repeated, whose basis was used: the shift for Taylor coefficients; None for
+        the exact form.
     model : control.StateSpace
         Central interpolant joined with the parametric part, engineer's convention, with dt.
     verification : Verification
@@ -59,7 +60,7 @@ class Identification(Frozen):
     prior: Prior
     coefficients: np.ndarray
     scaled_parameters: np.ndarray
-    length: int
+    sections: Sections | None
     model: Any
     verification: Verification
     timing: dict[str, float]
@@ -83,9 +84,24 @@ class Identification(Frozen):
         """Lower end of the proven interval: the value of `certificate`."""
         return self.claim.certificate.value
 
+    @property
+    def length(self) -> int:
+        """Number of coefficients of the form of a repeated section; 0 for the exact form."""
+        return self.sections.order if self.sections else 0
+
+    @property
+    def form(self) -> str:
+        """The finite problem that stood for the infinite one, in words."""
+        if self.sections is None:
+            return f"{self.coefficients.size} coefficients, exact"
+        if self.sections.is_shift:
+            return f"{self.length} Taylor coefficients"
+        degree, repeats = self.sections.degree, self.sections.repeats
+        return f"{self.length} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
+
     @functools.cached_property
     def tail(self) -> float:
-        """What the Taylor coefficients that were left out can do, at most, as a part of any sample's bound; 0: exact form.
+        """What the coefficients that were left out can do, at most, as a part of any sample's bound; 0: exact form.
 
         Both ends of the interval of the margin allow for it.
         """
@@ -175,7 +191,7 @@ class Identification(Frozen):
     @functools.cached_property
     def _posed(self) -> Posed:
         """The problem with the prior of the model, in the form that was solved."""
-        return pose(dataclasses.replace(self.problem, prior=self.prior), self.length)
+        return pose(dataclasses.replace(self.problem, prior=self.prior), self.sections)
 
     @functools.cached_property
     def _family(self) -> Family:
@@ -188,7 +204,7 @@ class Identification(Frozen):
         ----------
         E : float in [-1, 1] or control.StateSpace
             The free parameter: any function of the unit ball, in the scaled variable zeta = z/rho. 0 gives `model`;
-            these are all systems of the class with these coefficients and parameters. A number where the form was "taylor".
+            these are all systems of the class with these coefficients and parameters. A number but for the exact form.
 
         Returns
         -------
@@ -250,11 +266,8 @@ class Identification(Frozen):
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
-                [
-                    f"form       {self.length} Taylor coefficients; the rest moves no sample by more than {self.tail:.2g} bounds"
-                ]
-                if self.length
-                else []
+                [f"form       {self.form}; the rest moves no sample by more than {self.tail:.2g} bounds"]
+                * bool(self.length)
             ),
             f"model      order {self.order}, {self.objective}"
             + (f", |G| <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),

@@ -13,6 +13,7 @@ import numpy as np
 
 from robustid._files import atomic_write
 from robustid._version import __version__
+from robustid.bases import Sections
 from robustid.interpolation import MixedProblem
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "status": result.status.name,
         "meaning": result.status.value,
         "objective": result.objective,
-        "length": result.length,
+        "sections": _describe_sections(result.sections),
         "margin": result.margin,
         "margin_lower": result.margin_lower,
         "accuracy": result.accuracy,
@@ -74,6 +75,12 @@ def digest(arrays: dict[str, np.ndarray]) -> str:
         total.update(f"{name} {array.dtype.str} {array.shape}".encode())
         total.update(array.tobytes())
     return total.hexdigest()
+
+
+def _describe_sections(sections: Sections | None) -> dict[str, Any] | None:
+    if sections is None:
+        return None
+    return {"zeros": [[a.real, a.imag] for a in sections.zeros], "repeats": sections.repeats}
 
 
 def _describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

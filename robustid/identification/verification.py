@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data.ellipses import tilted
 from robustid.identification.forms import Claim, Posed
-from robustid.identification.model import Nominal, physical_parameters
+from robustid.identification.model import Nominal, family_of, physical_parameters
 from robustid.identification.residuals import Residual, largest, model_residuals
 from robustid.identification.simulation import response, simulate
-from robustid.interpolation import MixedProblem, taylor_interpolants
+from robustid.interpolation import MixedProblem
+from robustid.interpolation.rows import line_tilts
 from robustid.solve import Candidate, ConvexData
 
 
@@ -85,11 +87,16 @@ def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) 
 def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Check]:
     """What the state space must have in common with the interpolant that it stands for."""
     problem, model, n = posed.problem, nominal.model, nominal.states
-    if posed.length:
+    if posed.sections is not None:
         return [
             Check(
                 "model minus the central interpolant, relative to K",
                 truncation_error(posed, point, model),
+                nominal.error / problem.prior.gain_bound + 1e-9,
+            ),
+            Check(
+                "model minus the values of the coefficients at the lines, beyond the tails, relative to K",
+                line_error(posed, point, model),
                 nominal.error / problem.prior.gain_bound + 1e-9,
             ),
             Check("largest |pole| of the non-parametric part", spectral_radius(model.A[:n, :n]), 1.0),
@@ -109,14 +116,31 @@ def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Chec
 
 
 def truncation_error(posed: Posed, point: Candidate, model: Any, count: int = 257) -> float:
-    """Largest |model - interpolant|/K on a grid of frequencies, the interpolant evaluated by the maps of Schur's algorithm."""
+    """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states."""
     problem = posed.problem
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
     angles = np.pi * (np.arange(count) + 0.5) / count
-    values = K * taylor_interpolants(point.x).evaluate(np.exp(-1j * angles) / rho)
+    values = K * family_of(posed, point.x).evaluate(np.exp(-1j * angles) / rho)
     if problem.parametric is not None:
         values = values + problem.parametric.response(angles) @ physical_parameters(posed.data.rows, point.p)
     return float(np.abs(response(model, angles) - values).max()) / K
+
+
+def line_error(posed: Posed, point: Candidate, model: Any) -> float:
+    """Largest (|model - E x - P p| - tail)/K at the frequency lines; 0 where there are none.
+
+    Both along the ellipses, where bounds are such, in units of their smaller semi-axes.
+    """
+    problem, rows = posed.problem, posed.data.rows
+    lines, frf = slice(0, rows.discs), problem.frequency
+    bound, small = (
+        np.concatenate([np.zeros(0), *(getattr(f, name)[:, 0, 0] for f in frf)]) for name in ("bound", "inner_radius")
+    )
+    angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in frf)])
+    values = (rows.E @ point.x + rows.P @ point.p)[lines]
+    error = tilted(response(model, angles), line_tilts(problem)) / bound - values
+    excess = (np.abs(error) - rows.tail[lines]) * small
+    return float(excess.max(initial=0.0)) / problem.prior.gain_bound
 
 
 def spectral_radius(A: np.ndarray) -> float:

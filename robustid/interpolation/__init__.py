@@ -1,18 +1,20 @@
 """The convex question: the class, the data, and the condition that a system of the class fits them."""
 
-from robustid.interpolation.central import Interpolants, interpolants
+from robustid.interpolation.central import Interpolants, interpolants, transfer
 from robustid.interpolation.certificate import MarginCertificate, certify_margin, evaluate_certificate
 from robustid.interpolation.classical import ClassicalForm, classical_form
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.contraction import BalancedContraction
 from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
-from robustid.interpolation.rows import Rows, measurement_rows, taylor_tail
-from robustid.interpolation.sarason import SarasonMap, ShiftMap
+from robustid.interpolation.rows import Rows, line_tails, measurement_rows, taylor_tail
+from robustid.interpolation.sarason import SarasonMap, SectionMap, ShiftMap, antidiagonal_blocks
 from robustid.interpolation.schur import TaylorInterpolants, taylor_interpolants
 from robustid.interpolation.support_certificate import Functional, SupportCertificate, certify_support, evaluate_support
 
 __all__ = [
+    "BalancedContraction",
     "ClassicalForm",
     "DenseColumns",
     "Functional",
@@ -23,10 +25,12 @@ __all__ = [
     "Prior",
     "Rows",
     "SarasonMap",
+    "SectionMap",
     "ShiftColumns",
     "ShiftMap",
     "SupportCertificate",
     "TaylorInterpolants",
+    "antidiagonal_blocks",
     "balanced_from_impulse",
     "certify_margin",
     "certify_support",
@@ -34,7 +38,9 @@ __all__ = [
     "evaluate_certificate",
     "evaluate_support",
     "interpolants",
+    "line_tails",
     "measurement_rows",
     "taylor_interpolants",
     "taylor_tail",
+    "transfer",
 ]

@@ -73,6 +73,10 @@ class Interpolants(Frozen):
         gamma = np.hstack([full[n:, :n], self.outer[n:] @ c])
         return alpha, beta, gamma, full[n:, n:]
 
+    def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
+        """The values phi_E(zeta), |zeta| < 1."""
+        return transfer(self.realise(E), zeta)[:, 0, 0]
+
     def weyl_disc(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1.
 
@@ -81,15 +85,37 @@ class Interpolants(Frozen):
         """
         zeta = np.atleast_1d(np.asarray(zeta, dtype=complex))
         n = self.V.shape[0] - 1
-        inputs = np.hstack([self.V[:n, n:], self.outer[:n]]).astype(complex)
-        left = np.eye(n) - zeta[:, None, None] * self.V[:n, :n]
-        state = zeta[:, None, None] * np.linalg.solve(left, np.broadcast_to(inputs, (zeta.size, n, 2)))
+        inputs = np.hstack([self.V[:n, n:], self.outer[:n]])
         outputs = np.vstack([self.V[n:, :n], self.inner[:n].T])
         through = np.array([[self.V[n, n], self.outer[n, 0]], [self.inner[n, 0], 0.0]])
-        P = outputs @ state + through
+        P = transfer((self.V[:n, :n], inputs, outputs, through), zeta)
         shrink = 1 - np.abs(P[:, 1, 1]) ** 2
         centre = P[:, 0, 0] + P[:, 0, 1] * P[:, 1, 0] * P[:, 1, 1].conj() / shrink
         return centre, np.abs(P[:, 0, 1] * P[:, 1, 0]) / shrink
+
+
+def transfer(system: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], zeta: np.ndarray) -> np.ndarray:
+    """D + zeta C (I - zeta A)^{-1} B at points, (F, p, q): one Schur form, one substitution for all points of a block."""
+    A, B, C, D = system
+    n, q = B.shape
+    values = np.repeat(np.asarray(D, dtype=complex)[None], zeta.size, axis=0)
+    if not n:
+        return values
+    T, Q = scipy.linalg.schur(A, output="complex")[:2]
+    right, left = Q.conj().T @ B, C @ Q
+    block = max(1, _BLOCK // q)
+    for first in range(0, zeta.size, block):
+        points = np.asarray(zeta[first : first + block], dtype=complex)[:, None]
+        x = np.empty((n, points.size * q), complex)
+        for row in range(n - 1, -1, -1):  # (I - zeta T) x = right, from the last row up
+            rest = (T[row, row + 1 :] @ x[row + 1 :]).reshape(points.size, q)
+            x[row] = ((right[row] + points * rest) / (1 - points * T[row, row])).ravel()
+        outputs = (left @ x).reshape(-1, points.size, q)
+        values[first : first + block] += points[..., None] * outputs.transpose(1, 0, 2)
+    return values
+
+
+_BLOCK = 1024  # columns worked on at once: they stay in the cache
 
 
 def interpolants(sarason: SarasonMap, x: np.ndarray) -> Interpolants:

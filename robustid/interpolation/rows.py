@@ -8,10 +8,10 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
-from robustid.bases import InputNormalPair
+from robustid.bases import InputNormalPair, Sections
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.ellipses import tilted
-from robustid.errors import InputError
+from robustid.errors import InputError, SizeError
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem, excited_lines
@@ -107,8 +107,8 @@ class _Exact:
         prior, times = self.problem.prior, np.arange(u.size)[:, None]
         return _filtered(u, prior.gain_bound * prior.decay_rate**-times * self.pair.taylor(u.size))
 
-    def line_tail(self) -> float:
-        return 0.0
+    def line_tail(self, angles: np.ndarray) -> np.ndarray:
+        return np.zeros(angles.size)
 
     def time_tail(self, u: np.ndarray) -> np.ndarray:
         return np.zeros(u.size)
@@ -137,9 +137,9 @@ class _Taylor:
         padded[:, : delayed.shape[1]] = delayed
         return self.problem.prior.gain_bound * self.decay * padded
 
-    def line_tail(self) -> float:
+    def line_tail(self, angles: np.ndarray) -> np.ndarray:
         """Largest value of the rest on the unit circle: K rho^-L (2/pi) K(1/rho), K the complete elliptic integral."""
-        return taylor_tail(self.problem.prior, self.length)
+        return np.full(angles.size, taylor_tail(self.problem.prior, self.length))
 
     def time_tail(self, u: np.ndarray) -> np.ndarray:
         """K (sum_{j >= L} u_{n-j}^2 rho^-2j)^(1/2), since the scaled coefficients have norm 1, (count,)."""
@@ -149,6 +149,68 @@ class _Taylor:
             weights = prior.decay_rate ** (-2.0 * np.arange(L, u.size))
             energy[L:] = np.convolve(u**2, weights)[: u.size - L]
         return prior.gain_bound * np.sqrt(energy)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Repeated:
+    """The functions of a repeated section; the rest is theta times a function that is bounded by the tails."""
+
+    problem: MixedProblem
+    sections: Sections
+
+    def lines(self, angles: np.ndarray) -> np.ndarray:
+        """Values at exp(j angle), (F, n)."""
+        prior = self.problem.prior
+        if angles.size * self.sections.order > MOST_STORED:
+            raise SizeError(
+                f"`problem` has {self.sections.order} coefficients in the form of sections and {angles.size} frequency lines; their"
+                f' product may be up to {MOST_STORED:.2g}. Use form="taylor", or thin the data: frf.select(slice(None, None, step))'
+            )
+        return prior.gain_bound * self.sections.evaluate(np.exp(-1j * angles) / prior.decay_rate)
+
+    def line_tail(self, angles: np.ndarray) -> np.ndarray:
+        """K |theta(zeta)| (2/pi) K(1/rho) at zeta = exp(-j angle)/rho, by Cauchy's formula on the circle, (F,).
+
+        With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)).
+        """
+        prior, sections, eps = self.problem.prior, self.sections, np.finfo(float).eps
+        inside = (1 - 1 / prior.decay_rate) * (1 + 1 / prior.decay_rate)  # 1 - |zeta|^2
+        size = np.abs(sections.all_pass(np.exp(-1j * angles) / prior.decay_rate)) + 8 * sections.degree * eps / inside
+        rounding = 8 * (sections.order + 1 / inside) * eps / np.sqrt(inside)
+        return taylor_tail(prior, 0) * size**sections.repeats + prior.gain_bound * rounding
+
+    def filtered(self, u: np.ndarray) -> np.ndarray:
+        """Responses to the input, (T, n)."""
+        return self._states(u)[0] @ (self.problem.prior.gain_bound * self.sections.pair.symmetry())
+
+    def time_tail(self, u: np.ndarray) -> np.ndarray:
+        """K (sum_j v_(n-j)^2 rho^-2j)^(1/2), v the response of theta(z/rho) to u, (T,).
+
+        Sample n is an inner product with h_n = sum_j u_(n-j) rho^-j zeta^j; P_+(conj(theta) h_n) has the coefficients
+        v_(n-j) rho^-j. No digits cancel: [A B; c d] is orthogonal, and what its rounding adds is bounded along the way.
+        """
+        import scipy.signal
+
+        prior, n = self.problem.prior, self.sections.order
+        _, v = self._states(u)
+        slow, fast = [1.0, -1 / prior.decay_rate], [1.0, -(prior.decay_rate**-2.0)]
+        energy, size = (np.sqrt(scipy.signal.lfilter([1.0], fast, a**2)) for a in (v, u))
+        rounding = 2 * (n + 3) ** 1.5 * np.finfo(float).eps * scipy.signal.lfilter([1.0], slow, size)
+        return prior.gain_bound * (energy + rounding)
+
+    def _states(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of theta(z/rho) driven by u: states (T, n) after, and outputs (T,) at, every sample."""
+        pair, rho = self.sections.pair, self.problem.prior.decay_rate
+        states, outputs, state = np.empty((u.size, pair.order)), np.empty(u.size), np.zeros(pair.order)
+        for k, push in enumerate(u):
+            outputs[k] = pair.c[0] @ state / rho + pair.d[0, 0] * push
+            states[k] = state = pair.A @ state / rho + pair.B[:, 0] * push
+        return states, outputs
+
+
+_Functions = _Exact | _Taylor | _Repeated
+
+MOST_STORED = 4e7  # complex entries of the columns of all lines: 0.6 GB, of which the solver holds a few copies
 
 
 def taylor_tail(prior: Prior, length: int) -> float:
@@ -162,9 +224,9 @@ def taylor_tail(prior: Prior, length: int) -> float:
     return prior.gain_bound * rho ** -float(length) * 2 / np.pi * float(scipy.special.ellipk(rho**-2))
 
 
-def measurement_rows(problem: MixedProblem, basis: InputNormalPair | int) -> Rows:
-    """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of that many Taylor coefficients."""
-    functions = _Taylor(problem, basis) if isinstance(basis, int) else _Exact(problem, basis)
+def measurement_rows(problem: MixedProblem, basis: InputNormalPair | Sections) -> Rows:
+    """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of a repeated section."""
+    functions = _functions(problem, basis)
     blocks = [_in_discs(_frequency_block(problem, f, functions), f) for f in problem.frequency]
     for record in problem.time:
         block = _periodic_block if record.initial == "periodic" else _time_block
@@ -172,13 +234,24 @@ def measurement_rows(problem: MixedProblem, basis: InputNormalPair | int) -> Row
     return _assemble(problem, blocks, functions)
 
 
-def _frequency_block(problem: MixedProblem, frf: FrequencyResponse, functions: _Exact | _Taylor) -> _Block:
+def line_tails(problem: MixedProblem, sections: Sections, angles: np.ndarray) -> np.ndarray:
+    """Largest value at exp(j angle) of what a member of the ball has beyond the coefficients of a repeated section, (F,)."""
+    return _functions(problem, sections).line_tail(angles)
+
+
+def _functions(problem: MixedProblem, basis: InputNormalPair | Sections) -> _Functions:
+    if isinstance(basis, InputNormalPair):
+        return _Exact(problem, basis)
+    return _Taylor(problem, basis.repeats) if basis.is_shift else _Repeated(problem, basis)
+
+
+def _frequency_block(problem: MixedProblem, frf: FrequencyResponse, functions: _Functions) -> _Block:
     angles = frf.omega * problem.dt
     none = np.zeros((angles.size, 0))
     P = none if problem.parametric is None else problem.parametric.response(angles)
     bound, zero = frf.bound[:, 0, 0], np.zeros(angles.size)
-    E = functions.lines(angles) if isinstance(functions, _Exact) else none
-    return _Block(frf.values[:, 0, 0], E, P, bound, zero, none, zero + functions.line_tail())
+    E = none if isinstance(functions, _Taylor) else functions.lines(angles)
+    return _Block(frf.values[:, 0, 0], E, P, bound, zero, none, functions.line_tail(angles))
 
 
 def _in_discs(block: _Block, frf: FrequencyResponse) -> _Block:
@@ -190,7 +263,7 @@ def _in_discs(block: _Block, frf: FrequencyResponse) -> _Block:
     return dataclasses.replace(block, y=y, E=E, P=P, tail=block.tail * (1 + np.abs(tilt)))
 
 
-def _time_block(problem: MixedProblem, record: TimeRecord, functions: _Exact | _Taylor) -> _Block:
+def _time_block(problem: MixedProblem, record: TimeRecord, functions: _Functions) -> _Block:
     used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
     count = int(used[-1]) + 1
     u, basis = record.u[:count, 0], problem.parametric
@@ -226,20 +299,20 @@ def initial_state(problem: MixedProblem, record: TimeRecord, used: np.ndarray) -
     return problem.parametric.transients(used[-1] + 1)[used], widen
 
 
-def _periodic_block(problem: MixedProblem, record: TimeRecord, functions: _Exact | _Taylor) -> _Block:
+def _periodic_block(problem: MixedProblem, record: TimeRecord, functions: _Functions) -> _Block:
     samples = record.u.shape[0]
     used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
     lines = excited_lines(record)
     angles = 2 * np.pi * lines / samples
     weight = np.where((lines == 0) | (2 * lines == samples), 1.0, 2.0) * np.fft.rfft(record.u[:, 0])[lines] / samples
     wave = weight * np.exp(1j * (2 * np.pi / samples) * (np.outer(used, lines) % samples))
-    E, tail = (wave @ functions.lines(angles)).real, np.abs(wave).sum(axis=1) * functions.line_tail()
+    E, tail = (wave @ functions.lines(angles)).real, np.abs(wave) @ functions.line_tail(angles)
     none = np.zeros((used.size, 0))
     P = none if problem.parametric is None else (wave @ problem.parametric.response(angles)).real
     return _Block(record.y[used, 0], E, P, record.bound[used, 0], np.zeros(used.size), none, tail)
 
 
-def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Exact | _Taylor) -> Rows:
+def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Functions) -> Rows:
     total = np.concatenate([b.bound + b.widen for b in blocks])
     free = np.asarray(scipy.linalg.block_diag(*(b.free for b in blocks)))
     P = np.hstack([np.vstack([b.P for b in blocks]), free]) / total[:, None]
@@ -267,9 +340,9 @@ def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Exact | _
 
 
 def _columns(
-    problem: MixedProblem, blocks: list[_Block], functions: _Exact | _Taylor, total: np.ndarray, discs: int
+    problem: MixedProblem, blocks: list[_Block], functions: _Functions, total: np.ndarray, discs: int
 ) -> DenseColumns | ShiftColumns:
-    if isinstance(functions, _Exact):
+    if not isinstance(functions, _Taylor):
         return DenseColumns(np.vstack([b.E for b in blocks]) / total[:, None])
     angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in problem.frequency)])
     real = [b.E for b in blocks[len(problem.frequency) :]]

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.bases import InputNormalPair, shift_pair, solve_stein
+from robustid.bases import InputNormalPair, Sections, shift_pair, solve_stein
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -86,3 +86,47 @@ class ShiftMap(SarasonMap):
     def turned(self, M: np.ndarray) -> np.ndarray:
         """M upside down."""
         return M[::-1]
+
+
+class SectionMap(SarasonMap):
+    """The map of a repeated section: X(x) is block upper triangular and Toeplitz, T the block flip with T of the section.
+
+    Block k above the diagonal is P(x_k) + Q(x_(k-1)): a function e(zeta) x_k' of one section acts on one section or two.
+    """
+
+    def __init__(self, sections: Sections):
+        super().__init__(sections.pair)
+        self._set(sections=sections)
+
+    sections: Sections
+
+    @functools.cached_property
+    def maps(self) -> tuple[np.ndarray, np.ndarray]:
+        """P(e_a) and Q(e_a) for every unit vector, each (m, m, m)."""
+        m = self.sections.degree
+        two = SarasonMap(dataclasses.replace(self.sections, repeats=2).pair).basis[:m, :m]
+        return freeze(two[..., :m]), freeze(two[..., m:])
+
+    @functools.cached_property
+    def symmetry(self) -> np.ndarray:
+        """T."""
+        return freeze(np.kron(np.eye(self.sections.repeats)[::-1], self.sections.section.symmetry()))
+
+    def blocks(self, x: np.ndarray) -> np.ndarray:
+        """P(x_k) + Q(x_(k-1)), (M, m, m)."""
+        P, Q = self.maps
+        parts = np.reshape(x, (self.sections.repeats, self.sections.degree))
+        blocks = np.tensordot(parts, P, 1)
+        blocks[1:] += np.tensordot(parts[:-1], Q, 1)
+        return blocks
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """X(x)."""
+        return antidiagonal_blocks(self.blocks(x))[::-1].reshape(2 * (self.pair.order,))
+
+
+def antidiagonal_blocks(blocks: np.ndarray) -> np.ndarray:
+    """(M, m, M, m): block k + j - (M - 1) in the place (k, j), zero above the antidiagonal."""
+    M = blocks.shape[0]
+    padded = np.concatenate([np.zeros((M - 1, *blocks.shape[1:])), blocks])
+    return np.lib.stride_tricks.sliding_window_view(padded, M, axis=0).transpose(0, 1, 3, 2).copy()

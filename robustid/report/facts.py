@@ -89,7 +89,7 @@ def margin_words(identification: Identification) -> str:
     )
     if identification.length:
         meaning += (
-            f" They were found in the first {identification.length} Taylor coefficients of G; the others move no sample by more"
+            f" They were found in a finite form of G, {identification.form}; what it leaves out moves no sample by more"
             f" than {number(identification.tail, 2)} of its bound, and both ends allow for that."
         )
     if identification.status is Status.INCONSISTENT:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.fft
 import scipy.linalg
 
-from robustid.interpolation import SarasonMap, ShiftMap
+from robustid.interpolation import SarasonMap, SectionMap, ShiftMap, antidiagonal_blocks
 
 
 class Ball(Protocol):
@@ -84,6 +84,66 @@ class HankelBall:
         return np.asarray(scipy.fft.fft(scipy.fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
 
 
+class BlockHankelBall:
+    """H of a repeated section: block U(x_s) + V(x_(s-1)) where the block indices sum to M-1+s, U = T P and V = T Q.
+
+    With J_s the blocks whose indices sum to M-1+s, H_(s,a) = J_s x U_a + J_(s+1) x V_a, so that the curvature
+
+        tr(H_i P H_j Q) = sum over j + k = M-1+s, k' + j' = M-1+t of tr(U_a P_jk' U_b Q_kj'') + ...
+
+    is a two-dimensional convolution over the block indices. In the transforms, matrices of size m per point, s -> s + 1 is a
+    phase w, and the sum is tr((U_a + w V_a) P (U_b + w' V_b) Q'): O(m^2 n^2) products and O(n^2 log M) for the FFTs.
+    """
+
+    def __init__(self, sarason: SectionMap):
+        self._map, self.size = sarason, sarason.pair.order
+        self._shape = sarason.sections.repeats, sarason.sections.degree
+        self._length = int(scipy.fft.next_fast_len(2 * self._shape[0], real=True) or 0)  # one place beyond is zero
+        tau = sarason.sections.section.symmetry()
+        self._tau, (self._U, self._V) = tau, (_symmetrised(tau @ part) for part in sarason.maps)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(x)."""
+        blocks = _symmetrised(self._tau @ self._map.blocks(x))
+        return antidiagonal_blocks(blocks).reshape(self.size, self.size)
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products tr(H_j Y)."""
+        M, m = self._shape
+        sums = np.zeros((2 * M, m, m))
+        for k, row in enumerate(np.swapaxes(np.reshape(Y.T, (M, m, M, m)), 1, 2)):
+            sums[k : k + M] += row
+        flat, U, V = sums.reshape(2 * M, m * m), self._U.reshape(m, m * m), self._V.reshape(m, m * m)
+        return (flat[M - 1 : -1] @ U.T + flat[M:] @ V.T).ravel()
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(x) M."""
+        return self.matrix(x) @ M
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(H_i P H_j Q)."""
+        (M, m), N, R = self._shape, self._length, self._length // 2 + 1
+        wave = np.exp(2j * np.pi / N * np.arange(N))[:, None, None, None]
+        left = (self._U + wave * self._V).reshape(N, m * m, m)
+        right = (self._U + wave[:R] * self._V).reshape(R, m * m, m)
+        total = np.zeros((N, R, m, m), complex)
+        for P, Q in pairs:
+            for k, (p, q) in enumerate(zip(self._transform(P), self._transform(Q), strict=True)):
+                above = (left[k] @ p.reshape(m, -1)).reshape(m, m, R, m).transpose(2, 0, 3, 1).reshape(R, m, m * m)
+                below = (right @ q.transpose(1, 2, 0)).reshape(R, m, m * m)
+                total[k] += above @ below.transpose(0, 2, 1)
+        last = slice(M - 1, 2 * M - 1)
+        half = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(half, N, axis=1))[:, last].transpose(0, 2, 1, 3).reshape(self.size, self.size)
+        return (full + full.T) / 2
+
+    def _transform(self, P: np.ndarray) -> np.ndarray:
+        """(N, m, N/2 + 1, m)."""
+        M, m = self._shape
+        half = scipy.fft.rfft(P.reshape(M, m, M, m), self._length, axis=2)
+        return np.asarray(scipy.fft.fft(half, self._length, axis=0, overwrite_x=True))
+
+
 class DenseBall:
     """H of any input-normal pair from its stored basis; O(n^4) for the curvature, as one large matrix product."""
 
@@ -116,10 +176,40 @@ class DenseBall:
         return total
 
 
+class TurnedBall:
+    """H(V y) of another ball, V orthogonal."""
+
+    def __init__(self, ball: Ball, axes: np.ndarray):
+        self._ball, self._axes, self.size = ball, axes, ball.size
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(V x)."""
+        return self._ball.matrix(self._axes @ x)
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """V' times the adjoint."""
+        return self._axes.T @ self._ball.adjoint(Y)
+
+    def times(self, x: np.ndarray, M: np.ndarray) -> np.ndarray:
+        """H(V x) M."""
+        return self._ball.times(self._axes @ x, M)
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """V' times the curvature times V."""
+        turned = self._axes.T @ self._ball.curvature(pairs) @ self._axes
+        return (turned + turned.T) / 2
+
+
+def _symmetrised(stack: np.ndarray) -> np.ndarray:
+    return (stack + np.swapaxes(stack, -1, -2)) / 2
+
+
 def ball_of(sarason: SarasonMap) -> Ball:
     """The fast form that the basis allows."""
     if isinstance(sarason, ShiftMap):
         return HankelBall(sarason.pair.order)
+    if isinstance(sarason, SectionMap):
+        return BlockHankelBall(sarason)
     return DenseBall(sarason.symmetric_basis)
 
 

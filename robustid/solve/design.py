@@ -50,10 +50,16 @@ class DenseDesign:
 
     def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Weighted Gram matrix."""
+        # a |e|^2 + Re(b e^2) = (a + |b|) Re(u e)^2 + (a - |b|) Im(u e)^2 with u^2 = b/|b|: a sum of squares, one product.
         real, imag, d = self._real, self._imag, self._discs
-        mixed = real[:d].T @ (np.imag(b)[:d, None] * imag)
-        diagonal = real.T @ ((a + np.real(b))[:, None] * real) + imag.T @ ((a - np.real(b))[:d, None] * imag)
-        return diagonal - mixed - mixed.T
+        size = np.abs(b[:d])
+        turn = np.sqrt(np.where(size > 0, b[:d] / np.where(size > 0, size, 1.0), 1.0))
+        along, across = np.sqrt(a[:d] + size) * turn, np.sqrt(np.maximum(a[:d] - size, 0.0)) * turn
+        rows = np.empty((real.shape[0] + d, real.shape[1]))
+        rows[:d] = np.real(along)[:, None] * real[:d] - np.imag(along)[:, None] * imag
+        rows[d : 2 * d] = np.imag(across)[:, None] * real[:d] + np.real(across)[:, None] * imag
+        rows[2 * d :] = np.sqrt(a[d:] + np.real(b[d:]))[:, None] * real[d:]
+        return rows.T @ rows
 
 
 class ShiftDesign:

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.errors import SolverError
-from robustid.solve.ball import ball_of
+from robustid.interpolation import DenseColumns
+from robustid.solve.ball import TurnedBall, ball_of
 from robustid.solve.conic import Candidate, ConvexData
 from robustid.solve.design import IntervalDesign, design_of
 from robustid.solve.structured import Iterate, Limits, Program, center, extent, path, start
@@ -20,7 +21,10 @@ _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
-    ball, design, y = ball_of(data.sarason), design_of(rows.E, Q, rows.discs), data.y
+    E, ball, y = rows.E, ball_of(data.sarason), data.y
+    if data.axes is not None:
+        E, ball = DenseColumns(E.dense() @ data.axes), TurnedBall(ball, data.axes)
+    design = design_of(E, Q, rows.discs)
     if a.size:
         design, y = IntervalDesign(design, y.size, B), np.concatenate([y, a])
         constant, slope = limits.reach
@@ -34,7 +38,14 @@ def _candidate(data: ConvexData, at: Iterate) -> Candidate:
     """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, <Y, X> <= ||Y||_* for Y = T (Z+ - Z-)."""
     n = data.sarason.pair.order
     Y = data.sarason.turned(at.Z[0] - at.Z[1])
-    return Candidate(at.v[:n], data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
+    x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
+    return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
+
+
+def _unknowns(data: ConvexData, point: Candidate) -> np.ndarray:
+    """(y, q) of a point, y its coefficients along the axes."""
+    y = point.x if data.axes is None else data.axes.T @ point.x
+    return np.concatenate([y, data.orthonormal_parameters(point.p)])
 
 
 def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
@@ -63,7 +74,7 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
     fixed, tail = data.rows.fixed, data.rows.tail
     reach = level * fixed, level * (1 - fixed) - tail
     program = _program(data, Limits((0.0, 1.0), reach), 1.0)
-    v = np.concatenate([inside.x, data.orthonormal_parameters(inside.p)])
+    v = _unknowns(data, inside)
     for at in path(program, start(program, v, 1.0)):
         yield _candidate(data, at), at.t, at.estimate
         if at.estimate < _LAST * at.t or at.t <= 1e-12:
@@ -89,7 +100,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
         if worst >= level:
             continue
         try:
-            at = center(program, np.concatenate([point.x, data.orthonormal_parameters(point.p)]))
+            at = center(program, _unknowns(data, point))
         except np.linalg.LinAlgError:
             continue  # on the border of the ball, to working precision
         return dataclasses.replace(_candidate(data, at), solver="analytic centre")
@@ -106,12 +117,13 @@ def support_path(
     """
     count = data.rows.y.size
     reach = level + data.rows.tail if outer else level - data.rows.tail
+    direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
     w, limits = (
-        np.concatenate([direction[0], data.direction(direction[1])]),
+        np.concatenate([direct, data.direction(direction[1])]),
         Limits((1.0, 0.0), (reach, np.zeros(count))),
     )
     offset = float(direction[1] @ data.origin)
-    v = np.concatenate([inside.x, data.orthonormal_parameters(inside.p)])
+    v = _unknowns(data, inside)
     # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
     size = extent(_program(data, limits, None), v, w)
     if size == 0:
