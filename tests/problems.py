@@ -122,3 +122,30 @@ def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:
 
 def truth_response(model: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     return model(np.exp(1j * omega * model.dt))
+
+
+def truth_of(seed: int, case: str, *, gain: float = 1.0):
+    """The truth behind `random_problem` with these arguments: impulse response of (count), frequency response of (omega, rad/s).
+
+    Its first draws, in the same order; a test compares it with noise-free data.
+    """
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng([seed, CASES.index(case)])
+    dt, rho = 0.01, rng.uniform(1.02, 1.3)
+    numerator, denominator = small_part(rng, gain, rho)
+    basis, weights = None, np.zeros(0)
+    if case == "parametric":
+        basis = rid.kautz(2 * np.pi * rng.uniform(5, 30), rng.uniform(0.003, 0.05), dt=dt, delay=1)
+        weights = rng.standard_normal(2) * gain * 3
+
+    def impulse(count):
+        f = lfilter(numerator, denominator, np.eye(1, count)[0])
+        return f if basis is None else f + basis.impulse(count) @ weights
+
+    def response(omega):
+        z = np.exp(-1j * np.asarray(omega) * dt)
+        F = np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)
+        return F if basis is None else F + basis.response(np.asarray(omega) * dt) @ weights
+
+    return impulse, response
