@@ -2,12 +2,18 @@
 
 from robustid._arrays import Channel
 from robustid._version import __version__
-from robustid.advice import diagnose, suggest_kautz, suggest_prior
+from robustid.advice import diagnose, suggest_kautz, suggest_next, suggest_prior
 from robustid.bases import ParametricBasis, kautz
 from robustid.certify import (
+    PoleBand,
+    Refutation,
+    ResponseTube,
     UncertaintyWeight,
     WorstCaseError,
+    diameter,
     guaranteed_margin,
+    refute,
+    response_tube,
     uncertainty_weight,
     worst_case_error,
     worst_case_over_poles,
@@ -65,7 +71,10 @@ __all__ = [
     "MixedProblem",
     "OrderSweep",
     "ParametricBasis",
+    "PoleBand",
     "Prior",
+    "Refutation",
+    "ResponseTube",
     "RigidBody",
     "RobustIdError",
     "RollOff",
@@ -83,6 +92,7 @@ __all__ = [
     "balanced_truncation",
     "datasets",
     "diagnose",
+    "diameter",
     "estimate_frf",
     "fit_covariance",
     "fit_mfd",
@@ -95,8 +105,11 @@ __all__ = [
     "modal_form",
     "mode_table",
     "reduce_within_bounds",
+    "refute",
+    "response_tube",
     "save",
     "suggest_kautz",
+    "suggest_next",
     "suggest_order",
     "suggest_prior",
     "to_continuous",

@@ -143,3 +143,9 @@ def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:
 
 def truth_response(model: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     return model(np.exp(1j * omega * model.dt))
+
+
+def truth_of(seed: int, case: str):
+    """The truth behind `random_problem`: impulse response of (count), frequency response of (omega, rad/s)."""
+    truth = random_experiment(seed, case, 8)[1]
+    return truth.impulse, lambda omega: truth.response(np.asarray(omega) * 0.01)

@@ -1,15 +1,18 @@
-"""What to choose: modes and prior from the data, and what to change where the data contradict the class."""
+"""What to choose: modes and prior from the data, what to change where the data contradict the class, what to measure next."""
 
 from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
+from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.prior import PriorSuggestion, suggest_prior
 
 __all__ = [
     "Diagnosis",
     "KautzSuggestion",
+    "NextMeasurement",
     "PriorSuggestion",
     "Trial",
     "diagnose",
     "suggest_kautz",
+    "suggest_next",
     "suggest_prior",
 ]

@@ -16,7 +16,7 @@ from robustid.certify.sweep import Progress, value_sets
 from robustid.certify.worst_case import as_frequencies, as_nominal
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.forms import Posed, length_of, pose
+from robustid.identification.forms import Posed, pose, sections_of
 from robustid.identification.margin import prove_margin
 from robustid.identification.simulation import response
 from robustid.interpolation import MarginCertificate, MixedProblem
@@ -263,4 +263,4 @@ def _time_bounds(problem: MixedProblem) -> list[float]:
 
 
 def _posed(problem: MixedProblem) -> Posed:
-    return pose(problem, length_of(problem, "auto", 1e-4))
+    return pose(problem, sections_of(problem, "auto", 1e-4))
