@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
+from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
 from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem, Prior
@@ -48,22 +49,28 @@ class PriorSuggestion(Frozen):
     prior: Prior | None
     decay_rates: np.ndarray
     gains: np.ndarray
+    errors: np.ndarray
     safety: float
     reason: str
 
     def __post_init__(self) -> None:
-        self._set(decay_rates=freeze(self.decay_rates), gains=freeze(self.gains))
+        self._set(**{name: freeze(getattr(self, name)) for name in ("decay_rates", "gains", "errors")})
 
     def summary(self) -> str:
         """The curve as a table, then the reason."""
-        lines = ["decay rate    smallest K    K rho/(rho^2 - 1)"]
-        for rho, gain in zip(self.decay_rates, self.gains, strict=True):
+        known = np.any(np.isfinite(self.errors))
+        lines = ["decay rate    smallest K    K rho/(rho^2 - 1)" + ("    guaranteed error" if known else "")]
+        for rho, gain, error in zip(self.decay_rates, self.gains, self.errors, strict=True):
             mark = "   <- recommended" if self.prior is not None and rho == self.prior.decay_rate else ""
-            lines.append(f"{rho:10.5g}    {gain:10.4g}    {gain * _slope(rho):10.4g}{mark}")
+            lines.append(
+                f"{rho:10.5g}    {gain:10.4g}    {gain * _slope(rho):10.4g}"
+                + (f"    {100 * error:16.3g}%" if known else "")
+                + mark
+            )
         return "\n".join([*lines, self.reason])
 
 
-def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSuggestion:
+def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: str = "slope") -> PriorSuggestion:
     """Recommend gain bound and decay rate: twice the smallest K that the data allow, at the knee of K against rho.
 
     The smallest K grows with rho, while ``|dG/dz| <= K rho/(rho^2 - 1)`` on the unit circle (Schwarz-Pick) bounds how much G can
@@ -78,6 +85,10 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSug
         The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the lines in rad (or
         one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a rest that
         decays faster than that is next to a constant, a stronger assumption than a default should make.
+    criterion : {"slope", "error"}
+        What the recommended pair makes small: the slope bound (quick), or the median guaranteed error relative to the response,
+        with the gain bound that is recommended at each decay rate (each is identified and its worst case bounded at 7
+        frequencies: seconds to minutes). The parametric part is taken as it is: see `worst_case_over_poles` for poles from data.
 
     Returns
     -------
@@ -110,6 +121,8 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSug
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     rates = _possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    if criterion not in ("slope", "error"):
+        raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
     if rates.size == 0 or rates[0] <= 1:
         raise InputError(f"`decay_rates` must hold numbers above 1; got {decay_rates!r}")
     gains = np.full(rates.size, np.inf)
@@ -118,8 +131,21 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None) -> PriorSug
         _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
         if np.isinf(gains[k]):
             break  # a larger rho makes the class smaller still
-    prior, reason = _recommend(problem, rates, gains)
-    return PriorSuggestion(prior=prior, decay_rates=rates, gains=gains, safety=SAFETY, reason=reason)
+    errors = np.full(rates.size, np.nan)
+    if criterion == "error":
+        errors = _guaranteed_errors(problem, rates, gains)
+    prior, reason = _recommend(problem, rates, gains, errors)
+    return PriorSuggestion(prior=prior, decay_rates=rates, gains=gains, errors=errors, safety=SAFETY, reason=reason)
+
+
+def _guaranteed_errors(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Median guaranteed error at every decay rate, with the gain bound that would be recommended there."""
+    floor, errors = _sizes(problem)[1], np.full(rates.size, np.nan)
+    for k in np.flatnonzero(np.isfinite(gains)):
+        prior = {"gain_bound": SAFETY * max(float(gains[k]), floor), "decay_rate": float(rates[k])}
+        errors[k] = guaranteed(problem.with_prior(**prior), default_points(problem))[1]
+        _log.info("decay rate %.6g: median guaranteed error %.4g", rates[k], errors[k])
+    return errors
 
 
 def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
@@ -183,7 +209,9 @@ def _slope(rho: Any) -> Any:
     return rho / (rho**2 - 1)
 
 
-def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> tuple[Prior | None, str]:
+def _recommend(
+    problem: MixedProblem, rates: np.ndarray, gains: np.ndarray, errors: np.ndarray
+) -> tuple[Prior | None, str]:
     usable = np.isfinite(gains)
     largest, smallest = _sizes(problem)
     if not usable.any():
@@ -196,7 +224,7 @@ def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> t
         )
     floor = smallest  # a rest smaller than every bound can't be seen, hence not excluded either
     cost = np.where(usable, np.maximum(gains, floor) * _slope(rates), np.inf)
-    k = int(np.argmin(cost))
+    k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = Prior(gain_bound=SAFETY * max(float(gains[k]), floor), decay_rate=float(rates[k]))
     if gains[k] <= floor:
         what = "the parametric part alone" if gains[k] == 0 else f"a rest of {gains[k]:.3g}, below every bound,"
@@ -205,8 +233,9 @@ def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> t
             f" K = {prior.gain_bound:.4g} = {SAFETY:g} x the smallest error bound {floor:.4g}"
         )
     else:
+        what = " the slope bound K rho/(rho^2 - 1) is smallest;" if np.isnan(errors[k]) else ""
         reason = (
-            f"at decay rate {rates[k]:.5g} the slope bound K rho/(rho^2 - 1) is smallest; the smallest K there is"
+            f"at decay rate {rates[k]:.5g}{what} the smallest K is"
             f" {gains[k]:.4g}, recommended K = {prior.gain_bound:.4g} = {SAFETY:g} x {gains[k]:.4g}"
         )
     if gains[k] > largest:
@@ -214,5 +243,9 @@ def _recommend(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> t
             f". This K exceeds the largest response in the data ({largest:.3g}): the rest is neither small nor smooth, and the"
             " class says next to nothing between the samples; a mode is missing in the parametric part, or the bounds are"
             " too tight"
+        )
+    if np.isfinite(errors[k]):
+        reason += (
+            f". Of all pairs this has the smallest median guaranteed error, {100 * errors[k]:.3g} % of the response"
         )
     return prior, reason + ". An assumption: data can refute it, never prove it"

@@ -163,7 +163,7 @@ def worst_case_over_poles(
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
     gap = min(as_positive("rtol", rtol) / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, identification)
+    grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
     kept, refuted = _search(identification, whole, grid, cells)
     nominal = response(model, grid * problem.dt)
     upper = np.zeros(grid.size)

@@ -20,6 +20,7 @@ from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import response
+from robustid.interpolation import MixedProblem
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 _GRID = 64  # frequencies of the default grid, besides those of the poles
@@ -264,7 +265,7 @@ def worst_case_error(
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
     rtol = as_positive("rtol", rtol)
     model = as_nominal(model, identification)
-    grid = default_grid(identification) if omega is None else as_frequencies(omega, identification)
+    grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
     gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     values = value_sets(consistent, grid, directions, gap, executor, progress)
@@ -301,10 +302,10 @@ def as_nominal(model: Any, identification: Identification) -> Any:
     return model
 
 
-def as_frequencies(omega: Any, identification: Identification) -> np.ndarray:
+def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
     """Frequencies in rad/s, checked and sorted."""
     grid = np.unique(np.atleast_1d(as_array("omega", omega)))
-    dt, basis = identification.problem.dt, identification.problem.parametric
+    dt, basis = problem.dt, problem.parametric
     if grid.size == 0:
         raise InputError("`omega` is empty; give at least one frequency")
     if grid[0] < 0 or grid[-1] * dt > np.pi * (1 + 1e-9):

@@ -1,0 +1,132 @@
+"""How the guaranteed error moves with the assumptions and with the number of lines."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from robustid._arrays import Frozen
+from robustid.certify import worst_case_error
+from robustid.certify.worst_case import as_frequencies
+from robustid.errors import InputTypeError, SolverError
+from robustid.identification import identify
+from robustid.interpolation import MixedProblem
+
+_POINTS, _DIRECTIONS = 7, 6
+_FACTORS = (0.5, 2.0)  # of the gain bound, and of how far the decay rate is above 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Variation:
+    """One row of the table.
+
+    Attributes
+    ----------
+    what : str
+    margin : float
+    median, worst : float
+        Guaranteed error relative to the response, over the frequencies; NaN where the data are not consistent.
+    """
+
+    what: str
+    margin: float
+    median: float
+    worst: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sensitivity(Frozen):
+    """The guaranteed error under other assumptions: what it rests on.
+
+    Attributes
+    ----------
+    omega : (F,) array, rad/s
+    variations : tuple of Variation
+        As stated first.
+    """
+
+    omega: np.ndarray
+    variations: tuple[Variation, ...]
+
+    def summary(self) -> str:
+        """The table, and how to read it."""
+        lines = [f"{'':34}{'margin':>9}{'median':>10}{'worst':>10}"]
+        for row in self.variations:
+            band = f"{100 * row.median:9.3g}%{100 * row.worst:9.3g}%" if row.margin <= 1 else f"{'refuted':>20}"
+            lines.append(f"{row.what:34}{row.margin:9.4g}{band}")
+        lines.append(
+            "Guaranteed error relative to the response. A bound that moves much with an assumption rests on it: data can refute"
+            " assumptions, never prove them."
+        )
+        return "\n".join(lines)
+
+
+def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
+    """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer lines.
+
+    Parameters
+    ----------
+    problem : MixedProblem
+    omega : (F,) array, rad/s, optional
+        Where the error is evaluated; default 7 frequencies over the range of the lines.
+
+    Returns
+    -------
+    Sensitivity
+
+    Notes
+    -----
+    Each variation is identified anew, and its error is that of its own central model.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.eye(1, 4)[0], [0.5, 0.25, 0.12, 0.06], dt=1.0, bound=0.01)
+    >>> problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5))
+    >>> table = rid.sensitivity(problem, omega=[0.5])
+    >>> [row.what for row in table.variations][:3]
+    ['as stated', 'gain bound x 0.5', 'gain bound x 2']
+    """
+    if not isinstance(problem, MixedProblem):
+        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+    grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
+    rows = [Variation(what, *guaranteed(changed, grid)) for what, changed in _variations(problem)]
+    return Sensitivity(grid, tuple(rows))
+
+
+def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, float]:
+    """Margin, and median and largest guaranteed error relative to the response; NaN where nothing is consistent."""
+    try:
+        result = identify(problem)
+        if not result.consistent:
+            return result.margin, np.nan, np.nan
+        error = worst_case_error(result, omega=omega, directions=_DIRECTIONS, rtol=0.1)
+    except SolverError:
+        return np.nan, np.nan, np.nan
+    relative = error.upper[:, 0, 0] / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
+    return result.margin, float(np.median(relative)), float(relative.max())
+
+
+def _variations(problem: MixedProblem) -> Iterator[tuple[str, MixedProblem]]:
+    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    yield "as stated", problem
+    for factor in _FACTORS:
+        yield f"gain bound x {factor:g}", problem.with_prior(gain_bound=factor * K)
+    for factor in _FACTORS:
+        changed = 1 + factor * (rho - 1)
+        yield f"decay rate {changed:.5g} (was {rho:.5g})", problem.with_prior(decay_rate=changed)
+    for step in (2, 4):
+        if problem.frequency and min(f.omega.size for f in problem.frequency) >= 4 * step:
+            thinned = tuple(f.select(slice(0, None, step)) for f in problem.frequency)
+            yield f"every {'second' if step == 2 else 'fourth'} line", dataclasses.replace(problem, frequency=thinned)
+
+
+def default_points(problem: MixedProblem) -> np.ndarray:
+    """Frequencies over the range of the lines, in rad/s."""
+    top = np.pi / problem.dt
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    low, high = (lines.min(), lines.max()) if lines.size else (top / 100, top / 2)
+    return np.linspace(max(low, 1e-3 * high), high, _POINTS)

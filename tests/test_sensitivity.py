@@ -1,0 +1,60 @@
+"""The guaranteed error against the assumptions, and the prior that makes it small."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.advice.prior import smallest_gain
+from robustid.advice.sensitivity import guaranteed
+
+
+def structure(gain=0.2, rate=1.2):
+    data = rid.flexible_structure(lines=8, samples=2)
+    modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=gain, decay_rate=rate)
+    return rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=prior)
+
+
+def test_larger_classes_and_fewer_lines_have_wider_bands():
+    problem = structure()
+    found = rid.sensitivity(problem, omega=[60.0])
+    rows = {row.what: row for row in found.variations}
+    stated = rows["as stated"]
+    assert stated.margin == pytest.approx(rid.identify(problem).margin, abs=1e-4)
+    # Each error is that of its own model, by polygons of six sides: steps of a factor two show through.
+    assert rows["gain bound x 0.5"].median < 0.95 * rows["gain bound x 2"].median
+    slower, faster = (row for name, row in rows.items() if name.startswith("decay rate"))
+    assert slower.median > 1.05 * faster.median
+    assert rows["every second line"].worst >= stated.worst
+    assert "as stated" in found.summary()
+
+
+def test_a_refuted_variation_says_so():
+    frf = rid.FrequencyResponse([10.0, 60.0], [1.0, -1.0], bound=0.1, dt=0.01)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2))
+    problem = problem.with_prior(gain_bound=1.2 * smallest_gain(problem, 1.2))
+    assert rid.identify(problem).consistent
+    found = rid.sensitivity(problem, omega=[30.0])
+    refuted = [row for row in found.variations if row.margin > 1]
+    assert refuted
+    assert all(np.isnan(row.median) for row in refuted)
+    assert found.summary().count("refuted") == len(refuted)
+
+
+def test_the_prior_with_the_smallest_guaranteed_error():
+    problem = structure()
+    options = {"decay_rates": [1.05, 1.3]}
+    found = rid.suggest_prior(problem, criterion="error", **options)
+    assert np.all(np.isfinite(found.errors))
+    best = int(np.argmin(found.errors))
+    assert found.prior.decay_rate == found.decay_rates[best]
+    chosen = problem.with_prior(gain_bound=found.prior.gain_bound, decay_rate=found.prior.decay_rate)
+    lines = problem.frequency[0].omega
+    assert guaranteed(chosen, np.linspace(lines[0], lines[-1], 7))[1] == pytest.approx(found.errors[best], rel=1e-6)
+    assert "guaranteed error" in found.summary()
+    plain = rid.suggest_prior(problem, **options)
+    assert np.all(np.isnan(plain.errors))
+    with pytest.raises(rid.InputError, match="`criterion`"):
+        rid.suggest_prior(problem, criterion="best")
+    with pytest.raises(rid.InputTypeError, match="MixedProblem"):
+        rid.sensitivity(3)
