@@ -4,7 +4,7 @@ from robustid._arrays import Channel
 from robustid._version import __version__
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.bases import ParametricBasis, kautz
-from robustid.certify import WorstCaseError, worst_case_error
+from robustid.certify import WorstCaseError, load_worst_case_error, worst_case_error
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -83,6 +83,7 @@ __all__ = [
     "kautz",
     "load",
     "load_identification",
+    "load_worst_case_error",
     "modal_form",
     "mode_table",
     "reduce_within_bounds",

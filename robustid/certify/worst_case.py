@@ -6,16 +6,19 @@ import concurrent.futures
 import dataclasses
 import functools
 import itertools
+import os
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
 from robustid.certify.circle import CircleBound, Curvature, arc_bound, known_part
+from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
-from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
-from robustid.certify.sweep import Progress, value_sets
-from robustid.certify.value_set import ValueSet, verify_value_set
+from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.certify.sweep import Folder, Progress, value_sets
+from robustid.certify.value_set import ValueSet, value_set_claims
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import response
@@ -107,10 +110,14 @@ class WorstCaseError(Frozen):
 
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
+        return all(claim.verify() for claim in self.claims())
+
+    def claims(self) -> Iterator[SupportClaim]:
+        """Every inequality that is stated, with its certificate."""
         consistent = self._consistent
-        return verify_parameters(consistent, self.parameters) and all(
-            verify_value_set(consistent, v) for v in self.values
-        )
+        yield from parameter_claims(consistent, self.parameters)
+        for found in self.values:
+            yield from value_set_claims(consistent, found)
 
     @functools.cached_property
     def _consistent(self) -> ConsistentSet:
@@ -124,8 +131,9 @@ class WorstCaseError(Frozen):
         self,
         rtol: float = 0.05,
         *,
-        executor: concurrent.futures.Executor | None = None,
+        executor: concurrent.futures.Executor | int | None = None,
         progress: Progress | None = None,
+        resume: Folder | None = None,
     ) -> CircleBound:
         """A rigorous bound of |F - model| on the whole circle, by adaptive refinement.
 
@@ -136,15 +144,15 @@ class WorstCaseError(Frozen):
         ----------
         rtol : float
             Tolerance of the largest bound, relative to the largest error at a frequency.
-        executor : concurrent.futures.Executor, optional
-        progress : callable (done, all), optional
+        executor, progress, resume : optional
+            As in `worst_case_error`.
 
         Returns
         -------
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        return _refine(self, rtol, executor, progress)
+        return _refine(self, rtol, executor, progress, resume)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
@@ -160,6 +168,12 @@ class WorstCaseError(Frozen):
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency."""
         return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
+        from robustid.certify.storage import save_worst_case_error
+
+        save_worst_case_error(self, path)
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {len(self.values)} frequencies, largest {self._errors[:, 0].max():.4g}>"
@@ -189,8 +203,9 @@ def worst_case_error(
     omega: Any = None,
     directions: int = 16,
     rtol: float = 0.05,
-    executor: concurrent.futures.Executor | None = None,
+    executor: concurrent.futures.Executor | int | None = None,
     progress: Progress | None = None,
+    resume: Folder | None = None,
 ) -> WorstCaseError:
     """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
 
@@ -212,9 +227,14 @@ def worst_case_error(
         Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most.
     rtol : float
         Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
-    executor : concurrent.futures.Executor, optional
-        Spreads the frequencies. Default: in this process.
+    executor : concurrent.futures.Executor or int, optional
+        Spreads the frequencies: over any executor (`distributed.Client().get_executor()` for a cluster), or over so many
+        processes of its own (a script then needs the usual ``if __name__ == "__main__":``). A frequency whose worker dies is tried
+        again. Default: in this process.
     progress : callable (done, all), optional
+    resume : path, optional
+        Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
+        again.
 
     Returns
     -------
@@ -225,7 +245,9 @@ def worst_case_error(
     InconsistentDataError
         The data fit no system of the class.
     InputError
-        An unstable model, another dt, frequencies above pi/dt, too few or too many directions.
+        An unstable model, another dt, frequencies above pi/dt, too few or too many directions; `resume` can't be written to.
+    SolverError
+        A frequency failed three times, on whatever worker.
 
     Notes
     -----
@@ -252,7 +274,7 @@ def worst_case_error(
     grid = default_grid(identification) if omega is None else as_frequencies(omega, identification)
     consistent = consistent_set(identification)
     gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    values = value_sets(consistent, grid, directions, gap, executor, progress)
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume)
     return WorstCaseError(
         identification=identification,
         model=model,
@@ -319,7 +341,11 @@ def default_grid(identification: Identification) -> np.ndarray:
 
 
 def _refine(
-    error: WorstCaseError, rtol: float, executor: concurrent.futures.Executor | None, progress: Progress | None
+    error: WorstCaseError,
+    rtol: float,
+    executor: concurrent.futures.Executor | int | None,
+    progress: Progress | None,
+    resume: Folder | None,
 ) -> CircleBound:
     """Halve the arcs whose bound exceeds the largest error at a frequency by more than rtol."""
     problem, consistent = error.identification.problem, error._consistent
@@ -335,7 +361,7 @@ def _refine(
     wanted = np.array([bottom, top])
     for _ in range(_ROUNDS):
         new = np.array([w for w in wanted if w not in known])
-        for found in value_sets(consistent, new, error.directions, error.gap, executor, progress):
+        for found in value_sets(consistent, new, error.directions, error.gap, executor, progress, resume):
             known[found.omega] = found
         edges = np.array(sorted(w for w in known if bottom <= w <= top))
         upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, _nominal(error, edges), strict=True)]).T

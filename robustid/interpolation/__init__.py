@@ -4,6 +4,12 @@ from robustid.interpolation.central import Interpolants, interpolants
 from robustid.interpolation.certificate import MarginCertificate, certify_margin, evaluate_certificate
 from robustid.interpolation.classical import ClassicalForm, classical_form
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.exact_evaluation import (
+    enclose_margin,
+    enclose_support,
+    verify_margin_exactly,
+    verify_support_exactly,
+)
 from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
@@ -31,10 +37,14 @@ __all__ = [
     "certify_margin",
     "certify_support",
     "classical_form",
+    "enclose_margin",
+    "enclose_support",
     "evaluate_certificate",
     "evaluate_support",
     "interpolants",
     "measurement_rows",
     "taylor_interpolants",
     "taylor_tail",
+    "verify_margin_exactly",
+    "verify_support_exactly",
 ]

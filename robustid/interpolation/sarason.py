@@ -71,6 +71,9 @@ class ShiftMap(SarasonMap):
     def __init__(self, length: int):
         super().__init__(shift_pair(length))
 
+    def __reduce__(self):
+        return ShiftMap, (self.pair.order,)
+
     def matrix(self, x: np.ndarray) -> np.ndarray:
         """X(x)."""
         padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
