@@ -20,13 +20,29 @@ _ATTEMPTS = 3
 _KEPT: list[Any] = []  # limits of threads end when their object does
 
 
-def worker_pool(count: int | None = None) -> ProcessPoolExecutor:
+class _Pool(ProcessPoolExecutor):
+    """Ended at once by an exception in its `with` block, Ctrl-C for instance."""
+
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+        if kind is not None:
+            self.end()
+        super().__exit__(kind, value, trace)
+
+    def end(self) -> None:
+        """Whatever the processes are doing, they end."""
+        processes = list((getattr(self, "_processes", None) or {}).values())
+        self.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+
+
+def worker_pool(count: int | None = None) -> _Pool:
     """So many processes (default: a process for every core) that share the cores, and leave Ctrl-C to this one."""
     cores = os.cpu_count() or 1
     count = count or cores
     # Not forked: a process with threads, such as that of a progress display, must not be.
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(count, context, _start, (max(1, cores // count),))
+    return _Pool(count, context, _start, (max(1, cores // count),))
 
 
 def _start(threads: int) -> None:
@@ -34,14 +50,6 @@ def _start(threads: int) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _KEPT.append(threadpoolctl.threadpool_limits(limits=threads))
-
-
-def end_at_once(pool: ProcessPoolExecutor) -> None:
-    """Whatever the processes of a pool are doing, they end."""
-    processes = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
 
 
 class Workers:
@@ -54,7 +62,7 @@ class Workers:
     """
 
     def __init__(self, executor: Executor | int):
-        self._own: ProcessPoolExecutor | None = None
+        self._own: _Pool | None = None
         if not isinstance(executor, Executor):
             executor = self._own = worker_pool(_count(executor))
         self._executor = executor
@@ -65,12 +73,9 @@ class Workers:
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, kind: Any, *_: Any) -> None:
+    def __exit__(self, *exception: Any) -> None:
         if self._own is not None:
-            if kind is None:
-                self._own.shutdown()
-            else:
-                end_at_once(self._own)
+            self._own.__exit__(*exception)
 
     def run(self, function: Callable[..., Any], shared: tuple, items: list[float]) -> Iterator[tuple[float, Any]]:
         """(item, function(*shared, item)) as they end; an item whose worker fails is tried again, three times in all.
@@ -116,7 +121,7 @@ class Workers:
                 raise
         count = getattr(self._executor, "_max_workers", None)
         if self._own is not None:
-            end_at_once(self._own)
+            self._own.end()
         self._executor = self._own = worker_pool(count)
         return self._executor.submit(function, *arguments)
 

@@ -152,7 +152,9 @@ class WorstCaseError(Frozen):
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        return _refine(self, rtol, executor, progress, resume)
+        found = _refine(self, rtol, executor, progress, resume)
+        self.__dict__["circle"] = found  # what `circle` and `hinf` say from now on, and `save` writes
+        return found
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
