@@ -27,6 +27,7 @@ _log = logging.getLogger("robustid")
 
 Progress = Callable[[int, int], None]
 Folder = str | os.PathLike[str]
+Spread = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
 
 def value_sets(
@@ -34,7 +35,7 @@ def value_sets(
     omega: np.ndarray,
     directions: int,
     gap: float,
-    executor: Executor | int | None = None,
+    executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
 ) -> list[ValueSet]:
@@ -65,7 +66,7 @@ def value_sets(
 
 
 def _each(
-    consistent: ConsistentSet, omega: list[float], directions: int, gap: float, executor: Executor | int | None
+    consistent: ConsistentSet, omega: list[float], directions: int, gap: float, executor: Spread
 ) -> Generator[tuple[float, ValueSet]]:
     """(frequency, its values) as they are found."""
     if executor is None or not omega:

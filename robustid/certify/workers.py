@@ -30,10 +30,9 @@ class _Pool(ProcessPoolExecutor):
 
     def end(self) -> None:
         """Whatever the processes are doing, they end."""
-        processes = list((getattr(self, "_processes", None) or {}).values())
-        self.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
+        for process in list((getattr(self, "_processes", None) or {}).values()):
             process.terminate()
+        self.shutdown(cancel_futures=True)
 
 
 def worker_pool(count: int | None = None) -> _Pool:

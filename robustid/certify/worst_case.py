@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
 import functools
 import itertools
-import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,7 +15,7 @@ from robustid.certify.circle import CircleBound, Curvature, arc_bound, known_par
 from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.certify.sweep import Folder, Progress, value_sets
+from robustid.certify.sweep import Folder, Progress, Spread, value_sets
 from robustid.certify.value_set import ValueSet, value_set_claims
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
@@ -131,7 +129,7 @@ class WorstCaseError(Frozen):
         self,
         rtol: float = 0.05,
         *,
-        executor: concurrent.futures.Executor | int | None = None,
+        executor: Spread = None,
         progress: Progress | None = None,
         resume: Folder | None = None,
     ) -> CircleBound:
@@ -171,7 +169,7 @@ class WorstCaseError(Frozen):
         """Number of the sample with the largest share in the proofs at a frequency."""
         return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: Folder) -> None:
         """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
         from robustid.certify.storage import save_worst_case_error
 
@@ -205,7 +203,7 @@ def worst_case_error(
     omega: Any = None,
     directions: int = 16,
     rtol: float = 0.05,
-    executor: concurrent.futures.Executor | int | None = None,
+    executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
 ) -> WorstCaseError:
@@ -343,11 +341,7 @@ def default_grid(identification: Identification) -> np.ndarray:
 
 
 def _refine(
-    error: WorstCaseError,
-    rtol: float,
-    executor: concurrent.futures.Executor | int | None,
-    progress: Progress | None,
-    resume: Folder | None,
+    error: WorstCaseError, rtol: float, executor: Spread, progress: Progress | None, resume: Folder | None
 ) -> CircleBound:
     """Halve the arcs whose bound exceeds the largest error at a frequency by more than rtol."""
     problem, consistent = error.identification.problem, error._consistent

@@ -35,6 +35,7 @@ def verify_support_exactly(
 
 def verify_margin_exactly(certificate: MarginCertificate, rows: Rows, sarason: SarasonMap) -> bool:
     """Whether the stated value of a certificate is below what its multipliers prove, all rounding enclosed."""
+    _flint()
     if certificate.value <= 0:
         return certificate.value == 0  # claims nothing
     return enclose_margin(certificate.samples, certificate.ball, certificate.upper, rows, sarason) >= certificate.value
