@@ -141,6 +141,15 @@ FORGERIES = {
     "order": lambda a: {"values/certificates/order": a["values/certificates/order"] + 1},
     "interval": lower("parameters/upper"),
     "fewer intervals": lambda a: {"parameters/lower": a["parameters/lower"][:1]},
+    "smaller matrices": lambda a: {
+        "values/certificates/order": a["values/certificates/order"] - 1,
+        "values/certificates/rank": np.zeros_like(a["values/certificates/rank"]),
+        "values/certificates/factors": np.zeros(0),
+    },
+    "fewer samples": lambda a: {"values/certificates/samples": a["values/certificates/samples"][:, :-1]},
+    "no multipliers": lambda a: {"values/certificates/samples": a["values/certificates/samples"] * np.nan},
+    "infinite factors": lambda a: {"values/certificates/factors": a["values/certificates/factors"] * np.inf},
+    "no frequency": lambda a: {"values/omega": a["values/omega"] * np.nan},
     "not a number": lambda a: {"values/support": a["values/support"] * np.nan},
 }
 

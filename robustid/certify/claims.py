@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from robustid._arrays import Frozen
 from robustid.interpolation import Functional, Rows, SarasonMap, SupportCertificate, verify_support_exactly
 
@@ -37,7 +39,17 @@ class SupportClaim(Frozen):
         `exact` evaluates it in ball arithmetic too, which needs the extra `robustid[exact]`.
         """
         proof = self.certificate
-        if not (proof.level >= 1 and proof.value <= self.stated):
+        if not (self._fits and proof.level >= 1 and proof.value <= self.stated):
             return False
         arguments = self.functional, self.rows, self.sarason
         return proof.verify(*arguments) and (not exact or verify_support_exactly(proof, *arguments))
+
+    @property
+    def _fits(self) -> bool:
+        """Whether the multipliers are numbers, as many as the problem asks for."""
+        proof, n = self.certificate, self.sarason.pair.order
+        shapes = proof.samples.shape == self.rows.y.shape and proof.left.shape == proof.right.shape == (
+            n,
+            *proof.left.shape[1:],
+        )
+        return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))

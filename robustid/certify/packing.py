@@ -76,6 +76,8 @@ def unpack_values(arrays: Arrays, dt: float, directions: int) -> list[ValueSet]:
     ValueError
         Arrays that do not fit together, or polygons of another number of sides.
     """
+    if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
+        raise ValueError("its frequencies are not between 0 and pi/dt")
     angles = [directions_at(float(w), dt, directions) for w in arrays["omega"]]
     if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
         raise ValueError("its polygons do not have the sides of their number of directions")

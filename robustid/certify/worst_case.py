@@ -150,9 +150,8 @@ class WorstCaseError(Frozen):
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        found = _refine(self, rtol, executor, progress, resume)
-        self.__dict__["circle"] = found  # what `circle` and `hinf` say from now on, and `save` writes
-        return found
+        self.__dict__["circle"] = _refine(self, rtol, executor, progress, resume)  # for `hinf` and `save`, from now on
+        return self.circle
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
@@ -228,9 +227,8 @@ def worst_case_error(
     rtol : float
         Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
     executor : concurrent.futures.Executor or int, optional
-        Spreads the frequencies: over any executor (`distributed.Client().get_executor()` for a cluster), or over so many
-        processes of its own (a script then needs the usual ``if __name__ == "__main__":``). A frequency whose worker dies is tried
-        again. Default: in this process.
+        Spreads the frequencies over any executor (`distributed.Client().get_executor()` for a cluster), or so many processes of
+        its own, which want ``if __name__ == "__main__":`` in scripts; tries those of dead workers again. Default: this process.
     progress : callable (done, all), optional
     resume : path, optional
         Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
