@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
-import os
 import pathlib
 import re
-import signal
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 
 from robustid import _terminal as terminal
+from robustid._cli_steps import in_words, shown
 from robustid._terminal import plain, step, warn
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 Path = pathlib.Path
-# Libraries of linear algebra take all cores by themselves: with a process for every core they would stand in a queue.
-_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _OUTPUT = Path("fit.npz")
 _OPTIONS = {
     "rigid_body": "--rigid-body",
@@ -91,7 +85,7 @@ def fit(
     asked["rigid_body"] = RigidBody(rigid_body) if rigid_body else None
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
     sweep = None
-    with _in_options(source.name):
+    with in_words(_OPTIONS | {"frf": source.name, "values": source.name}):
         if relative is False and frf.covariance is None:
             raise InputError(f"--covariance: {source.name} holds no covariance; leave the option out")
         if relative:
@@ -162,7 +156,7 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
     from robustid.mfd import fit_mfd
 
     text = f"fitting order {order}: {frf.omega.size} lines"
-    with _shown(console, text) as show:
+    with shown(console, text) as show:
         count = 0
 
         def progress(line: Any) -> None:
@@ -177,9 +171,10 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
 
 def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
     """A sweep over the order on all cores; the criteria are those of plain least squares, stable or not."""
+    from robustid.certify.workers import worker_pool
     from robustid.mfd.order import suggest_order
 
-    with _shown(console, "fitting a range of orders") as show, _pool() as pool:
+    with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
 
         def progress(done: int, count: int) -> None:
             show(f"fitting a range of orders: {done} of {count}")
@@ -188,40 +183,6 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         warn(console, f"order {sweep.suggested} is the largest one tried; give a larger --order by hand to compare")
     return sweep
-
-
-@contextlib.contextmanager
-def _shown(console: Any, text: str) -> Iterator[Callable[[str], None]]:
-    """A line that changes at a terminal; elsewhere one line for every change."""
-    if console.is_terminal:
-        with console.status(plain(text)) as status:
-            yield lambda words: status.update(plain(words))
-    else:
-        console.print(f"{plain(text)} …", highlight=False, soft_wrap=True)
-        yield lambda words: console.print(plain(words), highlight=False, soft_wrap=True)
-
-
-@contextlib.contextmanager
-def _pool() -> Iterator[ProcessPoolExecutor]:
-    """A process for every core, with one thread each; Ctrl-C ends them at once."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update({name: "1" for name, value in before.items() if value is None})
-    # Not forked: a process with threads, such as that of a progress display, must not be.
-    context = multiprocessing.get_context("spawn")
-    ignore = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)}
-    pool = ProcessPoolExecutor(mp_context=context, **ignore)
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in multiprocessing.active_children():
-            child.terminate()
-        raise
-    else:
-        pool.shutdown()
-    finally:
-        for name in (name for name, value in before.items() if value is None):
-            os.environ.pop(name, None)
 
 
 def _drawn(console: Any, render: Callable[..., str], result: Any, frf: Any, sweep: Any) -> str:
@@ -238,14 +199,3 @@ def _write(result: Any, model_file: Path, report: Path | None, page: str) -> Non
     if report is not None:
         with atomic_write(report) as file:
             file.write(page)
-
-
-@contextlib.contextmanager
-def _in_options(name: str) -> Iterator[None]:
-    """Name options, and the file, in place of Python's arguments."""
-    try:
-        yield
-    except (InputError, InputTypeError) as error:
-        text = re.sub(r"`(frf|values)`", name, str(error))
-        text = re.sub(r"`(\w+)`", lambda found: _OPTIONS.get(found[1], found[0]), text)
-        raise type(error)(text) from None

@@ -1,16 +1,17 @@
-"""The long part of `robustid identify` and `demo`: solve, compute and render everything, and only then write."""
+"""What commands share: the long part of `robustid identify` and `demo`, progress, the files of a result, words of options."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from robustid import _terminal as terminal
 from robustid._terminal import plain, step
-from robustid.errors import SizeError
+from robustid.errors import InputError, InputTypeError, SizeError, SolverError
 
 
 def identified(
@@ -84,3 +85,31 @@ def size_in_options() -> Iterator[None]:
             f"{count}. Use a part of them: --band LOW:HIGH keeps the lines between two frequencies in Hz, --first N the"
             " first N time samples"
         ) from None
+
+
+@contextlib.contextmanager
+def shown(console: Any, text: str) -> Iterator[Callable[[str], None]]:
+    """A line that changes at a terminal; elsewhere one line for every change."""
+    if console.is_terminal:
+        with console.status(plain(text)) as status:
+            yield lambda words: status.update(plain(words))
+    else:
+        console.print(f"{plain(text)} …", highlight=False, soft_wrap=True)
+        yield lambda words: console.print(plain(words), highlight=False, soft_wrap=True)
+
+
+@contextlib.contextmanager
+def in_words(words: dict[str, str]) -> Iterator[None]:
+    """Name options, and files, in place of Python's arguments."""
+    try:
+        yield
+    except (InputError, InputTypeError, SolverError) as error:
+        text = re.sub(r"`(\w+)`", lambda found: words.get(found[1], found[0]), str(error))
+        raise type(error)(text) from None
+
+
+def sources(path: Path) -> list[Path]:
+    """The files that may be read for `path`."""
+    from robustid.identification.storage import paths
+
+    return [path, *paths(path)]

@@ -1,4 +1,4 @@
-"""The command line: robustid identify, fit, reduce, report, demo."""
+"""The command line: robustid identify, fit, bounds, verify, reduce, report, demo."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from robustid import _terminal as terminal
+from robustid._cli_certify import bounds, verify
 from robustid._cli_fit import fit
-from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options
+from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options, sources
 from robustid._terminal import plain, step
 from robustid._version import __version__
 from robustid.data._roles import FREQUENCY, TIME
@@ -215,6 +216,8 @@ def identify(
 
 
 app.command()(fit)
+app.command()(bounds)
+app.command()(verify)
 
 
 @app.command()
@@ -242,7 +245,7 @@ def reduce(
 
     if output.suffix.lower() not in (".npz", ".mat"):
         raise InputError(f"--output {output} must end in .npz or .mat")
-    terminal.check_outputs([output], _sources(source), force)
+    terminal.check_outputs([output], sources(source), force)
     console = terminal.console()
     identification = _load_identification(source)
     if identification is not None and order is None and tol is None:
@@ -274,7 +277,7 @@ def report(
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
-    terminal.check_outputs([output], _sources(source), force)
+    terminal.check_outputs([output], sources(source), force)
     console = terminal.console()
     result = load_identification(source)
     reduction = None
@@ -288,19 +291,9 @@ def report(
     raise typer.Exit(EXIT[result.status])
 
 
-def _base(path: Path) -> Path:
-    return path.with_suffix("") if path.suffix in (".npz", ".json") else path
-
-
-def _sources(path: Path) -> list[Path]:
-    """The files that may be read for `path`."""
-    base = _base(path)
-    return [path, base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")]
-
-
 def _load_identification(path: Path) -> Any:
     """The saved identification at `path`; None where the file is a plain model."""
     from robustid.identification import load_identification
+    from robustid.identification.storage import paths
 
-    base = _base(path)
-    return load_identification(base) if base.with_name(base.name + ".json").exists() else None
+    return load_identification(path) if paths(path)[1].exists() else None

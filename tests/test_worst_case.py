@@ -9,7 +9,7 @@ import robustid as rid
 from problems import CASES, random_experiment, random_problem
 from robustid.certify.circle import second_derivative
 from robustid.certify.consistent_set import consistent_set
-from robustid.certify.value_set import value_set, verify_value_set
+from robustid.certify.value_set import value_set, value_set_claims
 from robustid.identification.simulation import response
 from robustid.interpolation import Functional, certify_support, evaluate_support
 
@@ -243,11 +243,11 @@ def small_error():
 def test_every_certificate_verifies_and_forged_ones_do_not():
     error = small_error()
     consistent, found = error._consistent, error.values[0]
-    assert verify_value_set(consistent, found)
+    assert all(claim.verify() for claim in value_set_claims(consistent, found))
     lower = rid.certify.ValueSet(
         found.omega, found.directions, found.support - 1e-6, found.points, found.slack, found.certificates
     )
-    assert not verify_value_set(consistent, lower)
+    assert not any(claim.verify() for claim in value_set_claims(consistent, lower))
     here = consistent.with_node(found.omega)
     x, p, tail = here.value_weights(found.omega)
     functional = Functional(np.real(x), np.real(p), tail)

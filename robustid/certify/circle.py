@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
+from robustid.certify.value_set import ValueSet
 from robustid.interpolation import Prior
 
 
@@ -25,12 +26,15 @@ class CircleBound(Frozen):
         Error of a consistent system at one of the edges, attained.
     converged : bool
         Whether the largest bound is within the tolerance that was asked of the largest one at an edge.
+    values : tuple of ValueSet
+        At the edges, with their certificates; empty where the bound was read from a file, which keeps its numbers only.
     """
 
     edges: np.ndarray
     bound: np.ndarray
     lower: float
     converged: bool
+    values: tuple[ValueSet, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(edges=freeze(self.edges), bound=freeze(self.bound))

@@ -127,20 +127,26 @@ class ConsistentSet:
 
         The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
         """
-        problem = self.posed.problem
-        angle = omega * problem.dt
-        if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
+        posed = self.posed_at(omega)
+        if posed is self.posed:
             return self
-        prior = problem.prior
-        # At the head of the cascade: tight samples then say nothing about the new coefficients.
-        pair = input_normal_pair(problem.angles, 1 / prior.decay_rate, problem.taylor, first=[min(angle, np.pi)])
-        data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair))
+        pair = posed.data.sarason.pair
         alpha, beta, gamma, delta = self._interpolant
         # x = c g(A) of the central interpolant g(zeta) = delta + zeta gamma (I - zeta alpha)^-1 beta.
         x = (delta * pair.c + gamma @ solve_stein(alpha, pair.A, beta @ pair.c @ pair.A))[0]
-        posed = dataclasses.replace(self.posed, data=data)
         start = dataclasses.replace(self.center, x=x)
-        return ConsistentSet(posed, analytic_center(data, self.level, [start]), self.level)
+        return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
+
+    def posed_at(self, omega: float) -> Posed:
+        """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""
+        problem = self.posed.problem
+        angle = omega * problem.dt
+        if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
+            return self.posed
+        # At the head of the cascade: tight samples then say nothing about the new coefficients.
+        head = [min(angle, np.pi)]
+        pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor, first=head)
+        return dataclasses.replace(self.posed, data=ConvexData(measurement_rows(problem, pair), SarasonMap(pair)))
 
     @functools.cached_property
     def _interpolant(self) -> tuple[np.ndarray, ...]:

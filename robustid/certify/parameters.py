@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet
 from robustid.interpolation import Functional, SupportCertificate
 
@@ -48,13 +50,13 @@ def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> Paramet
     return ParameterIntervals(ends[:, 0], ends[:, 1], attained, tuple(certificates))
 
 
-def verify_parameters(consistent: ConsistentSet, found: ParameterIntervals) -> bool:
-    """Whether every certificate supports its end of an interval."""
-    n, data = consistent.data.sarason.pair.order, consistent.data
+def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:
+    """What the intervals say, end by end."""
+    data, basis = consistent.data, consistent.posed.problem.parametric
+    nothing = np.zeros(data.sarason.pair.order)
     stated = np.stack([-found.lower, found.upper], axis=1).ravel()
-    for number, (value, certificate) in enumerate(zip(stated, found.certificates, strict=True)):
-        weights = (1.0 if number % 2 else -1.0) * consistent.parameter_weights(number // 2)
-        functional = Functional(np.zeros(n), weights)
-        if not (certificate.value <= value and certificate.verify(functional, data.rows, data.sarason)):
-            return False
-    return True
+    for number, (value, proof) in enumerate(zip(stated, found.certificates, strict=True)):
+        index, upper = divmod(number, 2)
+        functional = Functional(nothing, (1.0 if upper else -1.0) * consistent.parameter_weights(index))
+        name = f"{'upper' if upper else 'lower'} end of the coefficient of {basis.labels[index]}"
+        yield SupportClaim(name, functional, float(value), proof, data.rows, data.sarason)

@@ -15,7 +15,7 @@ from robustid.certify.circle import known_part
 from robustid.certify.consistent_set import Extreme
 from robustid.certify.horizon import Outputs, consistent_outputs
 from robustid.certify.impulse_tail import tail_bounds
-from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
+from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.certify.sweep import Progress
 from robustid.certify.worst_case import as_nominal
 from robustid.errors import InputError, InputTypeError
@@ -149,8 +149,7 @@ class ResponseTube(Frozen):
                 outputs.supports(int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate)
                 for (k, side), certificate in zip(pairs, self.certificates, strict=True)
             )
-            and all(certificate.level >= 1 for certificate in self.parameters.certificates)
-            and verify_parameters(outputs.consistent, self.parameters)
+            and all(claim.verify() for claim in parameter_claims(outputs.consistent, self.parameters))
         )
 
     @functools.cached_property

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
+from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet
 from robustid.interpolation import Functional, SupportCertificate
 
@@ -77,19 +79,21 @@ class ValueSet(Frozen):
         return max(0.0, float((np.real(np.exp(-1j * self.directions) * value) - self.support).max()))
 
 
+def directions_at(omega: float, dt: float, count: int) -> np.ndarray:
+    """The directions of a polygon with `count` sides, rad; 0 and pi where the response is real."""
+    if omega == 0 or omega * dt >= np.pi * (1 - 1e-12):
+        return np.array([0.0, np.pi])
+    return 2 * np.pi * np.arange(count) / count
+
+
 def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
     """Support function and attained points at one frequency."""
-    problem = consistent.posed.problem
-    if omega == 0 or omega * problem.dt >= np.pi * (1 - 1e-12):
-        angles = np.array([0.0, np.pi])
-    else:
-        angles = 2 * np.pi * np.arange(directions) / directions
+    angles = directions_at(omega, consistent.posed.problem.dt, directions)
     here = consistent.with_node(omega)
     x, p, tail = here.value_weights(omega)
     support, points, certificates = np.zeros(angles.size), np.full(angles.size, np.nan, complex), []
     for k, angle in enumerate(angles):
-        turn = np.exp(-1j * angle)
-        found = here.extreme(Functional(np.real(turn * x), np.real(turn * p), tail), gap)
+        found = here.extreme(_along(angle, x, p, tail), gap)
         support[k] = found.upper
         if np.isfinite(found.attained):
             points[k] = x @ found.x + p @ found.p
@@ -97,14 +101,19 @@ def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: flo
     return ValueSet(omega, angles, support, points, tail, tuple(certificates))
 
 
-def verify_value_set(consistent: ConsistentSet, found: ValueSet) -> bool:
-    """Whether every certificate supports its value, and no value is stated below its certificate."""
-    here = consistent.with_node(found.omega)
+def value_set_claims(consistent: ConsistentSet, found: ValueSet) -> Iterator[SupportClaim]:
+    """What the polygon says, side by side; without a solver."""
+    here = dataclasses.replace(consistent, posed=consistent.posed_at(found.omega))
     x, p, tail = here.value_weights(found.omega)
-    rows, sarason = here.data.rows, here.data.sarason
-    for angle, support, certificate in zip(found.directions, found.support, found.certificates, strict=True):
-        turn = np.exp(-1j * angle)
-        functional = Functional(np.real(turn * x), np.real(turn * p), tail)
-        if not (certificate.value <= support and certificate.verify(functional, rows, sarason)):
-            return False
-    return True
+    angles = directions_at(found.omega, consistent.posed.problem.dt, found.directions.size)
+    even = np.array_equal(angles, found.directions)  # else the corners of the polygon are not where they are said to be
+    for k, (angle, support, proof) in enumerate(zip(angles, found.support, found.certificates, strict=True)):
+        name = f"{found.omega:.6g} rad/s, direction {k + 1} of {angles.size}"
+        stated = float(support) if even else -np.inf
+        yield SupportClaim(name, _along(angle, x, p, tail), stated, proof, here.data.rows, here.data.sarason)
+
+
+def _along(angle: float, x: np.ndarray, p: np.ndarray, tail: float) -> Functional:
+    """Re(exp(-j angle) F)."""
+    turn = np.exp(-1j * angle)
+    return Functional(np.real(turn * x), np.real(turn * p), tail)

@@ -136,7 +136,7 @@ def uncertainty_weight(
         The relative kinds take ``bound/sigma_min(F_id)`` and ``bound/(sigma_min(F_id) - bound)``, at the outputs; as many
         inputs as outputs.
     order : int, optional
-        Of the weight. Default: the smallest whose |W| stays within `tightness` of the bound; see `magnitude_weight`.
+        Of the weight, at most. Default: the smallest whose |W| stays within `tightness` of the bound; see `magnitude_weight`.
     tightness : float
         Above 1.
     below : float, optional
@@ -275,7 +275,7 @@ def magnitude_weight(
     dt : float
         Sample time in s.
     order : int, optional
-        Default: the smallest whose |W|/bound stays below `tightness` times the largest jump between neighbouring cells,
+        At most. Default: the smallest whose |W|/bound stays below `tightness` times the largest jump between neighbouring cells,
         which no continuous |W| can undercut; up to 12, and if none is tight enough, the smallest within 10 % of the best.
     tightness : float
         Above 1. The default, 1.5, lies within 22 % of the bound on a logarithmic scale, when centred: a further order makes
@@ -330,7 +330,9 @@ def magnitude_weight(
             break
     ratios = [ratio for _, ratio in found]
     enough = max(wanted, _USEFUL * min(ratios))
-    model, ratio = found[-1] if order is not None else next(pair for pair in found if pair[1] <= enough)
+    if order is not None:  # rounding may leave a longer fit behind a shorter one
+        enough = min(ratios)
+    model, ratio = next(pair for pair in found if pair[1] <= enough)
     if not np.isfinite(ratio):
         raise InputError(
             f"`order` = {order} gives no weight that could be verified for this `bound`; leave `order` out"

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
 import functools
-import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
-from robustid.certify.circle import CircleBound, Curvature, known_part
+from robustid.certify.circle import CircleBound
+from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
-from robustid.certify.parameters import ParameterIntervals, parameter_intervals, verify_parameters
-from robustid.certify.sweep import Progress, value_sets
-from robustid.certify.value_set import ValueSet, verify_value_set
+from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.certify.refinement import refine
+from robustid.certify.sweep import Folder, Progress, Spread, value_sets
+from robustid.certify.value_set import ValueSet, value_set_claims
 from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
@@ -24,8 +25,6 @@ from robustid.interpolation import MixedProblem
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 _GRID = 64  # frequencies of the default grid, besides those of the poles
-_COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
-_ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -110,10 +109,16 @@ class WorstCaseError(Frozen):
 
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
+        return all(claim.verify() for claim in self.claims())
+
+    def claims(self) -> Iterator[SupportClaim]:
+        """Every inequality that is stated, with its certificate."""
         consistent = self._consistent
-        return verify_parameters(consistent, self.parameters) and all(
-            verify_value_set(consistent, v) for v in self.values
-        )
+        yield from parameter_claims(consistent, self.parameters)
+        circle = self.__dict__.get("circle")
+        further = () if circle is None else (v for v in circle.values if v not in self.values)
+        for found in (*self.values, *further):
+            yield from value_set_claims(consistent, found)
 
     @functools.cached_property
     def _consistent(self) -> ConsistentSet:
@@ -128,8 +133,9 @@ class WorstCaseError(Frozen):
         rtol: float = 0.05,
         *,
         everywhere: bool = False,
-        executor: concurrent.futures.Executor | None = None,
+        executor: Spread = None,
         progress: Progress | None = None,
+        resume: Folder | None = None,
     ) -> CircleBound:
         """A rigorous bound of |F - model| on the whole circle, by adaptive refinement.
 
@@ -142,15 +148,18 @@ class WorstCaseError(Frozen):
             Tolerance of the largest bound, relative to the largest error at a frequency.
         everywhere : bool
             Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
-        executor : concurrent.futures.Executor, optional
-        progress : callable (done, all), optional
+        executor, progress, resume : optional
+            As in `worst_case_error`.
 
         Returns
         -------
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        return _refine(self, rtol, everywhere, executor, progress)
+        found = refine(self, rtol, everywhere, executor, progress, resume)
+        if "circle" not in self.__dict__ or found.largest < self.__dict__["circle"].largest:
+            self.__dict__["circle"] = found  # for `hinf` and `save`, from now on
+        return found
 
     def weight(
         self, *, kind: str = "additive", order: int | None = None, below: float | None = None
@@ -176,6 +185,12 @@ class WorstCaseError(Frozen):
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency."""
         return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
+
+    def save(self, path: Folder) -> None:
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
+        from robustid.certify.storage import save_worst_case_error
+
+        save_worst_case_error(self, path)
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {len(self.values)} frequencies, largest {self._errors[:, 0].max():.4g}>"
@@ -205,8 +220,9 @@ def worst_case_error(
     omega: Any = None,
     directions: int = 16,
     rtol: float = 0.05,
-    executor: concurrent.futures.Executor | None = None,
+    executor: Spread = None,
     progress: Progress | None = None,
+    resume: Folder | None = None,
 ) -> WorstCaseError:
     """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
 
@@ -228,9 +244,13 @@ def worst_case_error(
         Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most.
     rtol : float
         Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
-    executor : concurrent.futures.Executor, optional
-        Spreads the frequencies. Default: in this process.
+    executor : concurrent.futures.Executor or int, optional
+        Spreads the frequencies over any executor (`distributed.Client().get_executor()` for a cluster), or so many processes of
+        its own, which want ``if __name__ == "__main__":`` in scripts; tries those of dead workers again. Default: this process.
     progress : callable (done, all), optional
+    resume : path, optional
+        Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
+        again.
 
     Returns
     -------
@@ -241,7 +261,9 @@ def worst_case_error(
     InconsistentDataError
         The data fit no system of the class.
     InputError
-        An unstable model, another dt, frequencies above pi/dt, too few or too many directions.
+        An unstable model, another dt, frequencies above pi/dt, too few or too many directions; `resume` can't be written to.
+    SolverError
+        A frequency failed three times, on whatever worker.
 
     Notes
     -----
@@ -268,7 +290,7 @@ def worst_case_error(
     grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
     gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    values = value_sets(consistent, grid, directions, gap, executor, progress)
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume)
     return WorstCaseError(
         identification=identification,
         model=model,
@@ -332,86 +354,3 @@ def default_grid(identification: Identification) -> np.ndarray:
     if basis is not None and basis.has_integrator and lines.size:
         grid = grid[grid >= lines.min()]
     return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))
-
-
-def _refine(
-    error: WorstCaseError,
-    rtol: float,
-    everywhere: bool,
-    executor: concurrent.futures.Executor | None,
-    progress: Progress | None,
-) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
-
-    New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
-    matter.
-    """
-    dt, consistent, curvature = error.identification.problem.dt, error._consistent, _curvature(error)
-    bottom, top = _range(error)
-    known = {v.omega: v for v in error.values if bottom <= v.omega <= top}
-    fine = set(known)
-    limits: dict[tuple[float, float], float] = {}
-    coarse, sharp = [w for w in (bottom, top) if w not in known], []
-    for _ in range(_ROUNDS):
-        for wanted, settings in ((coarse, _COARSE), (sharp, (error.directions, error.gap))):
-            found = value_sets(consistent, np.array(wanted), *settings, executor, progress)
-            known |= {v.omega: v for v in found}
-        fine |= set(sharp)
-        edges = np.array(sorted(known))
-        nominal = response(error.model, edges * dt)
-        upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, nominal, strict=True)]).T
-        sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
-        ends = np.maximum(sure[:-1], sure[1:])
-        peak = ends if everywhere else np.full(ends.size, sure.max())
-        arcs = list(itertools.pairwise(edges))
-        limits |= {arc: curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
-        bend = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
-        bound = np.maximum(upper[:-1], upper[1:]) + bend
-        open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
-        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0)
-        coarse, sharp = [], []
-        for k in open_arcs:
-            rough = [
-                w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak[k]
-            ]
-            if bend[k] <= 0.5 * rtol * peak[k] and rough:
-                sharp += rough
-            else:
-                coarse.append(float(sum(arcs[k]) / 2))
-        sharp = sorted(set(sharp))
-        if result.converged or edges.size + len(coarse) > _LARGEST:
-            break
-    return result
-
-
-def _range(error: WorstCaseError) -> tuple[float, float]:
-    """Of the circle, rad/s: from 0, or from the first line where the plant has an integrator."""
-    problem = error.identification.problem
-    top, basis = np.pi / problem.dt, problem.parametric
-    if basis is None or not basis.has_integrator:
-        return 0.0, top
-    lines = [f.omega.min() for f in problem.frequency]
-    return float(min(lines, default=error.omega.min())), top
-
-
-def _curvature(error: WorstCaseError) -> Curvature:
-    identification = error.identification
-    problem, basis = identification.problem, identification.problem.parametric
-    q = identification.parameters
-    if error.model is identification.model and basis is not None:
-        # The parametric part of its own model is q'P exactly, its states the last ones.
-        own = error.model.nstates - basis.states
-        G = error.model.A[:own, :own], error.model.B[:own], error.model.C[:, :own]
-        parts = known_part(_Part(*G), None, q)
-    else:
-        parts = known_part(error.model, basis, q)
-    reach = np.maximum(np.abs(error.parameters.lower - q), np.abs(error.parameters.upper - q))
-    functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
-    return Curvature(problem.prior, parts, functions, reach)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Part:
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
 import zipfile
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from robustid.errors import FileFormatError
 from robustid.identification.forms import Claim, level_of, pose
 from robustid.identification.model import nominal_model
 from robustid.identification.result import Identification
-from robustid.identification.storage import FORMAT, digest, paths
+from robustid.identification.storage import FORMAT, digest, paths, text_array
 from robustid.identification.verification import verify
 from robustid.interpolation import MarginCertificate, MixedProblem, Prior
 from robustid.solve import Candidate
@@ -30,24 +32,36 @@ def load_identification(path: str | os.PathLike[str]) -> Identification:
     FileFormatError
         The files are missing, truncated, of another kind, or do not belong together.
     """
+    record, arrays = read(path, FORMAT, "identification")
+    with usable(path):
+        return rebuild(record, arrays)
+
+
+def read(path: str | os.PathLike[str], form: str, what: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Text and numbers of a saved result of a format, which belong together."""
     numbers, text = paths(path)
     try:
         record = json.loads(text.read_text(encoding="utf-8"))
         with np.load(numbers, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        if record["format"] != FORMAT:
-            raise KeyError("format")
+        if record["format"] != form:
+            raise ValueError(f"their format is {record['format']!r}")
         intact = record["digest"] == digest(arrays)
     except FileNotFoundError as error:
-        raise FileFormatError(
-            f"`path`: {error.filename} is missing; an identification is a .npz and a .json file"
-        ) from None
+        raise FileFormatError(f"`path`: {error.filename} is missing; an {what} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved identification ({error})") from None
+        raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved {what} ({error})") from None
     if not intact:
         raise FileFormatError(f"`path`: {numbers} does not belong to {text} (its digest differs); restore both files")
+    return record, arrays
+
+
+@contextlib.contextmanager
+def usable(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say which files can't be used, where rebuilding their result fails."""
+    numbers, text = paths(path)
     try:
-        return _rebuild(record, arrays)
+        yield
     except KeyError as error:
         raise FileFormatError(f"`path`: {text} lacks {error}; was it edited?") from None
     except (TypeError, ValueError, np.linalg.LinAlgError) as error:
@@ -80,7 +94,10 @@ def _read_sections(text: dict[str, Any] | None) -> Sections | None:
     return None if text is None else Sections(tuple(complex(*a) for a in text["zeros"]), text["repeats"])
 
 
-def _rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
+def rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identification:
+    """The identification that was described so, verified again."""
+    if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
+        raise ValueError("the problem was edited (its digest differs)")
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
     sections = _read_sections(record["sections"])

@@ -14,6 +14,7 @@ import numpy as np
 from robustid._files import atomic_write
 from robustid._version import __version__
 from robustid.bases import Sections
+from robustid.errors import InputError
 from robustid.interpolation import MixedProblem
 
 if TYPE_CHECKING:
@@ -23,8 +24,13 @@ FORMAT = "robustid identification 1"
 
 
 def save_identification(result: Identification, path: str | os.PathLike[str]) -> None:
-    """Write `path`.npz and `path`.json, each to a temporary name first."""
-    arrays, problem = _describe_problem(result.problem)
+    """Write `path`.npz and `path`.json, both or none."""
+    write(path, *describe(result))
+
+
+def describe(result: Identification) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is written of a result: text and numbers."""
+    arrays, problem = describe_problem(result.problem)
     arrays |= {
         "result/coefficients": result.coefficients,
         "result/scaled_parameters": result.scaled_parameters,
@@ -33,7 +39,6 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "certificate/samples": result.certificate.samples,
         "certificate/ball": result.certificate.ball,
     }
-    numbers, text = paths(path)
     record = {
         "format": FORMAT,
         "version": __version__,
@@ -50,17 +55,34 @@ def save_identification(result: Identification, path: str | os.PathLike[str]) ->
         "timing_s": result.timing,
         "notes": list(result.notes),
         "problem": problem,
-        "digest": digest(arrays),
+        "problem_digest": digest({"text": text_array(problem)}),
         "summary": result.summary().splitlines(),
     }
-    with atomic_write(numbers, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-    with atomic_write(text, "w") as file:
-        json.dump(record, file, indent=1)
+    return record, arrays
+
+
+def write(path: str | os.PathLike[str], record: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    """Write `path`.npz and `path`.json, bound to each other by a digest; whatever happens, what was there before or both.
+
+    Raises
+    ------
+    InputError
+        The files can't be written.
+    """
+    numbers, text = paths(path)
+    record = record | {"digest": digest(arrays)}
+    try:
+        with atomic_write(numbers, "wb") as binary, atomic_write(text, "w") as file:
+            np.savez_compressed(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+            json.dump(record, file, indent=1)
+            for stream in (binary, file):  # a full disk is to show itself before anything is replaced
+                stream.flush()
+    except OSError as error:
+        raise InputError(f"`path` = {str(path)!r} can't be written: {error.strerror}") from error
 
 
 def paths(path: str | os.PathLike[str]) -> tuple[pathlib.Path, pathlib.Path]:
-    """The .npz and the .json file of a saved identification."""
+    """The .npz and the .json file of a saved result."""
     base = pathlib.Path(path)
     if base.suffix in (".npz", ".json"):
         base = base.with_suffix("")
@@ -83,7 +105,13 @@ def _describe_sections(sections: Sections | None) -> dict[str, Any] | None:
     return {"zeros": [[a.real, a.imag] for a in sections.zeros], "repeats": sections.repeats}
 
 
-def _describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def text_array(text: Any) -> np.ndarray:
+    """Text of any structure as an array, for digests."""
+    return np.frombuffer(json.dumps(text, sort_keys=True).encode(), np.uint8)
+
+
+def describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """What is written of a problem: numbers and text."""
     arrays: dict[str, np.ndarray] = {}
     text: dict[str, Any] = {
         "prior": dataclasses.asdict(problem.prior),

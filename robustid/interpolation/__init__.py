@@ -5,6 +5,12 @@ from robustid.interpolation.certificate import MarginCertificate, certify_margin
 from robustid.interpolation.classical import ClassicalForm, classical_form
 from robustid.interpolation.columns import DenseColumns, ShiftColumns
 from robustid.interpolation.contraction import BalancedContraction
+from robustid.interpolation.exact_evaluation import (
+    enclose_margin,
+    enclose_support,
+    verify_margin_exactly,
+    verify_support_exactly,
+)
 from robustid.interpolation.hankel import ImpulseReduction, balanced_from_impulse
 from robustid.interpolation.prior import Prior
 from robustid.interpolation.problem import MixedProblem
@@ -35,6 +41,8 @@ __all__ = [
     "certify_margin",
     "certify_support",
     "classical_form",
+    "enclose_margin",
+    "enclose_support",
     "evaluate_certificate",
     "evaluate_support",
     "interpolants",
@@ -43,4 +51,6 @@ __all__ = [
     "taylor_interpolants",
     "taylor_tail",
     "transfer",
+    "verify_margin_exactly",
+    "verify_support_exactly",
 ]

@@ -71,6 +71,9 @@ class ShiftMap(SarasonMap):
     def __init__(self, length: int):
         super().__init__(shift_pair(length))
 
+    def __reduce__(self):
+        return ShiftMap, (self.pair.order,)
+
     def matrix(self, x: np.ndarray) -> np.ndarray:
         """X(x)."""
         padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
@@ -99,6 +102,9 @@ class SectionMap(SarasonMap):
         self._set(sections=sections)
 
     sections: Sections
+
+    def __reduce__(self):
+        return SectionMap, (self.sections,)
 
     @functools.cached_property
     def maps(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,55 @@
+"""What a result says about every consistent system, one sentence of it at a time, with its proof."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid._arrays import Frozen
+from robustid.interpolation import Functional, Rows, SarasonMap, SupportCertificate, verify_support_exactly
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SupportClaim(Frozen):
+    """`functional` is at most `stated` for every consistent system, by a certificate.
+
+    Attributes
+    ----------
+    name : str
+        Where in the result this is said.
+    functional : Functional
+    stated : float
+    certificate : SupportCertificate
+    rows : Rows
+    sarason : SarasonMap
+        The problem in the form in which the certificate is about it.
+    """
+
+    name: str
+    functional: Functional
+    stated: float
+    certificate: SupportCertificate
+    rows: Rows
+    sarason: SarasonMap
+
+    def verify(self, exact: bool = False) -> bool:
+        """Whether the certificate is about all consistent systems, says no less than is stated, and holds when evaluated anew.
+
+        `exact` evaluates it in ball arithmetic too, which needs the extra `robustid[exact]`.
+        """
+        proof = self.certificate
+        if not (self._fits and proof.level >= 1 and proof.value <= self.stated):
+            return False
+        arguments = self.functional, self.rows, self.sarason
+        return proof.verify(*arguments) and (not exact or verify_support_exactly(proof, *arguments))
+
+    @property
+    def _fits(self) -> bool:
+        """Whether the multipliers are numbers, as many as the problem asks for."""
+        proof, n = self.certificate, self.sarason.pair.order
+        shapes = proof.samples.shape == self.rows.y.shape and proof.left.shape == proof.right.shape == (
+            n,
+            *proof.left.shape[1:],
+        )
+        return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))

@@ -1,0 +1,98 @@
+"""Value sets and certificates as a few arrays: stacked, with the ranks of their factors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from robustid.certify.value_set import ValueSet, directions_at
+from robustid.interpolation import SupportCertificate
+
+Arrays = dict[str, np.ndarray]
+
+
+def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
+    """Stacked multipliers of the samples, and the factors of Y behind each other; Y itself where that is smaller."""
+    certificates = list(certificates)
+    factors = [_smaller(c) for c in certificates]
+    return {
+        "samples": np.stack([c.samples for c in certificates]) if certificates else np.zeros((0, 0), complex),
+        "order": np.array([c.left.shape[0] for c in certificates], int),
+        "rank": np.array([-1 if len(f) == 1 else f[0].shape[1] for f in factors], int),
+        "factors": np.concatenate([np.zeros(0), *(part.ravel() for f in factors for part in f)]),
+        "level": np.array([c.level for c in certificates], float),
+        "value": np.array([c.value for c in certificates], float),
+    }
+
+
+def _smaller(certificate: SupportCertificate) -> tuple[np.ndarray, ...]:
+    left, right = certificate.left, certificate.right
+    return (left @ right.T,) if 2 * left.shape[1] > left.shape[0] else (left, right)
+
+
+def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
+    """What `pack_certificates` packed.
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit together.
+    """
+    orders, ranks, factors = arrays["order"], arrays["rank"], arrays["factors"]
+    columns = np.where(ranks < 0, orders, 2 * ranks)
+    ends = np.cumsum(orders * columns)
+    if np.any(orders < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
+        raise ValueError("the factors of its certificates do not fit together")
+    if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} != {orders.size}:
+        raise ValueError("the arrays of its certificates differ in length")
+    found = []
+    for k, parts in enumerate(np.split(factors, ends[:-1])[: orders.size]):
+        n = orders[k]
+        left, right = (parts.reshape(n, n), np.eye(n)) if ranks[k] < 0 else parts.reshape(2, n, ranks[k])
+        found.append(
+            SupportCertificate(arrays["samples"][k], left, right, float(arrays["level"][k]), float(arrays["value"][k]))
+        )
+    return tuple(found)
+
+
+def pack_values(values: Sequence[ValueSet]) -> Arrays:
+    """Value sets of any frequencies."""
+    certificates = pack_certificates(c for v in values for c in v.certificates)
+    return {
+        "omega": np.array([v.omega for v in values], float),
+        "sides": np.array([v.directions.size for v in values], int),
+        "slack": np.array([v.slack for v in values], float),
+        "support": np.concatenate([np.zeros(0), *(v.support for v in values)]),
+        "points": np.concatenate([np.zeros(0, complex), *(v.points for v in values)]),
+    } | {f"certificates/{name}": array for name, array in certificates.items()}
+
+
+def unpack_values(arrays: Arrays, dt: float, directions: int) -> list[ValueSet]:
+    """What `pack_values` packed, with the polygons that belong to a number of directions.
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit together, or polygons of another number of sides.
+    """
+    if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
+        raise ValueError("its frequencies are not between 0 and pi/dt")
+    angles = [directions_at(float(w), dt, directions) for w in arrays["omega"]]
+    if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
+        raise ValueError("its polygons do not have the sides of their number of directions")
+    certificates = unpack_certificates(part(arrays, "certificates/"))
+    ends = np.cumsum(arrays["sides"])
+    if {len(certificates), arrays["support"].size, arrays["points"].size} != {int(ends[-1]) if ends.size else 0}:
+        raise ValueError("its polygons and certificates differ in number")
+    found = []
+    for k, end in enumerate(ends):
+        at = slice(end - angles[k].size, end)
+        omega, slack = float(arrays["omega"][k]), float(arrays["slack"][k])
+        found.append(ValueSet(omega, angles[k], arrays["support"][at], arrays["points"][at], slack, certificates[at]))
+    return found
+
+
+def part(arrays: Arrays, prefix: str) -> Arrays:
+    """The arrays whose names begin so, without it."""
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
