@@ -12,6 +12,7 @@ from problems import CASES, random_problem, truth_of
 from robustid.certify import horizon, response_tube
 from robustid.certify.impulse_tail import tail_bounds
 from robustid.identification.simulation import simulate
+from robustid.interpolation import Functional
 
 SLACK = 1e-9  # of rounding in the comparisons, relative to the outputs
 
@@ -78,6 +79,8 @@ def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     assert tube.upper[1] == pytest.approx(1 / 1.5, rel=1e-6)
     assert tube.upper[1] >= 1 / 1.5
     assert tube.verify()
+    assert tube.error_lower[1] == 0  # the rest can be anything: nothing is known to be attained
+    assert np.all(tube.error_lower <= tube.error_upper)
 
 
 @pytest.mark.parametrize("case", ["mixed", "frequency"])
@@ -102,6 +105,37 @@ def test_forms_agree(case, monkeypatch):
     for tube in (taylor, tails):  # and no attained value of theirs is outside of the exact one
         assert np.all(exact.lower <= tube.attained[:, 0] + SLACK)
         assert np.all(tube.attained[:, 1] - SLACK <= exact.upper)
+
+
+@pytest.mark.parametrize("initial", ["free", "periodic"])
+def test_records_that_do_not_start_at_rest(initial):
+    # The truth is consistent with any such record whose bounds are wide enough; the tube is from rest all the same.
+    problem = random_problem(3, "mixed", 12)
+    record = dataclasses.replace(problem.time[0], initial=initial, bound=np.full((6, 1), 20.0))
+    result = rid.identify(dataclasses.replace(problem, time=record))
+    tube = response_tube(result, horizon=9, times=[0.0, 0.02, 0.08])
+    truth = truth_of(3, "mixed")[0](9)[tube.samples]
+    assert np.all((tube.lower <= truth) & (truth <= tube.upper))
+    assert tube.verify()
+
+
+def test_barely_consistent_data():
+    problem = random_problem(3, "mixed", 12)
+    margin = rid.identify(problem).margin
+    frf, record = problem.frequency[0], problem.time[0]
+    thin = dataclasses.replace(
+        problem,
+        frequency=frf.with_bound(frf.bound * margin * (1 + 2e-7)),
+        time=record.with_bound(record.bound * margin * (1 + 2e-7)),
+    )
+    result = rid.identify(thin, accuracy=1e-8)
+    assert 1 - 1e-6 < result.margin <= 1
+    options = {"horizon": 8, "times": [0.0, 0.03]}
+    tube, wide = response_tube(result, **options), response_tube(rid.identify(problem), **options)
+    assert tube.verify()
+    assert np.all(tube.upper - tube.lower < 1e-2 * (wide.upper - wide.lower))
+    f = tube._outputs._impulses[0] @ tube._outputs.consistent.center.x
+    assert np.all((tube.lower <= f[tube.samples]) & (f[tube.samples] <= tube.upper))
 
 
 def test_more_data_never_widen_a_tube():
@@ -133,6 +167,30 @@ def test_l1_and_peaks_cover_members():
         assert np.abs(error + nominal)[:10].max() <= tube.peak
     assert max(np.abs(e).sum() for e in errors) > 0.01 * tube.error_l1
     assert np.isfinite(tube.error_l1)
+
+
+def test_l1_after_the_horizon():
+    # g_0 = 0 and nothing else known, model 0: sum over k >= 1 of K rho^-k = K/(rho - 1).
+    tube = response_tube(first_coefficient(0.0, K=3.0), horizon=1)
+    assert tube.error_l1 == pytest.approx(6.0, rel=1e-5)
+    assert tube.error_l1 >= 6.0
+    assert tube.error_peak == pytest.approx(2.0, rel=1e-5)
+    # A rest that is next to nothing: the error is (p - q)'P, with members at the ends of the intervals.
+    problem = random_problem(2, "parametric", 16)
+    basis, omega = problem.parametric, np.array([50.0, 100.0])
+    values = basis.response(omega * basis.dt) @ [1.0, -2.0]
+    frf = rid.FrequencyResponse(omega, values, bound=0.1, dt=basis.dt)
+    prior = rid.Prior(gain_bound=1e-6, decay_rate=1.5)
+    result = rid.identify(rid.MixedProblem(frequency=frf, parametric=basis, prior=prior))
+    tube = response_tube(result, horizon=2)
+    consistent, P = tube._outputs.consistent, basis.impulse(5000)
+    n = consistent.data.sarason.pair.order
+    worst = []
+    for index in (0, 1):
+        p = consistent.extreme(Functional(np.zeros(n), consistent.parameter_weights(index)), 1e-3).p
+        worst.append(np.abs(P @ (p / consistent.data.rows.column_scale - result.parameters)).sum())
+    bound = tube.parameters.upper - tube.parameters.lower
+    assert 0.1 * tube.error_l1 < max(worst) <= tube.error_l1 <= np.abs(P).sum(axis=0) @ bound + 1e-4
 
 
 @pytest.mark.parametrize("signal", ["impulse", "step"])

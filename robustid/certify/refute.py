@@ -133,11 +133,11 @@ class Refutation(Frozen):
         )
         count, broken = self.ratio.size, int(np.sum(self.ratio > 1))
         if self.refuted:
+            found = f"one was found at {attainable:.4g}" if np.isfinite(attainable) else "none was found"
             return "\n".join(
                 [
                     f"refuted    {broken} of {count} new samples contradict the guarantee; worst: {place}",
-                    f"           no consistent system comes nearer to it than {ratio:.4g} times its bound (one was found at"
-                    f" {attainable:.4g})",
+                    f"           no consistent system comes nearer to it than {ratio:.4g} times its bound ({found})",
                     "meaning    an assumption is wrong, data cannot say which: gain bound, decay rate, parametric poles or their"
                     " intervals, a bound of the old samples, or the bound of this one",
                 ]

@@ -49,7 +49,8 @@ class ResponseTube(Frozen):
         Numbers k of the samples that were bounded, ascending; not always all H.
     lower, upper : (T,) arrays
     attained : (T, 2) array
-        Lowest and highest output of consistent systems that were found: no tube is narrower. NaN where none was verified.
+        Consistent systems were found whose output is at most the first and at least the second: no tube is narrower. NaN where
+        none was verified.
     parameters : ParameterIntervals
     certificates : tuple of SupportCertificate
         Of -y_k and of y_k, in turn.
@@ -99,7 +100,8 @@ class ResponseTube(Frozen):
     @property
     def error_lower(self) -> np.ndarray:
         """Error of consistent systems that were found, (T,): no bound can be smaller."""
-        return freeze(np.nan_to_num(np.abs(self.attained - self.nominal[:, None]).max(axis=1)))
+        beyond = np.stack([self.nominal - self.attained[:, 0], self.attained[:, 1] - self.nominal])
+        return freeze(np.maximum(np.nan_to_num(beyond).max(axis=0), 0.0))
 
     @property
     def peak(self) -> float:
