@@ -17,14 +17,13 @@ def structure(gain=0.2, rate=1.2):
 
 def test_larger_classes_and_fewer_lines_have_wider_bands():
     problem = structure()
-    found = rid.sensitivity(problem, omega=[60.0])
+    found = rid.sensitivity(problem, omega=[70.0])
     rows = {row.what: row for row in found.variations}
     stated = rows["as stated"]
     assert stated.margin == pytest.approx(rid.identify(problem).margin, abs=1e-4)
-    # Each error is that of its own model, by polygons of six sides: steps of a factor two show through.
-    assert rows["gain bound x 0.5"].median < 0.95 * rows["gain bound x 2"].median
+    assert rows["gain bound x 0.5"].median < stated.median < rows["gain bound x 2"].median
     slower, faster = (row for name, row in rows.items() if name.startswith("decay rate"))
-    assert slower.median > 1.05 * faster.median
+    assert slower.median > stated.median > faster.median
     assert rows["every second line"].worst >= stated.worst
     assert "as stated" in found.summary()
 

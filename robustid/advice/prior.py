@@ -86,8 +86,8 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a rest that
         decays faster than that is next to a constant, a stronger assumption than a default should make.
     criterion : {"slope", "error"}
-        What the recommended pair makes small: the slope bound (quick), or the median guaranteed error relative to the response,
-        with the gain bound that is recommended at each decay rate (each is identified and its worst case bounded at 7
+        What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band
+        relative to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case bounded at 7
         frequencies: seconds to minutes). The parametric part is taken as it is: see `worst_case_over_poles` for poles from data.
 
     Returns
@@ -245,7 +245,5 @@ def _recommend(
             " too tight"
         )
     if np.isfinite(errors[k]):
-        reason += (
-            f". Of all pairs this has the smallest median guaranteed error, {100 * errors[k]:.3g} % of the response"
-        )
+        reason += f". Of all pairs this has the narrowest guaranteed band, half-width {100 * errors[k]:.3g} % of the response in the median"
     return prior, reason + ". An assumption: data can refute it, never prove it"

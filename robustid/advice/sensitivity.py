@@ -28,7 +28,8 @@ class Variation:
     what : str
     margin : float
     median, worst : float
-        Guaranteed error relative to the response, over the frequencies; NaN where the data are not consistent.
+        Half-width of the set of consistent values relative to the response, over the frequencies; NaN where the data are not
+        consistent.
     """
 
     what: str
@@ -58,7 +59,7 @@ class Sensitivity(Frozen):
             band = f"{100 * row.median:9.3g}%{100 * row.worst:9.3g}%" if row.margin <= 1 else f"{'refuted':>20}"
             lines.append(f"{row.what:34}{row.margin:9.4g}{band}")
         lines.append(
-            "Guaranteed error relative to the response. A bound that moves much with an assumption rests on it: data can refute"
+            "Half-width of the guaranteed band relative to the response. A bound that moves much with an assumption rests on it: data can refute"
             " assumptions, never prove them."
         )
         return "\n".join(lines)
@@ -79,7 +80,7 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
 
     Notes
     -----
-    Each variation is identified anew, and its error is that of its own central model.
+    Each variation is identified anew. The half-width is what the best nominal would err by, nearly.
 
     Examples
     --------
@@ -98,7 +99,7 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
 
 
 def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, float]:
-    """Margin, and median and largest guaranteed error relative to the response; NaN where nothing is consistent."""
+    """Margin, and median and largest half-width of the sets of values relative to the response; NaN where nothing fits."""
     try:
         result = identify(problem)
         if not result.consistent:
@@ -106,8 +107,16 @@ def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, 
         error = worst_case_error(result, omega=omega, directions=_DIRECTIONS, rtol=0.1)
     except SolverError:
         return np.nan, np.nan, np.nan
-    relative = error.upper[:, 0, 0] / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
+    # Half the largest width of each set: of nested sets the larger has the larger one, whatever the models.
+    widths = [half_width(v.support) for v in error.values]
+    relative = np.array(widths) / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
     return result.margin, float(np.median(relative)), float(relative.max())
+
+
+def half_width(support: np.ndarray) -> float:
+    """Half the largest width of a set from its support function in an even number of directions."""
+    half = support.size // 2
+    return float((support[:half] + support[half:]).max() / 2)
 
 
 def _variations(problem: MixedProblem) -> Iterator[tuple[str, MixedProblem]]:
