@@ -86,9 +86,10 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a rest that
         decays faster than that is next to a constant, a stronger assumption than a default should make.
     criterion : {"slope", "error"}
-        What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band
-        relative to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case bounded at 7
-        frequencies: seconds to minutes). The parametric part is taken as it is: see `worst_case_over_poles` for poles from data.
+        What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band relative
+        to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case
+        bounded at 7 frequencies: seconds to minutes). The parametric part is taken as it is: see `worst_case_over_poles` for
+        poles from data.
 
     Returns
     -------

@@ -59,8 +59,8 @@ class Sensitivity(Frozen):
             band = f"{100 * row.median:9.3g}%{100 * row.worst:9.3g}%" if row.margin <= 1 else f"{'refuted':>20}"
             lines.append(f"{row.what:34}{row.margin:9.4g}{band}")
         lines.append(
-            "Half-width of the guaranteed band relative to the response. A bound that moves much with an assumption rests on it: data can refute"
-            " assumptions, never prove them."
+            "Half-width of the guaranteed band relative to the response. A bound that moves much with an assumption rests on"
+            " it: data can refute assumptions, never prove them."
         )
         return "\n".join(lines)
 
