@@ -82,6 +82,54 @@ def test_motor_torsion(tmp_path, capsys):
     assert "What can be said: a model of order " in printed
 
 
+def test_worst_case(tmp_path, capsys, monkeypatch):
+    example = load("worst_case")
+    monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png"])
+    assert "What is guaranteed" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out
+    assert "solver: all hold" in printed
+    rows = [
+        line.rsplit(maxsplit=4)[1:] for line in printed.splitlines() if ", up to 21 Hz" in line or ", above" in line
+    ]
+    assert len(rows) == 4
+    for upper, lower, off, where in rows:
+        assert where == "inside"
+        assert float(off) <= float(upper)
+        assert 0.9 * float(upper) < float(lower) <= float(upper)
+
+
+def test_torsion_margin_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    monkeypatch.syspath_prepend(FOLDER)
+    load("torsion_margin").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "HoriFujimotoLab/FdiTools" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.realdata
+def test_torsion_margin(tmp_path, capsys, monkeypatch):
+    try:
+        datasets.find("two_mass/MultisineTypeA.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    monkeypatch.syspath_prepend(FOLDER)
+    load("torsion_margin").main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["guaranteed.png", "nyquist.png"])
+    assert "Over the whole circle" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out
+    assert "solver: all hold" in printed
+    rows = [line.split() for line in printed.splitlines() if line.startswith("   crossover")]
+    margins = [float(row[4].rstrip(",;")) for row in rows]
+    assert margins == sorted(margins, reverse=True)  # a faster controller leaves less
+    for row, margin in zip(rows, margins, strict=True):
+        assert (margin > 1) == (row[-1] == "guaranteed" and row[-2] != "not")
+    assert margins[0] > 1 > margins[-2] > margins[-1] == 0
+
+
 def test_wafer_stage(tmp_path, capsys):
     load("wafer_stage").main(["--out", str(tmp_path)])
     check_files(tmp_path, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])

@@ -28,6 +28,10 @@ def block(language, after=""):
     return re.search(rf"{after}```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
 
 
+def python_blocks():
+    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+
+
 def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch):
     names = {}
     exec(compile(block("python"), "README.md", "exec"), names)
@@ -37,8 +41,12 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
     assert "consistent" in capsys.readouterr().out
     assert rid.load_identification("result").consistent
     assert "<html" in Path("report.html").read_text(encoding="utf-8")
+    exec(compile(python_blocks()[1], "README.md", "exec"), names)
+    assert names["error"].certified
+    assert np.all(names["tube"].lower <= names["tube"].upper)
+    assert rid.load_worst_case_error("bounds").certified
     commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
-    assert [words[1] for words in commands] == ["identify", "reduce", "report", "fit"]
+    assert [words[1] for words in commands] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
     for words in commands:
         monkeypatch.setattr("sys.argv", words)
         with pytest.raises(SystemExit) as stop:
@@ -50,9 +58,8 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
 
 def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    code = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
     names = {}
-    exec(compile(code, "README.md", "exec"), names)
+    exec(compile(python_blocks()[2], "README.md", "exec"), names)
     assert names["fit"].status.converged
     assert names["fit"].model.nstates == 6
     assert capsys.readouterr().out.count("ModeRow") == 2

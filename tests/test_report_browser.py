@@ -32,6 +32,21 @@ def opened(page: Path, profile: Path, *flags: str) -> tuple[str, list[str]]:
     return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
+def widths(page: Path, width: int, folder: Path) -> tuple[int, int]:
+    """Of the page and of what it would scroll, in a frame: the window of a headless browser has a least width of its own."""
+    frame = folder / "frame.html"
+    frame.write_text(
+        f'<iframe src="{page.as_uri()}" width="{width}" height="800" style="border:0"></iframe><script>'
+        'onload = () => setTimeout(() => { const page = document.querySelector("iframe").contentDocument.documentElement;'
+        ' document.title = page.clientWidth + " " + page.scrollWidth; }, 3000)</script>',
+        encoding="utf-8",
+    )
+    dom, _ = opened(frame, folder / "profile", "--allow-file-access-from-files")
+    shown = re.search(r"<title>(\d+) (\d+)</title>", dom)
+    assert shown is not None
+    return int(shown[1]), int(shown[2])
+
+
 def plots(dom: str) -> dict[str, str]:
     """The markup of each plot by its id."""
     parts = re.split(r'<figure class="plot[^"]*" id="([^"]+)"', dom)
@@ -97,18 +112,7 @@ def test_the_page_of_a_fit_draws_every_plot_without_an_error(fitted: Path, tmp_p
 
 @pytest.mark.parametrize("width", [390, 1280])
 def test_the_page_of_a_fit_needs_no_sideways_scroll(fitted: Path, tmp_path: Path, width: int) -> None:
-    """Measured in a frame of that width: the window of a headless browser has a least width of its own."""
-    frame = tmp_path / "frame.html"
-    frame.write_text(
-        f'<iframe src="{fitted.as_uri()}" width="{width}" height="800" style="border:0"></iframe><script>'
-        'onload = () => setTimeout(() => { const page = document.querySelector("iframe").contentDocument.documentElement;'
-        ' document.title = page.clientWidth + " " + page.scrollWidth; }, 3000)</script>',
-        encoding="utf-8",
-    )
-    dom, _ = opened(frame, tmp_path / "profile", "--allow-file-access-from-files")
-    shown = re.search(r"<title>(\d+) (\d+)</title>", dom)
-    assert shown is not None
-    client, scroll = map(int, shown.groups())
+    client, scroll = widths(fitted, width, tmp_path)
     assert width - 20 <= client <= width
     assert scroll <= client
 

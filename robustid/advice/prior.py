@@ -246,5 +246,5 @@ def _recommend(
             " too tight"
         )
     if np.isfinite(errors[k]):
-        reason += f". Of all pairs this has the narrowest guaranteed band, half-width {100 * errors[k]:.3g} % of the response in the median"
+        reason += f". Its guaranteed band is the narrowest: median half-width {100 * errors[k]:.3g} % of the response"
     return prior, reason + ". An assumption: data can refute it, never prove it"

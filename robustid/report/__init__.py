@@ -11,6 +11,7 @@ from robustid.report.plots import (
 )
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.text import render_summary
+from robustid.report.worst_case_plots import plot_nyquist, plot_tube, plot_worst_case
 
 __all__ = [
     "PoleRow",
@@ -19,11 +20,14 @@ __all__ = [
     "plot_fit_poles",
     "plot_frequency_response",
     "plot_hankel",
+    "plot_nyquist",
     "plot_orders",
     "plot_poles",
     "plot_residuals",
     "plot_stabilisation",
     "plot_time_response",
+    "plot_tube",
+    "plot_worst_case",
     "pole_table",
     "render_summary",
     "write_report",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 HZ = 2 * np.pi
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _MANY = 300  # lines, above which their bars run into one another
+_NOWHERE = np.zeros(0)
 _BLOCK = 64  # frequencies evaluated at once: memory grows with states^2 times this
 
 
@@ -106,12 +107,14 @@ def checked_model(name: str, model: Any, identification: Identification) -> Any:
     return system
 
 
-def frequency_chart(identification: Identification, models: Models = None) -> Chart:
-    """Magnitude and phase of the models, and of every sample with its disc."""
-    problem, shown = identification.problem, curves(identification, models)
-    low, high = band(problem)
-    omega = _grid([model for _, model, *_ in shown], problem, low, high)
-    values = [_evaluate(model, omega * problem.dt) for _, model, *_ in shown]
+def frequency_chart(identification: Identification, models: Models = None, omega: np.ndarray = _NOWHERE) -> Chart:
+    """Magnitude and phase of the models, those at `omega` (rad/s) among others, and of every sample with its disc."""
+    problem, (low, high), shown = (
+        identification.problem,
+        shown_band(identification, omega),
+        curves(identification, models),
+    )
+    omega, values = responses([model for _, model, *_ in shown], problem, (low, high), omega)
     phases, span = phase_curves(values)
     bottom, top = _magnitude_range(problem, values)
     magnitude, phase = [], []
@@ -153,6 +156,20 @@ def frequency_chart(identification: Identification, models: Models = None) -> Ch
         ),
     )
     return Chart(name="frequency", panels=panels, linked=True)
+
+
+def shown_band(identification: Identification, omega: np.ndarray) -> tuple[float, float]:
+    """The `band` of the data, down to the lowest of further frequencies, rad/s."""
+    low, high = band(identification.problem)
+    return min([low, *omega[omega > 0].tolist()]), high
+
+
+def responses(
+    models: list[Any], problem: Any, ends: tuple[float, float], wanted: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response of each model there."""
+    omega = _grid(models, problem, *ends, wanted)
+    return omega, [_evaluate(model, omega * problem.dt) for model in models]
 
 
 def _add_samples(
@@ -206,11 +223,11 @@ def hertz(problem: Any, low: float, high: float) -> Axis:
     return Axis(label=f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
 
 
-def _grid(models: list[Any], problem: Any, low: float, high: float) -> np.ndarray:
-    """Log-spaced, the lines of the data, and as many points around each light pole as its resonance needs."""
+def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
+    """Log-spaced, the lines of the data, wanted ones, and as many points around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1
-    extra = [base, problem.angles[problem.angles > 0] / problem.dt]
+    extra = [base, wanted, problem.angles[problem.angles > 0] / problem.dt]
     # Equal steps of phase across the resonance: w + sigma tan(theta).
     spread = np.tan(np.linspace(-1.55, 1.55, 61))
     for model in models:

@@ -15,7 +15,7 @@ from robustid._version import __version__
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import charts, evidence, facts
+from robustid.report import charts, evidence, facts, worst_case_charts, worst_case_facts
 from robustid.report.plotly_figures import Figure, figures, plotly_figure
 from robustid.report.poles import pole_table
 from robustid.report.style import number
@@ -23,6 +23,7 @@ from robustid.report.style import number
 if TYPE_CHECKING:
     import control
 
+    from robustid.certify import WorstCaseError
     from robustid.data import FrequencyResponse
     from robustid.mfd.order_sweep import OrderSweep
     from robustid.reduction import Reduction
@@ -39,15 +40,16 @@ def write_report(
     reduction: Reduction | None = None,
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
+    worst_case: WorstCaseError | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
-    Of an identification: verdict, margin, assumptions, every sample against the models, residuals against their bounds,
-    the samples that limit the result, order, poles, verification, versions. Of a fitted matrix fraction: cost, status,
-    verification, every entry of the response with its residual, convergence and condition numbers, poles, modes, and
-    the choice of the order. The page works offline and fetches nothing.
+    Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
+    against their bounds, the samples that limit the result, order, poles, verification, versions. Of a fitted matrix
+    fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
+    numbers, poles, modes, and the choice of the order. The page works offline and fetches nothing.
 
     Parameters
     ----------
@@ -61,6 +63,9 @@ def write_report(
         Heading; default: the names of the channels.
     models : mapping of str to control.StateSpace, optional
         Further models with the sample time of the data. Not for a MatrixFraction.
+    worst_case : WorstCaseError, optional
+        From `worst_case_error(identification)`, of any model: adds the guarantee, its proof and what it assumes. All
+        certificates are evaluated again; the bound on the whole circle is shown if it has been computed.
     data : FrequencyResponse, optional
         What the matrix fraction was fitted to: names of the channels, and the noise.
     order_sweep : OrderSweep, optional
@@ -85,7 +90,13 @@ def write_report(
     True
     """
     text = render_report(
-        identification, reduction=reduction, title=title, models=models, data=data, order_sweep=order_sweep
+        identification,
+        reduction=reduction,
+        title=title,
+        models=models,
+        worst_case=worst_case,
+        data=data,
+        order_sweep=order_sweep,
     )
     with atomic_write(path) as file:
         file.write(text)
@@ -97,6 +108,7 @@ def render_report(
     reduction: Reduction | None = None,
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
+    worst_case: WorstCaseError | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
 ) -> str:
@@ -108,7 +120,8 @@ def render_report(
         )
     if title is not None and not isinstance(title, str):
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
-    foreign = {"reduction": reduction, "models": models} if fitted else {"data": data, "order_sweep": order_sweep}
+    of_identification = {"reduction": reduction, "models": models, "worst_case": worst_case}
+    foreign = of_identification if fitted else {"data": data, "order_sweep": order_sweep}
     for name, value in foreign.items():
         if value is not None:
             raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
@@ -116,20 +129,27 @@ def render_report(
         from robustid.report.mfd_page import fit_page
 
         return fit_page(identification, data, order_sweep, title)
-    return _identification_page(identification, reduction, models, title)
+    return _identification_page(identification, reduction, models, worst_case, title)
 
 
 def _identification_page(
-    identification: Identification, reduction: Reduction | None, models: Any, title: str | None
+    identification: Identification,
+    reduction: Reduction | None,
+    models: Any,
+    worst_case: WorstCaseError | None,
+    title: str | None,
 ) -> str:
     shown = further_models(reduction, models)
-    found = (
+    found = [
         charts.frequency_chart(identification, shown),
         charts.time_chart(identification, shown),
         evidence.residual_chart(identification, shown),
         evidence.hankel_chart(identification, reduction),
         evidence.pole_chart(identification, shown),
-    )
+    ]
+    if worst_case is not None:
+        worst_case_facts.checked(worst_case, identification)
+        found += [worst_case_charts.worst_case_chart(worst_case), worst_case_charts.nyquist_chart(worst_case)]
     return page(
         "template.html.j2",
         {chart.name: figures(chart) for chart in found},
@@ -138,6 +158,8 @@ def _identification_page(
         facts=facts,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
+        worst_case=worst_case,
+        guarantee=worst_case_facts,
     )
 
 

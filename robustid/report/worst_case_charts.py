@@ -1,0 +1,215 @@
+"""What is drawn of a guarantee: the band of the response, the sets of values in the complex plane, tubes in time."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.certify import ValueSet, WorstCaseError
+from robustid.identification import Identification
+from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_chart, responses, shown_band
+from robustid.report.facts import transfer, unit
+from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL, number
+
+BAND = FURTHER[3]
+REACHED = "reached by consistent systems"
+_TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 73))
+_FINE = 0.45  # size of a curve that must not hide what is around it
+_CLOSE_UP = 4  # frequencies drawn around the model
+
+
+def worst_case_chart(error: WorstCaseError) -> Chart:
+    """Magnitude and phase with their guaranteed ranges, and the guaranteed error with the one that is reached.
+
+    Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
+    """
+    name, model = bounded_model(error)
+    further = None if _own(error) else {name: model}
+    chart = frequency_chart(error.identification, further, error.omega)
+    magnitude, phase = chart.panels
+    proved = error.omega > 0  # a logarithmic axis has no 0
+    at, nominal = error.omega[proved] / HZ, error.nominal[proved]
+    bottom, top = magnitude.y.range or (0.0, 1.0)
+    words = f"guaranteed range ({error.omega.size} frequencies)"
+    sizes = error.magnitude[proved]
+    areas = _areas(words, _named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
+    span = bottom, max(top, 1.2 * float(error.magnitude.max()))
+    turns = _areas(words, _named(phase, name), at, _turns(error.phase[proved], nominal))
+    panels = (
+        _behind(magnitude, areas, span),
+        _behind(phase, turns, _widened(phase.y.range or (-225.0, 225.0), turns)),
+        _error_panel(error, magnitude.x),
+    )
+    return Chart(name="guarantee", panels=panels, linked=True)
+
+
+def bounded_model(error: WorstCaseError) -> tuple[str, Any]:
+    """Name and model that the errors are measured from."""
+    if _own(error):
+        return curves(error.identification, None)[0][:2]
+    return f"model, order {error.model.nstates}", error.model
+
+
+def _own(error: WorstCaseError) -> bool:
+    """Whether the errors are those of the nominal model; a loaded result has a copy of it."""
+    one, two = error.model, error.identification.model
+    return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
+
+
+def _named(panel: Panel, name: str) -> Layer:
+    return next(layer for layer in panel.layers if layer.name == name)
+
+
+def _behind(panel: Panel, layers: list[Layer], span: tuple[float, float]) -> Panel:
+    """The panel with layers under its own ones, whose curves are fine lines here, and another range of y."""
+    fine = (dataclasses.replace(layer, size=_FINE) if layer.dash else layer for layer in panel.layers)
+    return dataclasses.replace(panel, layers=(*layers, *fine), y=dataclasses.replace(panel.y, range=span))
+
+
+def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+    """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); +-180 where the phase can be any."""
+    offset = phase - np.angle(nominal)[:, None]
+    offset -= 2 * np.pi * np.round(offset.mean(axis=1, keepdims=True) / (2 * np.pi))
+    any_phase = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
+    return np.degrees(np.where(any_phase[:, None], [-np.pi, np.pi], offset))
+
+
+def _areas(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
+    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps."""
+    if not at.size:
+        return []
+    inside = (curve.x >= at[0]) & (curve.x <= at[-1])
+    x, y = curve.x[inside], curve.y[inside]
+    low, high = (np.maximum(y + np.interp(np.log(x), np.log(at), end), bottom) for end in offsets.T)
+    pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
+    kept = [piece[np.isfinite(y[piece])] for piece in pieces]
+    return [Layer(name=name, x=x[k], y=y[k], colour=BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
+
+
+def _widened(span: tuple[float, float], areas: list[Layer]) -> tuple[float, float]:
+    """A range of degrees that holds the areas too."""
+    lows, highs = ([limit(end) for end in ends] for limit, ends in zip((np.min, np.max), _ends(areas), strict=True))
+    return 90 * np.floor(min([span[0], *lows]) / 90 + 0.5) - 45, 90 * np.ceil(max([span[1], *highs]) / 90 - 0.5) + 45
+
+
+def _ends(areas: list[Layer]) -> tuple[list[Any], list[Any]]:
+    return [a.low for a in areas], [a.high for a in areas]
+
+
+def _error_panel(error: WorstCaseError, x: Axis) -> Panel:
+    left = x.range[0] if x.range else 0.0
+    at, upper, lower = np.maximum(error.omega / HZ, left), error.upper.ravel(), error.lower.ravel()
+    hover = tuple(
+        f"{number(w / HZ, 6)} Hz: at most {number(high)}, reached {number(low)}"
+        for w, high, low in zip(error.omega, upper, lower, strict=True)
+    )
+    layers = []
+    if (circle := error.__dict__.get("circle")) is not None:  # what has been computed; nothing is computed here
+        edges, bounds = np.maximum(np.repeat(circle.edges, 2)[1:-1] / HZ, left), np.repeat(circle.bound, 2)
+        layers.append(Layer(name="guaranteed between them too", x=edges, y=bounds, colour=FAINT, dash="solid"))
+    name = "guaranteed error"
+    layers.append(Layer(name=name, x=at, y=upper, colour=ALERT, dash="dash", marker="circle", hover=hover))
+    reached = np.where(lower > 0, lower, np.nan)
+    layers.append(Layer(name=REACHED, x=at, y=reached, colour=DATA, marker=MARKERS[2], hover=hover))
+    values = np.concatenate([layer.y for layer in layers])
+    values = values[values > 0]  # none where nothing is uncertain
+    span = (0.6 * float(values.min()), 1.6 * float(values.max())) if values.size else None
+    label = f"error |F − model| of\n{transfer(error.identification)}"
+    return Panel(
+        title="Error of the model: the farthest consistent system"
+        + (", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""),
+        x=x,
+        y=Axis(label=label, log=True, range=span),
+        layers=tuple(layers),
+    )
+
+
+def nyquist_chart(error: WorstCaseError) -> Chart:
+    """The sets of values in the complex plane: polygons that hold every consistent one, points that are reached.
+
+    All of them with the discs of the data, and those of the worst frequencies around the model.
+    """
+    identification, (name, model) = error.identification, bounded_model(error)
+    ends = shown_band(identification, error.omega)
+    _, (response,) = responses([model], identification.problem, ends, error.omega)
+    sets = error.values
+    layers = [
+        _plane(name, response, NOMINAL, dash="solid", size=_FINE),
+        *_data_discs(identification),
+        _plane("holds every consistent value", _joined([_outline(v) for v in sets]), ALERT, dash="solid"),
+        _plane(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
+        _plane(f"model at the {error.omega.size} frequencies", error.nominal, NOMINAL, marker="circle", size=0.6),
+    ]
+    worst = np.argsort(-error.upper.ravel())[:_CLOSE_UP]
+    near = []
+    for colour, k in zip((ALERT, *FURTHER), worst.tolist(), strict=False):
+        words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
+        near.append(_plane(words, _outline(sets[k]) - error.nominal[k], colour, dash="solid"))
+    points = np.concatenate([sets[k].points - error.nominal[k] for k in worst])
+    near += [
+        _plane(REACHED, points, DATA, marker=MARKERS[2], size=0.6),
+        _plane("model", np.zeros(1), NOMINAL, marker="x"),
+    ]
+    what = transfer(identification)
+    panels = (
+        _square("Values at the frequencies", f"of {what}", layers),
+        _square("Largest errors, around the model", f"of F − model [{unit(identification) or '–'}]", near),
+    )
+    return Chart(name="nyquist", panels=panels, columns=2)
+
+
+def _plane(name: str, values: np.ndarray, colour: str, **style: Any) -> Layer:
+    return Layer(name=name, x=np.real(values), y=np.imag(values), colour=colour, **style)
+
+
+def _outline(values: ValueSet) -> np.ndarray:
+    return np.append(values.vertices, values.vertices[0])
+
+
+def _joined(outlines: list[np.ndarray]) -> np.ndarray:
+    """One curve with gaps."""
+    return np.concatenate([np.append(outline, np.nan) for outline in outlines])
+
+
+def _data_discs(identification: Identification) -> list[Layer]:
+    """The borders |e + kappa conj(e)| = bound around every sample: e = bound (u - kappa conj(u))/(1 - |kappa|^2), |u| = 1."""
+    outlines = []
+    for frf in identification.problem.frequency:
+        tilt = np.zeros(frf.omega.size) if frf.tilt is None else frf.tilt[:, 0, 0]
+        for value, bound, kappa in zip(frf.values[:, 0, 0], frf.bound[:, 0, 0], tilt, strict=True):
+            outlines.append(value + bound * (_TURN - kappa * _TURN.conj()) / (1 - abs(kappa) ** 2))
+    return [_plane("bounds of the data", _joined(outlines), FAINT, dash="solid")] if outlines else []
+
+
+def _square(title: str, what: str, layers: list[Layer]) -> Panel:
+    """A panel of the complex plane with equal axes around everything that is drawn."""
+    axes = [np.concatenate([getattr(layer, part) for layer in layers]) for part in "xy"]
+    lows, highs = (np.array([limit(values) for values in axes]) for limit in (np.nanmin, np.nanmax))
+    half = 0.54 * float((highs - lows).max()) or 1.0
+    spans = [(float(middle - half), float(middle + half)) for middle in (lows + highs) / 2]
+    x, y = (
+        Axis(label=f"{part} part\n{what}", range=span) for part, span in zip(("real", "imaginary"), spans, strict=True)
+    )
+    return Panel(title=title, x=x, y=y, layers=tuple(layers), square=True)
+
+
+def tube_chart(tube: Any) -> Chart:
+    """The response of the model in time inside the range of every consistent system."""
+    output, input_ = tube.identification.problem.channel
+    t, amount = tube.times, f"1 {input_.unit}".rstrip()
+    titles = {
+        "step": f"Step response: {input_.name} rises by {amount} at 0 s",
+        "impulse": f"Pulse response: {input_.name} is {amount} during the first sample",
+    }
+    ends = {"low": tube.lower, "high": tube.upper}
+    layers = (
+        Layer(name="guaranteed range", x=t, y=tube.nominal, colour=BAND, fill=True, **ends),
+        Layer(name="model", x=t, y=tube.nominal, colour=NOMINAL, dash="solid"),
+        Layer(name=REACHED, x=np.tile(t, 2), y=tube.attained.T.ravel(), colour=DATA, marker=MARKERS[2], size=0.6),
+    )
+    title = titles.get(tube.input, f"Response to the given {input_.name}")
+    return Chart(
+        name="tube", panels=(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(output)), layers=layers),)
+    )

@@ -1,0 +1,192 @@
+"""What a report says of a guarantee: the sentence, the worst frequencies, the certificates, what is assumed and was tested.
+
+Guaranteed ends are rounded away from what they bound, so that the printed numbers hold too.
+"""
+
+from __future__ import annotations
+
+import decimal
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.certify import WorstCaseError
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification
+from robustid.report.facts import CAUTION, Verdict, unit
+from robustid.report.style import number
+from robustid.report.worst_case_charts import bounded_model
+
+_HZ = 2 * np.pi
+_ROWS = 8  # worst frequencies
+
+
+def checked(error: WorstCaseError, identification: Identification) -> WorstCaseError:
+    """The error, if it is one of this identification."""
+    if not isinstance(error, WorstCaseError):
+        raise InputTypeError(
+            f"`worst_case` must be a WorstCaseError, from worst_case_error(); got {type(error).__name__}"
+        )
+    if error.identification is not identification:
+        raise InputError(
+            "`worst_case` is about another identification than the one reported; give worst_case.identification, or compute"
+            " worst_case_error(identification)"
+        )
+    return error
+
+
+def at_most(value: float) -> str:
+    """A number not below the value."""
+    return _rounded(value, decimal.ROUND_CEILING)
+
+
+def at_least(value: float) -> str:
+    """A number not above the value."""
+    return _rounded(value, decimal.ROUND_FLOOR)
+
+
+def _rounded(value: float, rounding: str) -> str:
+    if not np.isfinite(value):
+        return number(value)
+    return number(float(decimal.Context(prec=4, rounding=rounding).create_decimal_from_float(value)))
+
+
+def sentence(error: WorstCaseError) -> str:
+    """The guarantee in plain words."""
+    upper, what = error.upper.ravel(), unit(error.identification)
+    hz, relative = error.omega / _HZ, error.upper.ravel() / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
+    where = (
+        f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
+        if hz.size > 1
+        else f"at {number(hz[0])} Hz"
+    )
+    worst = f" The largest error is possible at {number(hz[np.argmax(upper)], 5)} Hz;" if hz.size > 1 else ""
+    return (
+        f"Every plant that agrees with the data and the assumptions has a response within {at_most(upper.max())} {what}".rstrip()
+        + f" of the {bounded_model(error)[0]}, {where}.{worst} the median over the frequencies is"
+        f" {at_most(100 * float(np.median(relative)))} % of the response."
+    )
+
+
+def rows(error: WorstCaseError) -> list[tuple[str, str]]:
+    """(what, in which words): reach, gap, certificates, the whole circle, what is assumed, what was tested."""
+    identification, upper, lower = error.identification, error.upper.ravel(), error.lower.ravel()
+    gap = float(np.max(1 - lower / np.maximum(upper, np.finfo(float).tiny)))
+    poles = (
+        " The guarantee is conditional on the poles: data that are consistent with them don’t validate them."
+        if identification.problem.parametric is not None
+        else ""
+    )
+    return [
+        (
+            "Reached",
+            f"A consistent system was found that is {at_least(lower.max())} {unit(identification)}".rstrip()
+            + " away from the model: no bound can be smaller.",
+        ),
+        (
+            "Gap",
+            f"The guaranteed errors exceed those that are reached by {at_most(100 * gap)} % of themselves at most.",
+        ),
+        ("Between the frequencies", circle_words(error)),
+        (
+            "Assumed",
+            f"The class named above: K, ρ and the poles of the parametric part; and that every sample lies within its bound.{poles}"
+            f" {CAUTION}",
+        ),
+        (
+            "Tested",
+            f"That the assumptions and all {identification.problem.samples} samples don’t contradict each other (see the margin);"
+            " that every bound follows from its certificate; that the systems said to reach an error keep every sample within"
+            " its bound.",
+        ),
+    ]
+
+
+def circle_words(error: WorstCaseError) -> str:
+    """The bound on the whole circle, where it has been computed; it takes long, and isn't computed here."""
+    circle = error.__dict__.get("circle")
+    if circle is None:
+        return (
+            "Nothing is claimed here: the bounds hold at the frequencies. A bound that holds on the whole circle was not"
+            " computed (WorstCaseError.hinf)."
+        )
+    start, what = circle.edges[0] / _HZ, unit(error.identification)
+    reach = "the whole circle" if start == 0 else f"all frequencies from {number(start)} Hz on"
+    rough = "" if circle.converged else " It was left coarser than asked."
+    return (
+        f"Over {reach} the error stays below {at_most(circle.largest)} {what}".rstrip()
+        + f" (H-infinity norm of plant minus model), by {circle.bound.size} arcs and bounds of the second derivative between their"
+        f" ends.{rough} Certificates at the added frequencies were evaluated when they were found, not again for this page."
+    )
+
+
+def certificates(error: WorstCaseError) -> Verdict:
+    """Their number, and whether each supports its bound now."""
+    count = sum(len(v.certificates) for v in error.values) + len(error.parameters.certificates)
+    if error.verify():
+        return Verdict(
+            "consistent",
+            "Proved",
+            f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound.",
+        )
+    return Verdict(
+        "failed",
+        "Not proved",
+        f"Not all of the {count} certificates support their bounds, evaluated again for this page. Don’t rely on these numbers.",
+    )
+
+
+class WorstRow(NamedTuple):
+    """One of the worst frequencies, as text."""
+
+    hz: str
+    upper: str
+    lower: str
+    gap: str
+    relative: str
+    sample: str
+
+
+def worst_rows(error: WorstCaseError) -> list[WorstRow]:
+    """The frequencies with the largest guaranteed errors, largest first."""
+    size = dict(zip(error.omega.tolist(), np.abs(error.nominal).tolist(), strict=True))
+    return [
+        WorstRow(
+            number(w / _HZ, 5),
+            at_most(high),
+            at_least(low),
+            f"{number(100 * (1 - low / high), 2)} %" if high else "–",
+            f"{at_most(100 * high / size[w])} %" if size[w] else "–",
+            sample,
+        )
+        for w, high, low, sample in error.worst(_ROWS)
+    ]
+
+
+class ParameterRow(NamedTuple):
+    """One coefficient of the parametric part, as text."""
+
+    label: str
+    interval: str
+    reached: str
+    value: str
+
+
+def parameter_rows(error: WorstCaseError) -> list[ParameterRow]:
+    """The interval that holds every coefficient of the parametric part in every consistent system."""
+    identification, found = error.identification, error.parameters
+    if identification.problem.parametric is None:
+        return []
+    columns = (
+        identification.problem.parametric.labels,
+        found.lower,
+        found.upper,
+        found.attained,
+        identification.parameters,
+    )
+    return [
+        ParameterRow(
+            label, f"{at_least(low)} … {at_most(high)}", f"{number(ends[0])} … {number(ends[1])}", number(value)
+        )
+        for label, low, high, ends, value in zip(*columns, strict=True)
+    ]
