@@ -191,7 +191,7 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
     text += f", and {intervals} coefficients are in their intervals" if intervals else ""
     console.print(text, highlight=False, soft_wrap=True)
-    total = sum(len(v.certificates) for v in error.values) + 2 * intervals
+    total = error.claim_count
     failed, words = [], "evaluating certificates"
     with shown(console, words) as show:
         progress = _counted(show, words)
@@ -200,13 +200,11 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
             progress(done, total)
     word = "FAILED" if failed else "verified"
     console.print(f"{word:<11}{total - len(failed)} of {total} certificates hold", highlight=False)
-    unproved = "what was attained"
     if "circle" in error.__dict__:
         console.print(plain(_on_circle(error)), highlight=False, soft_wrap=True)
-        unproved += ", and the bound between the frequencies (its further certificates are not kept)"
-    console.print(
-        f"recorded   {unproved}: as the computation found it, not evaluated again", highlight=False, soft_wrap=True
-    )
+        if not error.circle_supported:
+            failed.append("bound on the circle, from its ends of arcs")
+    console.print("recorded   what was attained: as the computation found it, not evaluated again", highlight=False)
     return failed
 
 

@@ -69,6 +69,13 @@ def test_another_nominal_and_the_bound_on_the_circle_survive(computed, tmp_path)
     again = rid.load_worst_case_error(tmp_path / "small")
     assert np.array_equal(again.circle.bound, circle.bound)
     assert (again.hinf, again.circle.converged) == (error.hinf, circle.converged)
+    assert again.claim_count == len(list(again.claims())) > sum(v.directions.size for v in again.values) + 2
+    assert again.certified
+    lowered = np.where(circle.bound == circle.largest, 0.99 * circle.bound, circle.bound)
+    again.__dict__["circle"] = dataclasses.replace(again.circle, bound=lowered)
+    assert not again.certified
+    again.__dict__["circle"] = dataclasses.replace(circle, edges=circle.edges * 1.01)
+    assert not again.certified
     assert np.array_equal(again.model.A, small.A)
 
 

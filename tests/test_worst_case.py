@@ -10,8 +10,10 @@ from problems import CASES, random_experiment, random_problem
 from robustid.certify.circle import second_derivative
 from robustid.certify.consistent_set import consistent_set
 from robustid.certify.value_set import value_set, value_set_claims
+from robustid.identification.model import nominal_model
 from robustid.identification.simulation import response
 from robustid.interpolation import Functional, certify_support, evaluate_support
+from robustid.solve import Candidate
 
 K, RHO, DT = 2.0, 1.2, 0.1
 
@@ -188,20 +190,16 @@ def members(error, count=4):
         yield x, p
 
 
-@pytest.mark.parametrize("case", ["mixed", "parametric"])
-def test_no_system_exceeds_the_bound_on_the_circle(case):
-    """Cell by cell, at 20000 frequencies: the truth, and central interpolants of extreme coefficients."""
-    from robustid.identification.model import nominal_model
-    from robustid.solve import Candidate
-
-    problem, truth = random_experiment(4, case, 8)
+def circle_holds(seed, case, coefficients, points):
+    """Cell by cell: the truth, and central interpolants of extreme coefficients; how much of the bound they reach."""
+    problem, truth = random_experiment(seed, case, coefficients)
     error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
     circle = error.on_circle(0.2)
     assert circle.converged
+    assert error.hinf == circle.largest
     assert circle.edges[0] == 0
     assert circle.edges[-1] == pytest.approx(np.pi / problem.dt)
-    assert circle.largest <= 1.2 * max(circle.lower / 0.9, error.upper.max()) * 1.2
-    omega = np.linspace(0, np.pi / problem.dt, 20000)
+    omega = np.linspace(0, np.pi / problem.dt, points)
     bound = circle.bound[np.clip(np.searchsorted(circle.edges, omega, side="right") - 1, 0, circle.bound.size - 1)]
     nominal, worst = response(error.model, omega * problem.dt), 0.0
     assert np.all(np.abs(truth.response(omega * problem.dt) - nominal) <= bound)
@@ -211,7 +209,21 @@ def test_no_system_exceeds_the_bound_on_the_circle(case):
         away = np.abs(response(member, omega * problem.dt) - nominal)
         assert np.all(away <= bound)
         worst = max(worst, away.max())
-    assert worst >= 0.05 * circle.largest
+    assert circle.lower <= circle.largest
+    return worst / circle.largest
+
+
+@pytest.mark.parametrize("case", ["mixed", "parametric"])
+def test_no_system_exceeds_the_bound_on_the_circle(case):
+    assert circle_holds(4, case, 8, 20_000) >= 0.05
+
+
+@pytest.mark.slow
+def test_no_system_exceeds_the_bounds_of_twenty_circles(capsys):
+    reached = [circle_holds(seed, case, 10, 100_000) for case in CASES for seed in range(60, 65)]
+    with capsys.disabled():
+        print(f"\n20 circles, 100000 points: members reach {100 * max(reached):.3g} % of the bound at most")
+    assert max(reached) <= 1
 
 
 @pytest.mark.parametrize("poles", [(0.9,), (0.99 * np.exp(0.5j), 0.3)])

@@ -27,14 +27,14 @@ class CircleBound(Frozen):
     converged : bool
         Whether the largest bound is within the tolerance that was asked of the largest one at an edge.
     values : tuple of ValueSet
-        At the edges, with their certificates; empty where the bound was read from a file, which keeps its numbers only.
+        At the edges, with their certificates.
     """
 
     edges: np.ndarray
     bound: np.ndarray
     lower: float
     converged: bool
-    values: tuple[ValueSet, ...] = ()
+    values: tuple[ValueSet, ...]
 
     def __post_init__(self) -> None:
         self._set(edges=freeze(self.edges), bound=freeze(self.bound))

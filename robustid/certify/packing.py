@@ -68,8 +68,8 @@ def pack_values(values: Sequence[ValueSet]) -> Arrays:
     } | {f"certificates/{name}": array for name, array in certificates.items()}
 
 
-def unpack_values(arrays: Arrays, dt: float, directions: int) -> list[ValueSet]:
-    """What `pack_values` packed, with the polygons that belong to a number of directions.
+def unpack_values(arrays: Arrays, dt: float, directions: int | None = None) -> list[ValueSet]:
+    """What `pack_values` packed, with the polygons that belong to a number of directions (their own one by default).
 
     Raises
     ------
@@ -78,7 +78,8 @@ def unpack_values(arrays: Arrays, dt: float, directions: int) -> list[ValueSet]:
     """
     if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
         raise ValueError("its frequencies are not between 0 and pi/dt")
-    angles = [directions_at(float(w), dt, directions) for w in arrays["omega"]]
+    counts = arrays["sides"] if directions is None else np.full(arrays["omega"].size, directions)
+    angles = [directions_at(float(w), dt, int(count)) for w, count in zip(arrays["omega"], counts, strict=True)]
     if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
         raise ValueError("its polygons do not have the sides of their number of directions")
     certificates = unpack_certificates(part(arrays, "certificates/"))

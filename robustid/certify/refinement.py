@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.certify.circle import CircleBound, Curvature, known_part
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
+from robustid.certify.value_set import ValueSet
 from robustid.identification.simulation import response
 
 if TYPE_CHECKING:
@@ -44,8 +46,7 @@ def refine(
             known |= {v.omega: v for v in found}
         fine |= set(sharp)
         edges = np.array(sorted(known))
-        nominal = response(error.model, edges * dt)
-        upper, lower = np.array([known[w].farthest(m) for w, m in zip(edges, nominal, strict=True)]).T
+        upper, lower = _errors(error, [known[w] for w in edges])
         sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
         ends = np.maximum(sure[:-1], sure[1:])
         peak = ends if everywhere else np.full(ends.size, sure.max())
@@ -68,6 +69,26 @@ def refine(
         if result.converged or edges.size + len(coarse) > _LARGEST:
             break
     return result
+
+
+def supported(error: WorstCaseError, circle: CircleBound) -> bool:
+    """Whether the value sets at its edges, whose certificates are claims of their own, give the bounds that it states."""
+    omega = np.array([v.omega for v in circle.values])
+    if not np.array_equal(omega, circle.edges) or _range(error) != (omega[0], omega[-1]):
+        return False
+    dt, curvature = error.identification.problem.dt, _curvature(error)
+    upper, _ = _errors(error, circle.values)
+    for k, (a, b) in enumerate(itertools.pairwise(circle.edges)):
+        bend = curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8
+        if not max(upper[k], upper[k + 1]) + bend <= circle.bound[k] * (1 + 1e-9):
+            return False
+    return True
+
+
+def _errors(error: WorstCaseError, values: Sequence[ValueSet]) -> np.ndarray:
+    """Upper and lower bounds of |F - model|, (2, F)."""
+    nominal = response(error.model, np.array([v.omega for v in values]) * error.identification.problem.dt)
+    return np.array([v.farthest(m) for v, m in zip(values, nominal, strict=True)]).T
 
 
 def _range(error: WorstCaseError) -> tuple[float, float]:

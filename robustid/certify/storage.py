@@ -29,7 +29,8 @@ def save_worst_case_error(error: WorstCaseError, path: str | os.PathLike[str]) -
     arrays |= _under(_PARAMETERS, ends | pack_certificates(found.certificates))
     arrays |= _under(_VALUES, pack_values(error.values))
     if circle is not None:
-        arrays |= _under(_CIRCLE, {"edges": circle.edges, "bound": circle.bound, "lower": np.array(circle.lower)})
+        numbers = {"edges": circle.edges, "bound": circle.bound, "lower": np.array(circle.lower)}
+        arrays |= _under(_CIRCLE, numbers | pack_values(circle.values))
     model = error.model
     if model is not error.identification.model:
         arrays |= _under(_MODEL, {name: np.asarray(getattr(model, name)) for name in "ABCD"})
@@ -56,8 +57,8 @@ def load_worst_case_error(path: str | os.PathLike[str]) -> WorstCaseError:
     Returns
     -------
     WorstCaseError
-        With the identification, rebuilt and verified. What was attained, and a bound on the whole circle, are read as they were
-        found: a certificate is there of every bound at a frequency, and of every end of an interval.
+        With the identification, rebuilt and verified. What was attained is read as it was found: certificates are there of the
+        bounds.
 
     Raises
     ------
@@ -96,8 +97,10 @@ def _rebuild(record: dict[str, Any], arrays: Arrays) -> WorstCaseError:
     if circle:
         if circle["edges"].size != circle["bound"].size + 1:
             raise ValueError("its bound on the circle does not fit its edges")
-        bound = CircleBound(circle["edges"], circle["bound"], float(circle["lower"]), record["circle_converged"])
-        error.__dict__["circle"] = bound
+        values = tuple(unpack_values(circle, dt))
+        error.__dict__["circle"] = CircleBound(
+            circle["edges"], circle["bound"], float(circle["lower"]), record["circle_converged"], values
+        )
     return error
 
 

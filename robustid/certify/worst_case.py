@@ -14,7 +14,7 @@ from robustid.certify.circle import CircleBound
 from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.certify.refinement import refine
+from robustid.certify.refinement import refine, supported
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
 from robustid.certify.value_set import ValueSet, value_set_claims
 from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
@@ -101,24 +101,34 @@ class WorstCaseError(Frozen):
     @property
     def certified(self) -> bool:
         """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
-        return self._certified
-
-    @functools.cached_property
-    def _certified(self) -> bool:
         return self.verify()
 
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
-        return all(claim.verify() for claim in self.claims())
+        return all(claim.verify() for claim in self.claims()) and self.circle_supported
 
     def claims(self) -> Iterator[SupportClaim]:
-        """Every inequality that is stated, with its certificate."""
+        """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
         consistent = self._consistent
         yield from parameter_claims(consistent, self.parameters)
-        circle = self.__dict__.get("circle")
-        further = () if circle is None else (v for v in circle.values if v not in self.values)
-        for found in (*self.values, *further):
+        for found in self._sets():
             yield from value_set_claims(consistent, found)
+
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return len(self.parameters.certificates) + sum(len(v.certificates) for v in self._sets())
+
+    @property
+    def circle_supported(self) -> bool:
+        """Whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
+        circle = self.__dict__.get("circle")
+        return circle is None or supported(self, circle)
+
+    def _sets(self) -> Iterator[ValueSet]:
+        circle, mine = self.__dict__.get("circle"), set(map(id, self.values))
+        yield from self.values
+        yield from (v for v in (circle.values if circle is not None else ()) if id(v) not in mine)
 
     @functools.cached_property
     def _consistent(self) -> ConsistentSet:
