@@ -18,7 +18,7 @@ from robustid.report import plot_nyquist, plot_worst_case, write_report
 
 # Between the samples, where nothing was measured: from 0 Hz to the Nyquist frequency, and around the light mode.
 FREQUENCIES_HZ = np.array(
-    [0, 2, 4, 6, 8, 9, 10, 12, 14, 16, 17.05, 17.45, 17.65, 17.67, 17.75, 18.05, 18.5, 20, 25, 50]
+    [0, 2, 4, 6, 8, 9, 10, 12, 14, 16, 17.05, 17.45, 17.65, 17.67, 17.75, 18.05, 19.5, 24, 32, 50]
 )
 DIRECTIONS = 10  # sides of each polygon: upper bounds at most 5 % above the truth
 

@@ -113,6 +113,14 @@ def test_areas_of_a_curve_with_gaps_have_none() -> None:
     share = np.log(2) / np.log(2.5)
     np.testing.assert_allclose(pieces[1].low, [170 - 1 - 2 * share, 87])
     np.testing.assert_allclose(pieces[1].high, [170 + 2 + 2 * share, 94])
+    anything = charts._areas(
+        "band", curve, np.array([2.0, 4.0, 5.0]), np.array([[-1.0, 2.0], [-3, 4], [np.nan, np.nan]])
+    )
+    assert [(piece.low.tolist(), piece.high.tolist()) for piece in anything[:1]] == [([-171.0], [-168.0])]
+    np.testing.assert_allclose([anything[1].low, anything[1].high], [[167, -90], [174, 270]])
+    dense = dataclasses.replace(curve, x=np.array([4.0, 4.5, 5.0]), y=np.zeros(3))
+    (area,) = charts._areas("band", dense, np.array([4.0, 5.0]), np.array([[-3.0, 4.0], [np.nan, np.nan]]))
+    assert area.low.tolist() == [-3, -180, -180]  # not interpolated towards a phase that can be anything
 
 
 def test_matplotlib_draws_these_numbers(error: rid.WorstCaseError) -> None:

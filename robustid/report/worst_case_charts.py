@@ -69,20 +69,27 @@ def _behind(panel: Panel, layers: list[Layer], span: tuple[float, float]) -> Pan
 
 
 def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-    """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); +-180 where the phase can be any."""
+    """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); NaN where the phase can be anything."""
     offset = phase - np.angle(nominal)[:, None]
     offset -= 2 * np.pi * np.round(offset.mean(axis=1, keepdims=True) / (2 * np.pi))
-    any_phase = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
-    return np.degrees(np.where(any_phase[:, None], [-np.pi, np.pi], offset))
+    anything = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
+    return np.where(anything[:, None], np.nan, np.degrees(offset))
 
 
 def _areas(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
-    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps."""
+    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
+
+    An offset of NaN is a phase that can be anything: half a turn to both sides, up to the next frequencies.
+    """
     if not at.size:
         return []
     inside = (curve.x >= at[0]) & (curve.x <= at[-1])
     x, y = curve.x[inside], curve.y[inside]
-    low, high = (np.maximum(y + np.interp(np.log(x), np.log(at), end), bottom) for end in offsets.T)
+    known = np.interp(np.log(x), np.log(at), np.isnan(offsets[:, 0])) == 0
+    low, high = (
+        np.maximum(y + np.where(known, np.interp(np.log(x), np.log(at), np.nan_to_num(end)), any_phase), bottom)
+        for end, any_phase in zip(offsets.T, (-180.0, 180.0), strict=True)
+    )
     pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
     kept = [piece[np.isfinite(y[piece])] for piece in pieces]
     return [Layer(name=name, x=x[k], y=y[k], colour=BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
