@@ -43,7 +43,7 @@ def with_circle(error: rid.WorstCaseError) -> rid.WorstCaseError:
     """A copy whose bound on the whole circle is there already; three arcs, not computed."""
     copy = dataclasses.replace(error)
     edges = np.array([0.0, 10.0, 100.0, np.pi / error.identification.problem.dt])
-    copy.__dict__["circle"] = CircleBound(edges, np.array([0.4, 0.9, 0.123456]), 0.3, True)
+    copy.__dict__["circle"] = CircleBound(edges, np.array([0.4, 0.9, 0.123456]), 0.3, True, ())
     return copy
 
 
