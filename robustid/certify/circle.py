@@ -60,18 +60,22 @@ class Curvature:
     * |d^2 G/d theta^2| <= K rho/(rho-1)^2: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n! (1 - |g|^2) /
       ((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 = -(z G' + z^2 G'').
     * the P_i from their state space, times the half-widths of the certified intervals;
-    * the rest, a known rational function, from its state space.
+    * the rest, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
+      bound of G serves for it too.
     """
 
     prior: Prior
     known: tuple[np.ndarray, np.ndarray, np.ndarray]
     basis: tuple[np.ndarray, np.ndarray, np.ndarray] | None
     reach: np.ndarray
+    inside: bool
 
     def largest(self, low: float, high: float) -> float:
         """On the arc from the angle `low` to `high`; inf where the arc is too long for the bound to hold."""
         K, rho = self.prior.gain_bound, self.prior.decay_rate
-        total = K * rho / (rho - 1) ** 2 + float(second_derivative(*self.known, low, high)[0])
+        ball = K * rho / (rho - 1) ** 2 * (1 + 1e-6)
+        known = float(second_derivative(*self.known, low, high)[0])
+        total = ball + (min(known, ball) if self.inside else known)
         if self.basis is not None and self.reach.size:
             total += float(self.reach @ second_derivative(*self.basis, low, high))
         return total

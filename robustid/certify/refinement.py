@@ -36,8 +36,10 @@ def refine(
     """
     dt, consistent, curvature = error.identification.problem.dt, error._consistent, _curvature(error)
     bottom, top = _range(error)
-    known = {v.omega: v for v in error.values if bottom <= v.omega <= top}
-    fine = set(known)
+    before = error.__dict__.get("circle")
+    known = {v.omega: v for v in (before.values if before is not None else ())}
+    known |= {v.omega: v for v in error.values if bottom <= v.omega <= top}
+    fine = {w for w, v in known.items() if v.directions.size in (2, error.directions)}
     limits: dict[tuple[float, float], float] = {}
     coarse, sharp = [w for w in (bottom, top) if w not in known], []
     for _ in range(_ROUNDS):
@@ -105,16 +107,17 @@ def _curvature(error: WorstCaseError) -> Curvature:
     identification = error.identification
     problem, basis = identification.problem, identification.problem.parametric
     q = identification.parameters
-    if error.model is identification.model and basis is not None:
+    own, mine = error.is_own, error.model
+    if own and basis is not None:
         # The parametric part of its own model is q'P exactly, its states the last ones.
-        own = error.model.nstates - basis.states
-        G = error.model.A[:own, :own], error.model.B[:own], error.model.C[:, :own]
-        parts = known_part(_Part(*G), None, q)
+        n = mine.nstates - basis.states
+        parts = known_part(_Part(mine.A[:n, :n], mine.B[:n], mine.C[:, :n]), None, q)
     else:
-        parts = known_part(error.model, basis, q)
+        parts = known_part(mine, basis, q)
     reach = np.maximum(np.abs(error.parameters.lower - q), np.abs(error.parameters.upper - q))
     functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
-    return Curvature(problem.prior, parts, functions, reach)
+    # A reduced interpolant is near the ball, not in it.
+    return Curvature(problem.prior, parts, functions, reach, own and identification.sections is None)
 
 
 @dataclasses.dataclass(frozen=True)

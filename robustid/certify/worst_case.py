@@ -64,6 +64,12 @@ class WorstCaseError(Frozen):
         """Response of the model at them, (F,) complex."""
         return freeze(response(self.model, self.omega * self.identification.problem.dt))
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the nominal is the model of the identification (or a copy of it)."""
+        one, two = self.model, self.identification.model
+        return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
+
     @functools.cached_property
     def _errors(self) -> np.ndarray:
         return np.array([v.farthest(m) for v, m in zip(self.values, self.nominal, strict=True)])
@@ -193,7 +199,7 @@ class WorstCaseError(Frozen):
         return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
 
     def limiting_sample(self, index: int) -> int:
-        """Number of the sample with the largest share in the proofs at a frequency."""
+        """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
         return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
 
     def save(self, path: Folder) -> None:

@@ -26,7 +26,7 @@ def worst_case_chart(error: WorstCaseError) -> Chart:
     Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
     """
     name, model = bounded_model(error)
-    further = None if _own(error) else {name: model}
+    further = None if error.is_own else {name: model}
     chart = frequency_chart(error.identification, further, error.omega)
     magnitude, phase = chart.panels
     proved = error.omega > 0  # a logarithmic axis has no 0
@@ -47,15 +47,9 @@ def worst_case_chart(error: WorstCaseError) -> Chart:
 
 def bounded_model(error: WorstCaseError) -> tuple[str, Any]:
     """Name and model that the errors are measured from."""
-    if _own(error):
+    if error.is_own:
         return curves(error.identification, None)[0][:2]
     return f"model, order {error.model.nstates}", error.model
-
-
-def _own(error: WorstCaseError) -> bool:
-    """Whether the errors are those of the nominal model; a loaded result has a copy of it."""
-    one, two = error.model, error.identification.model
-    return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
 
 
 def _named(panel: Panel, name: str) -> Layer:
