@@ -1,5 +1,7 @@
 """Worst-case errors: closed forms, drawn truths, laws, certificates, and bad input."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -277,8 +279,6 @@ def test_every_certificate_verifies_and_forged_ones_do_not():
 
 def _tighter(rows):
     """The rows of other data: what was measured is shifted by one bound."""
-    import dataclasses
-
     return dataclasses.replace(rows, y=rows.y + np.abs(rows.y) + 1)
 
 
@@ -309,6 +309,13 @@ def test_barely_consistent_data_are_bounded_too():
         error = rid.worst_case_error(tight, omega=[15.0])
         assert error.certified
         assert 0 <= error.lower.max() <= error.upper.max() <= 0.1
+
+
+def test_poles_from_the_same_data_are_warned_of():
+    error = small_error()
+    assert "warning" not in error.summary()
+    noted = dataclasses.replace(error.identification, notes=("Modes taken from the frequency response: one",))
+    assert "does not cover" in dataclasses.replace(error, identification=noted).summary()
 
 
 # Bad input.

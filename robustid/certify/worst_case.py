@@ -223,6 +223,11 @@ class WorstCaseError(Frozen):
         ]
         for w, high, low, label in self.worst():
             lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
+        if any(note.startswith("Modes taken") for note in self.identification.notes):
+            lines.append(
+                "warning    the poles were taken from these data, which leave them a box: this band does not cover it, but that of"
+                " worst_case_over_poles does"
+            )
         lines.append(
             "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
         )
