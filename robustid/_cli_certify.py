@@ -44,6 +44,13 @@ def bounds(
             "--circle", help="Bound the error at every frequency, between those evaluated too; may take long."
         ),
     ] = False,
+    poles: Annotated[
+        bool,
+        typer.Option(
+            "--poles",
+            help="Cover the box that the data leave to the poles too, where they were taken from them: printed, may take minutes.",
+        ),
+    ] = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Number of processes. Default: all cores where it is worth it.")
     ] = None,
@@ -95,12 +102,43 @@ def bounds(
     if circle:
         console.print(plain(_on_circle(error)), highlight=False, soft_wrap=True)
     say_written(console, *terminal.result_files(output))
+    if poles:
+        console.print(plain(_over_poles(console, error)), highlight=False, soft_wrap=True)
     repeat_warnings(console, identification)
     if not certified:
         terminal.warn(console, "a certificate does not hold: robustid verify names it")
     raise typer.Exit(0 if certified else 1)
 
 
+def _over_poles(console: Any, error: Any) -> str:
+    """The band that covers the box which the data leave to the poles that they suggest, in words."""
+    import numpy as np
+
+    from robustid.advice import suggest_kautz
+    from robustid.certify import worst_case_over_poles
+
+    problem = error.identification.problem
+    found = suggest_kautz(problem.frequency[0]) if problem.frequency else None
+    mine = problem.parametric.poles if problem.parametric is not None else np.zeros(0)
+    theirs = found.basis.poles if found is not None and found.basis is not None else np.zeros(0)
+    if not mine.size or mine.shape != theirs.shape or not np.allclose(np.sort(mine), np.sort(theirs), atol=1e-6):
+        return (
+            "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
+            " call worst_case_over_poles with the intervals that you know"
+        )
+    with shown(console, _BOXES) as show:
+        band = worst_case_over_poles(
+            error.identification,
+            found.omega_interval,
+            found.damping_interval,
+            delay=found.delay,
+            omega=error.omega,
+            progress=_counted(show, _BOXES),
+        )
+    return "with every pole in the box that the data leave:\n" + band.summary()
+
+
+_BOXES = "bounding the error over the box of the poles"
 _BOUNDING, _BETWEEN = "bounding the error at every frequency", "bounding the error between the frequencies"
 
 

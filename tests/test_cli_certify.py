@@ -82,6 +82,23 @@ def test_the_circle_is_bounded_where_asked(files, run):
     assert "pi/dt" in out
 
 
+def test_poles_from_the_data_are_covered_where_asked(files, run):
+    data = rid.flexible_structure(lines=8, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    suggested = rid.suggest_kautz(data.frequency)
+    for name, basis in (("own", suggested.basis), ("given", rid.kautz(*data.modes.T, dt=0.01, delay=1))):
+        prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
+        problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
+        rid.identify(problem).save(name)
+    few = ("--omega", "30", "--directions", "4", "--poles")
+    code, out, _ = run("bounds", "own", *few)
+    assert code == 0
+    assert "with every pole in the box" in out
+    assert "mode 2" in out
+    code, out, _ = run("bounds", "given", *few, "-o", "others")
+    assert code == 0
+    assert "these poles were given otherwise" in out
+
+
 def test_consistency_and_refutation_are_verified(files, run):
     code, out, _ = run("verify", "good")
     assert code == 0

@@ -226,7 +226,7 @@ class WorstCaseError(Frozen):
         if any(note.startswith("Modes taken") for note in self.identification.notes):
             lines.append(
                 "warning    the poles were taken from these data, which leave them a box: this band does not cover it, but that of"
-                " worst_case_over_poles does"
+                " worst_case_over_poles (robustid bounds --poles) does"
             )
         lines.append(
             "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
