@@ -121,7 +121,12 @@ def _over_poles(console: Any, error: Any) -> str:
     found = suggest_kautz(problem.frequency[0]) if problem.frequency else None
     mine = problem.parametric.poles if problem.parametric is not None else np.zeros(0)
     theirs = found.basis.poles if found is not None and found.basis is not None else np.zeros(0)
-    if not mine.size or mine.shape != theirs.shape or not np.allclose(np.sort(mine), np.sort(theirs), atol=1e-6):
+    if (
+        found is None
+        or not mine.size
+        or mine.shape != theirs.shape
+        or not np.allclose(np.sort(mine), np.sort(theirs), atol=1e-6)
+    ):
         return (
             "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
             " call worst_case_over_poles with the intervals that you know"
