@@ -50,19 +50,19 @@ def main(argv=None):
     reduced = rid.reduce_within_bounds(result)
     small = error.with_model(reduced.model)
     print(f"\n3. The same guarantees around a model of order {reduced.order}; nothing is solved anew:")
-    print(f"{'':>28}{'guaranteed':>12}{'reached':>10}{'the truth is off by':>21}   (largest, in mm/N)")
+    print(f"{'':>32}{'guaranteed':>12}{'reached':>10}{'the truth is off by':>21}   (largest, in mm/N)")
     truth = response(data.truth, error.omega * problem.dt)
     band = error.omega <= 2 * np.pi * 21
     for name, one in ((f"nominal, order {result.order}", error), (f"reduced, order {reduced.order}", small)):
         off, upper, lower = np.abs(truth - one.nominal), one.upper.ravel(), one.lower.ravel()
         for where, at in (("up to 21 Hz", band), ("above", ~band)):
             print(
-                f"{name + ', ' + where:>28}{upper[at].max():12.4f}{lower[at].max():10.4f}{off[at].max():21.4f}"
+                f"{name + ', ' + where:>32}{upper[at].max():12.4f}{lower[at].max():10.4f}{off[at].max():21.4f}"
                 f"   {'inside' if np.all(off[at] <= upper[at]) else 'OUTSIDE'}"
             )
     print(
-        "   Above the last sample, at 21 Hz, only the prior speaks: a plant there may be anything up to K. The truth is inside,\n"
-        "   as it must be, since the modes, K and rho are true here. Of a measured plant these are assumptions."
+        "   Above the last line, at 21 Hz, the prior says most: the rest G may reach nearly K there. The truth is inside, as it\n"
+        "   must be, since the modes, K and rho are true here. Of a measured plant these are assumptions."
     )
 
     if arguments.circle:

@@ -207,7 +207,7 @@ def tube_chart(tube: Any) -> Chart:
     ends = {"low": tube.lower, "high": tube.upper}
     layers = (
         Layer(name="guaranteed range", x=t, y=tube.nominal, colour=BAND, fill=True, **ends),
-        Layer(name="model", x=t, y=tube.nominal, colour=NOMINAL, dash="solid"),
+        Layer(name="model", x=t, y=tube.nominal, colour=NOMINAL, dash="solid", size=_FINE),
         Layer(name=REACHED, x=np.tile(t, 2), y=tube.attained.T.ravel(), colour=DATA, marker=MARKERS[2], size=0.6),
     )
     title = titles.get(tube.input, f"Response to the given {input_.name}")
