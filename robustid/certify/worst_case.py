@@ -22,6 +22,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import response
 from robustid.interpolation import MixedProblem
+from robustid.solve import threads_for
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 _GRID = 64  # frequencies of the default grid, besides those of the poles
@@ -111,7 +112,8 @@ class WorstCaseError(Frozen):
 
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
-        return all(claim.verify() for claim in self.claims()) and self.circle_supported
+        with threads_for(self._consistent.data.sarason.pair.order):
+            return all(claim.verify() for claim in self.claims()) and self.circle_supported
 
     def claims(self) -> Iterator[SupportClaim]:
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
@@ -172,7 +174,8 @@ class WorstCaseError(Frozen):
         CircleBound
         """
         rtol = as_positive("rtol", rtol)
-        found = refine(self, rtol, everywhere, executor, progress, resume)
+        with threads_for(self._consistent.data.sarason.pair.order):
+            found = refine(self, rtol, everywhere, executor, progress, resume)
         if "circle" not in self.__dict__ or found.largest < self.__dict__["circle"].largest:
             self.__dict__["circle"] = found  # for `hinf` and `save`, from now on
         return found
@@ -312,11 +315,13 @@ def worst_case_error(
     consistent = consistent_set(identification)
     gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     values = value_sets(consistent, grid, directions, gap, executor, progress, resume)
+    with threads_for(consistent.data.sarason.pair.order):
+        intervals = parameter_intervals(consistent)
     return WorstCaseError(
         identification=identification,
         model=model,
         values=tuple(values),
-        parameters=parameter_intervals(consistent),
+        parameters=intervals,
         directions=directions,
         gap=gap,
     )
