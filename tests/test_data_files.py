@@ -37,6 +37,12 @@ def full_frf():
         inputs=["a [N]", "b, with comma", "c"],
         outputs=["x [µm]", 'y "quoted"'],
         note="first line\nsecond line",
+        bound_kind="statistical",
+        probability=0.95,
+        dof=7.5,
+        coherence=RNG.uniform(0, 1, (4, 2)),
+        noise=RNG.uniform(0, 1, G.shape),
+        distortion=RNG.uniform(0, 1, G.shape),
     )
 
 
@@ -52,6 +58,7 @@ def full_record():
         initial="free",
         past_input_bound=np.pi,
         inputs=["a [A]", "b"],
+        bound_kind="rest",
     )
 
 
@@ -94,6 +101,14 @@ def test_round_trip_is_exact(tmp_path, make, suffix):
     save(path, data)
     assert_same(load(path), data)
     assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_a_bound_of_the_user_s_takes_the_place_of_a_stored_one(tmp_path, suffix):
+    save(tmp_path / f"data{suffix}", full_frf())
+    again = load(tmp_path / f"data{suffix}", bound=0.5)
+    assert (again.bound_kind, again.probability, again.note) == ("hard", None, "")
+    assert np.all(again.bound == 0.5)
 
 
 @example(values=np.full(5, complex(-0.0, 1.0)), bound=1.0, suffix=".csv")

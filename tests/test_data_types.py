@@ -1,6 +1,7 @@
 """The two data classes: what they accept, what they refuse in which words, and that nothing changes them."""
 
 import copy
+import dataclasses
 import pickle
 
 import control
@@ -55,6 +56,11 @@ def two_by_two(**options):
         ([1.0], [np.inf], {}, InputError, "`values` must be finite"),
         ([1.0], [[1, 2], [3]], {}, InputTypeError, "`values` must be an array of numbers; got list"),
         ([1.0], [1], {"dt": 0}, InputError, "`dt` must be positive; got 0"),
+        ([1.0], [1], {"bound_kind": "sure"}, InputError, "`bound_kind` must be one of"),
+        ([1.0], [1], {"probability": 95}, InputError, "`probability` must be between 0 and 1; got 95"),
+        ([1.0], [1], {"coherence": 1.1}, InputError, "`coherence` must lie between 0 and 1; got 1.1 to 1.1"),
+        ([1.0], [1], {"noise": -0.1}, InputError, "`noise` must lie between 0 and infinity"),
+        ([1.0], [1], {"distortion": [1.0, 2.0]}, InputError, r"`distortion` must have shape \(1, 1, 1\); got \(2,\)"),
         ([1.0], [1], {"dt": np.nan}, InputError, "`dt` must be finite"),
         ([1.0], [1], {"dt": [0.1, 0.2]}, InputTypeError, "`dt` must be one number"),
         ([1.0], [1], {"bound": 0}, InputError, "`bound` must be positive"),
@@ -161,11 +167,11 @@ def test_band_is_in_hz_and_includes_its_ends():
         frf.band(7, 9)
 
 
-def test_with_bound_keeps_the_rest():
-    frf = mimo()
+def test_with_bound_keeps_the_rest_and_forgets_where_the_old_bound_came_from():
+    frf = dataclasses.replace(mimo(), bound_kind="statistical", probability=0.95, dof=7, coherence=np.full((3, 2), 0.9))
     wider = frf.with_bound(9.0)
     assert np.all(wider.bound == 9)
-    assert wider.note == "made up"
+    assert (wider.note, wider.bound_kind, wider.probability, wider.dof) == ("", "hard", None, 7)
     assert frf.with_bound(9.0, "guessed").note == "guessed"
     np.testing.assert_array_equal(wider.values, frf.values)
 

@@ -21,8 +21,14 @@ from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
-_ARRAYS = {"frequency": ("omega", "values", "bound", "tilt", "covariance"), "time": ("u", "y", "bound", "reference")}
-_FACTS = {"frequency": ("dt", "note"), "time": ("dt", "initial", "past_input_bound", "note")}
+_ARRAYS = {
+    "frequency": ("omega", "values", "bound", "tilt", "covariance", "coherence", "noise", "distortion"),
+    "time": ("u", "y", "bound", "reference"),
+}
+_FACTS = {
+    "frequency": ("dt", "note", "bound_kind", "probability", "dof"),
+    "time": ("dt", "initial", "past_input_bound", "note", "bound_kind"),
+}
 _CLASSES = {"frequency": FrequencyResponse, "time": TimeRecord}
 
 
@@ -218,13 +224,15 @@ def _unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
             arrays[name] = array.reshape(-1, *shape)
         else:
             arrays[name] = _stack(table, _column_names(name, shape, "")).reshape(-1, *shape)
-    facts = {name: meta[name] for name in _FACTS[meta["kind"]]}
+    facts = {name: meta[name] for name in _FACTS[meta["kind"]] if name in meta}  # older files know fewer
     names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
     if meta["kind"] == "frequency":
         options.pop("initial", None)
     data = _CLASSES[meta["kind"]](**arrays, **facts, **names)
     if len(arrays["omega" if meta["kind"] == "frequency" else "u"]) != meta["samples"]:
         raise FileFormatError(f"the file was written with {meta['samples']} samples and has fewer or more now")
+    bound = options.pop("bound", None)
+    data = data if bound is None else data.with_bound(bound)
     return dataclasses.replace(data, **options) if options else data
 
 

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Channel, Frozen, as_array, as_bound, as_channels, as_positive, freeze
+from robustid._arrays import Channel, Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
 from robustid.data.ellipses import as_tilt, ellipse_of
 from robustid.errors import InputError, InputTypeError
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
 _NYQUIST_SLACK = 1 + 1e-12
+_ENTRIES = ("values", "bound", "tilt", "noise", "distortion")  # one number per line and entry of the matrix
+BOUND_KINDS = ("hard", "rest", "statistical")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -43,6 +45,20 @@ class FrequencyResponse(Frozen):
         Channel names and units; ``"current [A]"`` is split.
     note : str, optional
         Where the bound comes from, for reports.
+    bound_kind : {"hard", "rest", "statistical"}
+        What the bound is: a statement of the user's that holds always; estimated from a record without excitation; or one that
+        holds for all lines and entries at once with `probability`.
+    probability : float, optional
+        Of a statistical bound.
+    dof : float, optional
+        Degrees of freedom of `covariance`: how many independent residuals it was estimated from.
+    coherence : (F, ny) array, optional
+        Multiple coherence: the part of the power of each output that the inputs explain linearly, 0 to 1.
+    noise : (F, ny, nu) array, optional
+        Standard deviation of the values that noise alone causes.
+    distortion : (F, ny, nu) array, optional
+        Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
+        stochastic nonlinear distortion.
 
     Raises
     ------
@@ -69,6 +85,12 @@ class FrequencyResponse(Frozen):
     inputs: Any = None
     outputs: Any = None
     note: str = ""
+    bound_kind: str = "hard"
+    probability: float | None = None
+    dof: float | None = None
+    coherence: Any = None
+    noise: Any = None
+    distortion: Any = None
 
     def __post_init__(self) -> None:
         omega = as_array("omega", self.omega, ndim=1)
@@ -103,6 +125,8 @@ class FrequencyResponse(Frozen):
                 )
         if not isinstance(self.note, str):
             raise InputTypeError(f"`note` must be text; got {type(self.note).__name__}")
+        levels = {"coherence": (lines, ny), "noise": values.shape, "distortion": values.shape}
+        levels = {name: _level(name, getattr(self, name), shape) for name, shape in levels.items()}
         order = np.argsort(omega, kind="stable")
         self._set(
             omega=freeze(omega[order]),
@@ -113,6 +137,10 @@ class FrequencyResponse(Frozen):
             dt=dt,
             inputs=as_channels("inputs", self.inputs, nu, "u"),
             outputs=as_channels("outputs", self.outputs, ny, "y"),
+            bound_kind=as_bound_kind(self.bound_kind),
+            probability=_probability(self.probability),
+            dof=None if self.dof is None else as_positive("dof", self.dof),
+            **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )
 
     def __repr__(self) -> str:
@@ -144,9 +172,8 @@ class FrequencyResponse(Frozen):
         flat = j * len(self.outputs) + i
         return dataclasses.replace(
             self,
-            values=self.values[pick],
-            bound=None if self.bound is None else self.bound[pick],
-            tilt=None if self.tilt is None else self.tilt[pick],
+            **{name: array[pick] for name in _ENTRIES if (array := getattr(self, name)) is not None},
+            coherence=None if self.coherence is None else self.coherence[:, i : i + 1],
             covariance=None if self.covariance is None else self.covariance[:, flat, flat, None, None],
             inputs=(self.inputs[j],),
             outputs=(self.outputs[i],),
@@ -160,13 +187,9 @@ class FrequencyResponse(Frozen):
             raise InputError(f"`lines` doesn't select from {self.omega.size} lines: {error}") from None
         if index.size == 0:
             raise InputError(f"`lines` selects none of the {self.omega.size} lines")
+        each = ("omega", *_ENTRIES, "coherence", "covariance")
         return dataclasses.replace(
-            self,
-            omega=self.omega[index],
-            values=self.values[index],
-            bound=None if self.bound is None else self.bound[index],
-            tilt=None if self.tilt is None else self.tilt[index],
-            covariance=None if self.covariance is None else self.covariance[index],
+            self, **{name: array[index] for name in each if (array := getattr(self, name)) is not None}
         )
 
     def band(self, low_hz: float, high_hz: float) -> FrequencyResponse:
@@ -180,8 +203,8 @@ class FrequencyResponse(Frozen):
         return self.select(inside)
 
     def with_bound(self, bound: Any, note: str = "") -> FrequencyResponse:
-        """The same samples with another bound, of the same tilt."""
-        return dataclasses.replace(self, bound=bound, note=note or self.note)
+        """The same samples with a bound of your own, of the same tilt; it takes the place of any that was estimated."""
+        return dataclasses.replace(self, bound=bound, note=note, bound_kind="hard", probability=None)
 
     def with_ellipses(self, covariance: Any, deviations: float, note: str = "") -> FrequencyResponse:
         """The same samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
@@ -214,7 +237,9 @@ class FrequencyResponse(Frozen):
                 f" {len(self.inputs)} inputs. Pick one entry with .channel(output, input)"
             )
         bound, tilt = ellipse_of(covariance, self.omega.size, as_positive("deviations", deviations))
-        return dataclasses.replace(self, bound=bound, tilt=tilt, note=note or self.note)
+        return dataclasses.replace(
+            self, bound=bound, tilt=tilt, note=note or self.note, bound_kind="statistical", probability=None
+        )
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:
@@ -234,6 +259,39 @@ class FrequencyResponse(Frozen):
         import control
 
         return control.FRD(np.moveaxis(self.values, 0, -1), self.omega, dt=0 if self.dt is None else self.dt)
+
+
+def as_bound_kind(kind: Any) -> str:
+    """One of `BOUND_KINDS`."""
+    if kind not in BOUND_KINDS:
+        raise InputError(f"`bound_kind` must be one of {BOUND_KINDS}; got {kind!r}")
+    return kind
+
+
+def _probability(value: Any) -> float | None:
+    if value is None:
+        return None
+    value = as_float("probability", value)
+    if not 0 < value < 1:
+        raise InputError(f"`probability` must be between 0 and 1; got {value:g}")
+    return value
+
+
+def _level(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray | None:
+    """A coherence or standard deviation of every line, not negative."""
+    if value is None:
+        return None
+    level = as_array(name, value)
+    if level.size == shape[0] and np.prod(shape) == shape[0]:
+        level = level.reshape(shape)
+    if level.shape != shape:
+        raise InputError(f"`{name}` must have shape {shape}; got {level.shape}")
+    if np.any(level < 0) or (name == "coherence" and np.any(level > 1)):
+        raise InputError(
+            f"`{name}` must lie between 0 and {'1' if name == 'coherence' else 'infinity'};"
+            f" got {level.min():g} to {level.max():g}"
+        )
+    return level
 
 
 def channel_index(name: str, wanted: int | str, channels: tuple[Channel, ...]) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
-from robustid.data.frequency_response import channel_index
+from robustid.data.frequency_response import as_bound_kind, channel_index
 from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")
@@ -42,6 +42,8 @@ class TimeRecord(Frozen):
         Channel names and units.
     note : str, optional
         Where the bound comes from, for reports.
+    bound_kind : {"hard", "rest", "statistical"}
+        What the bound is: see `FrequencyResponse`.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class TimeRecord(Frozen):
     inputs: Any = None
     outputs: Any = None
     note: str = ""
+    bound_kind: str = "hard"
 
     def __post_init__(self) -> None:
         u, y = (_signal(name, getattr(self, name)) for name in ("u", "y"))
@@ -89,6 +92,7 @@ class TimeRecord(Frozen):
             bound=bound,
             reference=None if reference is None else freeze(reference),
             past_input_bound=past,
+            bound_kind=as_bound_kind(self.bound_kind),
             inputs=as_channels("inputs", self.inputs, u.shape[1], "u"),
             outputs=as_channels("outputs", self.outputs, y.shape[1], "y"),
         )
@@ -123,8 +127,8 @@ class TimeRecord(Frozen):
         )
 
     def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
-        """The same samples with another bound."""
-        return dataclasses.replace(self, bound=bound, note=note or self.note)
+        """The same samples with a bound of your own, which takes the place of any that was estimated."""
+        return dataclasses.replace(self, bound=bound, note=note, bound_kind="hard")
 
 
 def _signal(name: str, value: Any) -> np.ndarray:
