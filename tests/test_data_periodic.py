@@ -57,7 +57,7 @@ def test_noise_free_single_channel_is_exact():
     assert np.all(np.abs(frf.values - truth(model, frf.omega)) <= frf.bound)
     assert np.all(frf.bound < 1e-12)
     assert (frf.dt, str(frf.inputs[0])) == (DT, "force [N]")
-    assert frf.note == "statistical: joint 95 % over 5 lines, scatter over 4 periods"
+    assert frf.note == "statistical: joint 95 % over 5 lines, scatter over 4 periods, pooled over 4 neighbouring lines"
 
 
 def test_noise_free_two_outputs_three_inputs():
@@ -77,7 +77,7 @@ def test_further_realisations_are_averaged_and_need_no_second_period():
     records = [steady_record(model, np.column_stack([multisine(rng), multisine(rng)]), 1) for _ in range(8)]
     frf = estimate_frf(records)
     np.testing.assert_allclose(frf.values, truth(model, frf.omega), atol=1e-12)
-    assert frf.note.endswith("scatter over 4 blocks of experiments (1 periods each)")
+    assert frf.note.endswith("scatter over 4 blocks of experiments (1 periods each), pooled over 4 neighbouring lines")
 
 
 def test_plain_formula_at_one_line():
@@ -237,8 +237,13 @@ def pair(second):
 @pytest.mark.parametrize(
     ("record", "options", "error", "sentence"),
     [
-        (good(), {"method": "welch"}, InputError, '`method` must be "periodic", the only one so far'),
-        (good(), {"period": None}, InputError, "holds one period of 256 samples .* at least two periods"),
+        (good(), {"method": "fft"}, InputError, "`method` must be one of"),
+        (
+            good(),
+            {"period": None, "method": "periodic"},
+            InputError,
+            "holds one period of 256 samples .* at least two periods",
+        ),
         (
             good(),
             {"period": 100},

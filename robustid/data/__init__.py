@@ -3,7 +3,7 @@
 from robustid.data import datasets
 from robustid.data.files import load, save
 from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.periodic import estimate_frf
+from robustid.data.frf import estimate_frf
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.time_record import TimeRecord
 

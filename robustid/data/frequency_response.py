@@ -138,7 +138,7 @@ class FrequencyResponse(Frozen):
             inputs=as_channels("inputs", self.inputs, nu, "u"),
             outputs=as_channels("outputs", self.outputs, ny, "y"),
             bound_kind=as_bound_kind(self.bound_kind),
-            probability=_probability(self.probability),
+            probability=None if self.probability is None else as_probability(self.probability),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )
@@ -241,6 +241,36 @@ class FrequencyResponse(Frozen):
             self, bound=bound, tilt=tilt, note=note or self.note, bound_kind="statistical", probability=None
         )
 
+    def with_joint_bound(self, probability: float = 0.95) -> FrequencyResponse:
+        """The same samples with the bound that holds for all lines and entries at once with this probability.
+
+        From `covariance` and its `dof` (normal errors of known covariance where that is None), see `estimate_frf`.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.5j], covariance=[[[1e-4]], [[4e-4]]], dt=0.01)
+        >>> frf.with_joint_bound(0.95).bound.ravel().round(4)
+        array([0.0192, 0.0384])
+        """
+        from robustid.data.frf_bounds import joint_radius, variances
+
+        if self.covariance is None:
+            raise InputError(
+                "`with_joint_bound` needs the covariance of the response; give `covariance`, or with_bound(...)"
+            )
+        probability = as_probability(probability)
+        real = (self.omega == 0) | (self.omega * (self.dt or 0.0) >= np.pi / _NYQUIST_SLACK)
+        radius = joint_radius(probability, self.values.size, self.dof, real)
+        return dataclasses.replace(
+            self,
+            bound=radius * np.sqrt(variances(self.covariance, self.values.shape)),
+            tilt=None,
+            note=f"statistical: joint {100 * probability:g} % over {self.omega.size} lines, from the covariance",
+            bound_kind="statistical",
+            probability=probability,
+        )
+
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:
         """From `control.FrequencyResponseData` (whose arrays are (ny, nu, F)); `options` as for the class."""
@@ -268,9 +298,8 @@ def as_bound_kind(kind: Any) -> str:
     return kind
 
 
-def _probability(value: Any) -> float | None:
-    if value is None:
-        return None
+def as_probability(value: Any) -> float:
+    """A number between 0 and 1."""
     value = as_float("probability", value)
     if not 0 < value < 1:
         raise InputError(f"`probability` must be between 0 and 1; got {value:g}")

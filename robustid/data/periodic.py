@@ -1,175 +1,143 @@
-"""Frequency responses of periodic experiments, with a statistical bound that holds for all lines jointly."""
+"""Frequency responses at the excited lines of periodic experiments."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
 from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_array, as_count, as_float
-from robustid.data.frequency_response import FrequencyResponse
+from robustid._arrays import as_array, as_count
+from robustid.data.frf_bounds import Estimate, variances
+from robustid.data.steady_state import transient_periods
 from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
+
+_log = logging.getLogger("robustid")
 
 # A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
 # 10-15 % (drives, mains), while a multisine meant for identification is flat to a factor of 2 or 3.
 EXCITED = 0.2
 _MAX_CONDITION = 1e6
+_DISTORTED = 4.0  # standard deviations by which the scatter between realisations must exceed noise
+_GROUPS = 16  # of lines, in each of which distortion is looked for
 
 
-def estimate_frf(
-    record: TimeRecord | Sequence[TimeRecord],
-    *,
-    method: str = "periodic",
-    period: int | None = None,
-    lines: Any = None,
-    probability: float = 0.95,
-) -> FrequencyResponse:
-    """Frequency response at the excited lines of periodic experiments, with covariance and a joint bound.
-
-    ``G = Y U^{-1}`` at every line: Y (ny, nu) and U (nu, nu) hold the DFT of nu experiments side by side,
-    averaged over the periods. ``bound`` holds for all lines and entries at once with the probability asked.
-
-    Parameters
-    ----------
-    record : TimeRecord or sequence of TimeRecord
-        One experiment, or several with the same `dt`, channels and length. With nu inputs each nu records in
-        a row make a block (independent inputs, such as an orthogonal multisine); further blocks are further
-        realisations.
-    method : {"periodic"}
-        The only one so far.
-    period : int, optional
-        Period in samples; every record must be a whole number of periods. Default: each record is one period,
-        and then several blocks are needed.
-    lines : sequence of int, optional
-        DFT lines k, at frequency ``k/(period*dt)`` Hz. Default: those, 0 and Nyquist left out (offsets are no
-        response), where every channel of the `reference` (of `u` where a record has none) reaches a fifth of
-        its largest line in one of the experiments.
-    probability : float
-        Of the bound, jointly for all lines and entries; between 0 and 1.
-
-    Returns
-    -------
-    FrequencyResponse
-        With `bound` (F, ny, nu), `covariance` (F, ny*nu, ny*nu) of the estimate itself, and a note on the
-        bound.
-
-    Raises
-    ------
-    InputError
-        No whole number of periods, fewer than two periods (or blocks) in total, experiments that are not
-        independent at a line, another method.
-    InputTypeError
-        Something that isn't a TimeRecord.
-
-    Notes
-    -----
-    One block of P periods: the errors are the scatter of ``(Y_p - G U_p) U^{-1}`` over the periods, input and
-    output noise together to first order, with dof = P - 1. B > 1 blocks: G is the mean over the blocks, the
-    errors are the scatter of G_b from block to block, dof = B - 1, because it also holds what differs between
-    realisations (nonlinear distortion); the bound of 2 or 3 blocks is therefore wide. With s² the estimated
-    variance of the mean, |e|²/s² is F(2, 2 dof) distributed, ``P(|e|² > x s²) = (1 + x/dof)^(-dof)``, so that
-
-        ``bound = s sqrt(dof (alpha^(-1/dof) - 1))``,  ``alpha = (1 - probability)/(lines ny nu)``
-        (Bonferroni)
-
-    (at the real lines 0 and Nyquist Student's t instead). The bound is never below the rounding errors of the
-    DFT.
-
-    Assumes the plant in steady state (drop the periods of the transient first), and noise that is independent
-    from period to period with normal DFT values, small against the input at the lines used. Source:
-    `pintelon2012`, chapters 2 and 7 (periodic excitation).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from robustid.data import TimeRecord, estimate_frf
-    >>> rng = np.random.default_rng(0)
-    >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 10)
-    >>> y = 2 * u + 0.1 * rng.standard_normal(u.size)
-    >>> frf = estimate_frf(TimeRecord(u, y, dt=0.01, initial="periodic"), period=50)
-    >>> frf.freq_hz, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
-    (array([6.]), True)
-    """
-    if method != "periodic":
-        raise InputError(f'`method` must be "periodic", the only one so far; got {method!r}')
-    probability = as_float("probability", probability)
-    if not 0 < probability < 1:
-        raise InputError(f"`probability` must be between 0 and 1; got {probability:g}")
-    records = _checked_records(record)
+def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
+    """Ratios of the spectra averaged over the periods, nu experiments a block: see `estimate_frf`."""
     first = records[0]
-    samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
+    samples, nu = len(first.u), first.u.shape[1]
     period = samples if period is None else as_count("period", period, least=2)
     if samples % period:
         raise InputError(
             f"`record` has {samples} samples, not a whole number of periods of {period}; cut it to"
             f" {samples // period * period} samples or correct `period`"
         )
-    periods, blocks = samples // period, len(records) // nu
-    if periods * blocks < 2:
-        raise InputError(
-            f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
-            " to estimate the noise from; give at least two periods (`period` in samples), or further"
-            " realisations"
-        )
-    if lines is None:
-        use_reference = all(r.reference is not None for r in records)
-        excitation = [r.reference if use_reference else r.u for r in records]
-        index = _excited(_dft(np.stack(excitation), period).mean(axis=1), period)
-    else:
-        index = _checked_lines(lines, period)
-
-    # (F, blocks, periods, channels, experiments)
-    u, y = (_by_block(_dft(np.stack([getattr(r, s) for r in records]), period)[:, :, index], nu) for s in ("u", "y"))
-    inverse = _inverse(u.mean(axis=2), index, period, first.dt)
-    per_block = y.mean(axis=2) @ inverse
-    values = per_block.mean(axis=1)
-    if blocks == 1:
-        errors = (y[:, 0] - values[:, None] @ u[:, 0]) @ inverse
-    else:
-        errors = per_block - values[:, None]
-    errors = errors.transpose(0, 1, 3, 2).reshape(len(index), -1, ny * nu)  # vec: columns stacked
-    dof = errors.shape[1] - 1
-    covariance = np.einsum("fpi,fpj->fij", errors, errors.conj()) / (dof * (dof + 1))
-    variance = np.einsum("fii->fi", covariance).real.reshape(-1, nu, ny).transpose(0, 2, 1)
-    radius = _quantile((1 - probability) / values.size, dof, (2 * index) % period == 0)[:, None, None]
-    bound = np.maximum(radius * np.sqrt(variance), _rounding(records, values, inverse))
-    if not np.all(bound > 0):
-        raise InputError("`record`: an output is zero in every period; leave that channel out")
-    source = f"{periods} periods" if blocks == 1 else f"{blocks} blocks of experiments ({periods} periods each)"
-    return FrequencyResponse(
-        2 * np.pi * index / (period * first.dt),
-        values,
-        bound=bound,
-        covariance=covariance,
-        dt=first.dt,
-        inputs=first.inputs,
-        outputs=first.outputs,
-        note=f"statistical: joint {100 * probability:g} % over {len(index)} lines, scatter over {source}",
-    )
-
-
-def _checked_records(record: Any) -> list[TimeRecord]:
-    records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
-    if not records or not all(isinstance(r, TimeRecord) for r in records):
-        raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")
-    first = records[0]
-    for k, other in enumerate(records):
-        for what, a, b in (
-            ("sample time", first.dt, other.dt),
-            ("shape of u", first.u.shape, other.u.shape),
-            ("shape of y", first.y.shape, other.y.shape),
-        ):
-            if a != b:
-                raise InputError(f"`record`: all experiments must have the same {what}; got {a} and {b} (number {k})")
-    nu = first.u.shape[1]
     if len(records) % nu:
         raise InputError(
             f"`record`: {nu} inputs need {nu} experiments, or a multiple of that; got {len(records)}."
             " One experiment can't tell the inputs apart"
         )
-    return records
+    if samples // period * len(records) // nu < 2:
+        raise InputError(
+            f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
+            " to estimate the noise from; give at least two periods (`period` in samples), or further"
+            " realisations"
+        )
+    loop = all(r.reference is not None for r in records)
+    spectra = {"u": _spectra(records, "u", period), "y": _spectra(records, "y", period)}
+    if loop:
+        spectra["reference"] = _spectra(records, "reference", period)
+    excitation = spectra["reference" if loop else "u"]
+    index = _excited(excitation.mean(axis=1), period) if lines is None else _checked_lines(lines, period)
+    skipped, steady = 0, True
+    if any(r.initial != "periodic" for r in records):
+        skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
+        if not steady:
+            _log.warning(
+                "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
+            )
+    # (F, blocks, periods, channels, experiments)
+    u, y, *r = (_by_block(part[:, skipped:, index], nu) for part in spectra.values())
+    return _estimate(records, index, period, u, y, r[0] if r else None, _skipped(skipped, steady))
+
+
+def _estimate(records: Any, index: Any, period: int, u: Any, y: Any, r: Any, skipped: str) -> Estimate:
+    first = records[0]
+    ny, nu, blocks, periods = y.shape[3], u.shape[3], u.shape[1], u.shape[2]
+    if r is not None and r.shape[3] == nu and blocks > 1:
+        # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
+        by_reference = _inverse(r.mean(axis=2), index, period, first.dt, "reference")
+        to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
+        inverse = by_reference @ _inverse(to_u, index, period, first.dt, "u")
+        values = (y.mean(axis=2) @ inverse).mean(axis=1)
+        source = "by the reference, "
+    else:
+        inverse = _inverse(u.mean(axis=2), index, period, first.dt, "u")
+        values = (y.mean(axis=2) @ inverse).mean(axis=1)
+        source = ""
+    error = (y - values[:, None, None] @ u) @ inverse[:, :, None]
+    error = error.swapaxes(-1, -2).reshape(len(index), blocks, periods, ny * nu)  # vec: columns stacked
+    each = error.mean(axis=2, keepdims=True)
+    within, between = error - each, each[:, :, 0] - each.mean(axis=1)
+    rounding = _rounding(records, values, inverse)
+    of_noise, total = blocks * (periods - 1), blocks - 1
+    if blocks == 1:
+        covariance, dof, what = _scatter(within, of_noise * periods), of_noise, f"{periods} periods"
+        noise, distortion = np.sqrt(variances(covariance, values.shape)), None
+    else:
+        covariance, dof = _scatter(between[:, :, None], total * blocks), total
+        noise = distortion = None
+        what = f"{blocks} blocks of experiments ({periods} periods each)"
+        if periods > 1:
+            by_noise = _scatter(within, of_noise * periods * blocks)
+            noise = np.sqrt(variances(by_noise, values.shape))
+            distortion = np.sqrt(np.maximum(variances(covariance - by_noise, values.shape), 0) * blocks)
+            if not _distorted(variances(covariance, values.shape), noise**2, rounding, total, of_noise):
+                covariance = (total * covariance + of_noise * by_noise) / (total + of_noise)
+                dof, what = (
+                    total + of_noise,
+                    f"{blocks} blocks and {periods} periods: no distortion seen between blocks",
+                )
+    power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
+    left = np.mean(np.abs(y - values[:, None, None] @ u) ** 2, axis=(2, 4)).mean(axis=1)
+    left *= blocks * periods / max(blocks * periods - 1, 1)
+    return Estimate(
+        index=index,
+        step=2 * np.pi / (period * first.dt),
+        values=values,
+        covariance=covariance,
+        dof=dof,
+        coherence=np.clip(1 - left / np.where(power > 0, power, 1), 0, 1),
+        rounding=rounding,
+        source=f"{source}scatter over {what}{skipped}",
+        noise=noise,
+        distortion=distortion,
+        real=(2 * index) % period == 0,
+    )
+
+
+def _scatter(errors: np.ndarray, divisor: int) -> np.ndarray:
+    """Sum of e e^H over blocks and periods, (F, B, P, m) -> (F, m, m)."""
+    flat = errors.reshape(errors.shape[0], -1, errors.shape[-1])
+    return flat.swapaxes(1, 2) @ flat.conj() / divisor
+
+
+def _distorted(total: np.ndarray, noise: np.ndarray, rounding: np.ndarray, d1: int, d2: int) -> bool:
+    """Whether the scatter between blocks is more than noise: mean of the logarithm of the ratio, in groups of lines."""
+    from scipy.special import polygamma, psi
+
+    log = np.log((total + rounding**2) / (noise + rounding**2)).reshape(len(total), -1)
+    mean = psi(d1) - np.log(d1) - psi(d2) + np.log(d2)
+    deviation = np.sqrt(polygamma(1, d1) + polygamma(1, d2))
+    groups = np.array_split(log, min(_GROUPS, -(-len(log) // 16)))
+    return any(float(np.max((g.mean(axis=0) - mean) / deviation * np.sqrt(len(g)))) > _DISTORTED for g in groups)
+
+
+def _skipped(count: int, steady: bool) -> str:
+    if not count:
+        return ""
+    return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
 
 
 def _checked_lines(lines: Any, period: int) -> np.ndarray:
@@ -181,8 +149,9 @@ def _checked_lines(lines: Any, period: int) -> np.ndarray:
     return np.sort(index).astype(int)
 
 
-def _dft(signals: np.ndarray, period: int) -> np.ndarray:
-    """(R, T, n) real -> (R, periods, period//2+1, n): amplitudes per period."""
+def _spectra(records: list[TimeRecord], name: str, period: int) -> np.ndarray:
+    """(R, periods, period//2+1, n): amplitudes per period."""
+    signals = np.stack([getattr(r, name) for r in records])
     cut = signals.reshape(len(signals), -1, period, signals.shape[-1])
     return np.fft.rfft(cut, axis=2) / period
 
@@ -205,8 +174,9 @@ def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
     return index
 
 
-def _inverse(u: np.ndarray, index: np.ndarray, period: int, dt: float) -> np.ndarray:
+def _inverse(u: np.ndarray, index: np.ndarray, period: int, dt: float, name: str) -> np.ndarray:
     # Rows scaled to unit size first: the units of the inputs must not decide on independence.
+    what = "inputs" if name == "u" else "references"
     size = np.abs(u).max(axis=(0, 1, 3), keepdims=True)
     if np.all(size > 0) and np.all(np.abs(u).max(axis=(2, 3)) > 0):
         condition = np.linalg.cond(u / size).max(axis=1)
@@ -214,20 +184,14 @@ def _inverse(u: np.ndarray, index: np.ndarray, period: int, dt: float) -> np.nda
             return np.linalg.inv(u / size) / size.swapaxes(-1, -2)
         worst = index[np.argmax(condition)] / (period * dt)
         raise InputError(
-            f"`record`: the inputs of the experiments are not independent at {worst:g} Hz (condition"
+            f"`record`: the {what} of the experiments are not independent at {worst:g} Hz (condition"
             f" {condition.max():.1g}); use other inputs, such as an orthogonal multisine, or leave the line"
             " out"
         )
-    raise InputError("`record`: an input is zero at a line that is asked for; correct `lines` or leave the input out")
-
-
-def _quantile(alpha: float, dof: int, real: np.ndarray) -> np.ndarray:
-    """Radius over standard deviation that an error exceeds with probability `alpha`, at each line."""
-    from scipy.special import stdtrit
-
-    # expm1 keeps the digits where alpha**(-1/dof) is close to 1 (many periods).
-    circular = np.sqrt(dof * np.expm1(-np.log(alpha) / dof))
-    return np.where(real, stdtrit(dof, 1 - alpha / 2), circular)
+    raise InputError(
+        f"`record`: {'an input' if name == 'u' else 'a reference'} is zero at a line that is asked for; correct `lines` or"
+        " leave the input out"
+    )
 
 
 def _rounding(records: list[TimeRecord], values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
