@@ -131,7 +131,10 @@ def test_lines_of_a_band():
         chosen(band_hz=(1, 100), spacing="log", lines_per_decade=10),
         [1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 79, 100],
     )
-    np.testing.assert_array_equal(chosen(band_hz=(5, 5)), [5])
+    # both edges, whatever lies between
+    np.testing.assert_array_equal(chosen(band_hz=(3, 50), spacing="log", lines_per_decade=4), [3, 5, 9, 16, 28, 50])
+    np.testing.assert_array_equal(chosen(band_hz=(10, 11), spacing="log", lines_per_decade=4), [10, 11])
+    np.testing.assert_array_equal(chosen(band_hz=(5, 5), spacing="log"), [5])
 
 
 def test_random_odd_lines_leave_one_in_four_for_detection():

@@ -38,8 +38,8 @@ def chosen_lines(
     chosen = np.arange(first, last + 1)
     if chosen.size and spacing == "log":
         per_decade = as_count("lines_per_decade", lines_per_decade, least=1)
-        points = np.arange(int(per_decade * np.log10(last / first) + _SAME_LINE) + 1) / per_decade
-        chosen = np.unique(np.round(first * 10**points).astype(int))
+        steps = max(round(per_decade * np.log10(last / first)), 1)
+        chosen = np.unique(np.round(np.geomspace(first, last, steps + 1)).astype(int))
     elif spacing != "all":
         chosen = chosen[chosen % 2 == 1]
     if spacing == "random-odd":
