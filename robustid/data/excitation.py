@@ -171,11 +171,12 @@ def multisine(
 
     Notes
     -----
-    Crest factors are of the samples, which is what a zero-order hold plays. For many flat lines: about 1.4 with 1, 2, 4,
-    8, ... inputs, where the experiments differ in signs only; 1.6 with other numbers, where a few rotations of the same phases must
-    be small together; never worse than Schroeder's phases (1.7). White noise of standard deviation sigma on an
-    output, F flat lines and P periods leave a standard deviation of ``sigma/rms sqrt(2 F/(nu P period))`` on every
-    entry of the response: the longer the period, the more lines at the same accuracy.
+    Crest factors are of the samples, which is what a zero-order hold plays. For many flat lines, all or odd: about 1.4 with
+    1, 2, 4, 8, ... inputs, where the experiments differ in signs only; 1.6 with other numbers, where a few rotations of
+    the same phases must be small together; above 2 with logarithmic spacing. Never worse than Schroeder's phases.
+
+    White noise of standard deviation sigma on an output, F flat lines and P periods leave a standard deviation of
+    ``sigma/rms sqrt(2 F/(nu P period))`` on every entry of the response: fewer lines or more samples, smaller errors.
 
     Assumes nothing on the plant. Source: `dobrowiecki2006` (orthogonal sets), `guillaume1991` (crest factor),
     `pintelon2012` (chapters 2 to 4: lines and realisations).
