@@ -21,12 +21,15 @@ from robustid.certify import (
     worst_case_over_poles,
 )
 from robustid.data import (
+    Excitation,
     FrequencyResponse,
     TimeRecord,
     datasets,
     estimate_frf,
     flexible_structure,
     load,
+    load_excitation,
+    multisine,
     save,
 )
 from robustid.errors import (
@@ -63,6 +66,7 @@ from robustid.report import write_report
 __all__ = [
     "Channel",
     "DatasetNotFoundError",
+    "Excitation",
     "FileFormatError",
     "FrequencyResponse",
     "Identification",
@@ -103,11 +107,13 @@ __all__ = [
     "identify",
     "kautz",
     "load",
+    "load_excitation",
     "load_identification",
     "load_pole_band",
     "load_worst_case_error",
     "modal_form",
     "mode_table",
+    "multisine",
     "reduce_within_bounds",
     "refute",
     "response_tube",

@@ -9,6 +9,7 @@ import typer
 
 from robustid import _terminal as terminal
 from robustid._cli_certify import bounds, verify
+from robustid._cli_excite import excite
 from robustid._cli_fit import fit
 from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options, sources
 from robustid._terminal import plain, step
@@ -215,6 +216,7 @@ def identify(
     raise typer.Exit(EXIT[result.status])
 
 
+app.command()(excite)
 app.command()(fit)
 app.command()(bounds)
 app.command()(verify)
