@@ -225,3 +225,19 @@ def test_a_full_disk_leaves_what_was_there_and_says_so(computed, saved, tmp_path
     with pytest.raises(rid.InputError, match="No space left"):
         computed.save(saved)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_two_sides_are_no_polygon():
+    """Directions 0 and pi of a complex value bound no area: what they leave out can be anywhere above and below."""
+    data = rid.flexible_structure(lines=5, samples=2)
+    problem = rid.MixedProblem(
+        frequency=data.frequency,
+        prior=rid.Prior(gain_bound=0.1, decay_rate=1.3),
+        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
+    )
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0], directions=4)
+    value = error.values[0]
+    ends = {name: getattr(value, name)[[0, 2]] for name in ("directions", "support", "points")}
+    flat = dataclasses.replace(value, **ends, certificates=(value.certificates[0], value.certificates[2]))
+    assert error.certified
+    assert not dataclasses.replace(error, values=(flat,), directions=2).certified

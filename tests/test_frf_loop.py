@@ -69,13 +69,18 @@ def test_calibrated(measure):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measure", [periodic, random_closed, random_open])
-def test_calibrated_on_200_seeds(measure):
+@pytest.mark.parametrize(("measure", "most"), [(periodic, 3.7), (random_open, 3.7), (random_closed, 0.5 * 200**0.5)])
+def test_calibrated_on_200_seeds(measure, most):
+    """Joint bound of 95 % in 90 to 99 % of the seeds, mean square of error over standard deviation 0.9 to 1.1.
+
+    The mean error of a line over its own deviation: 800 complex numbers that are normal stay below sqrt(log(800/0.001)) = 3.7 with a
+    probability of 0.999. In closed loop the local model itself errs by a third of the standard deviation of one estimate at the flank
+    of the lightest mode: less than a half.
+    """
     held, square, bias = calibration(measure, range(200))
     assert 0.9 <= square <= 1.1
     assert 180 <= held <= 198
-    # 800 complex numbers that are normal stay below sqrt(log(800/0.001)) = 3.7 with a probability of 0.999.
-    assert bias < 3.7
+    assert bias < most
 
 
 def test_one_record_of_a_loop_needs_its_reference():

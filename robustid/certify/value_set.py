@@ -105,9 +105,10 @@ def value_set_claims(consistent: ConsistentSet, found: ValueSet) -> Iterator[Sup
     """What the polygon says, side by side; without a solver."""
     here = dataclasses.replace(consistent, posed=consistent.posed_at(found.omega))
     x, p, tail = here.value_weights(found.omega)
-    angles = directions_at(found.omega, consistent.posed.problem.dt, found.directions.size)
+    # Two sides close no polygon in the plane.
+    angles = directions_at(found.omega, consistent.posed.problem.dt, max(found.directions.size, 3))
     even = np.array_equal(angles, found.directions)  # else the corners of the polygon are not where they are said to be
-    for k, (angle, support, proof) in enumerate(zip(angles, found.support, found.certificates, strict=True)):
+    for k, (angle, support, proof) in enumerate(zip(angles, found.support, found.certificates, strict=even)):
         name = f"{found.omega:.6g} rad/s, direction {k + 1} of {angles.size}"
         stated = float(support) if even else -np.inf
         yield SupportClaim(name, _along(angle, x, p, tail), stated, proof, here.data.rows, here.data.sarason)

@@ -48,7 +48,7 @@ def read(path: str | os.PathLike[str], form: str, what: str) -> tuple[dict[str, 
             raise ValueError(f"their format is {record['format']!r}")
         intact = record["digest"] == digest(arrays)
     except FileNotFoundError as error:
-        raise FileFormatError(f"`path`: {error.filename} is missing; an {what} is a .npz and a .json file") from None
+        raise FileFormatError(f"`path`: {error.filename} is missing; saved {what} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved {what} ({error})") from None
     if not intact:

@@ -331,11 +331,11 @@ def _assemble(problem: MixedProblem, blocks: list[_Block], functions: _Functions
     scale = 2.0 ** np.round(np.log2(norms)) if norms.size else norms
     P = P / scale
     parameters = 0 if problem.parametric is None else problem.parametric.size
-    _check_independent(problem, P, parameters)
     fixed, tail = (np.concatenate(parts) / total for parts in zip(*((b.bound, b.tail) for b in blocks), strict=True))
     ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
     if problem.parameter_bounds is not None:
         ends[:parameters] = problem.parameter_bounds * scale[:parameters, None]
+    _check_independent(problem, P, np.flatnonzero(np.isinf(ends).any(axis=1)))
     return Rows(y, E, P, fixed, tail, discs, scale, parameters, ends)
 
 
@@ -357,15 +357,18 @@ def line_tilts(problem: MixedProblem) -> np.ndarray | None:
     return np.concatenate([np.zeros(f.omega.size) if f.tilt is None else f.tilt[:, 0, 0] for f in problem.frequency])
 
 
-def _check_independent(problem: MixedProblem, P: np.ndarray, parameters: int) -> None:
+def _check_independent(problem: MixedProblem, P: np.ndarray, free: np.ndarray) -> None:
+    """Coefficients without an interval must be told apart by the data: else they, and the sets, are unbounded."""
+    P = P[:, free]
     if not P.shape[1]:
         return
     stacked = np.vstack([np.real(P), np.imag(P)])
     _, singular, directions = np.linalg.svd(stacked / np.linalg.norm(stacked, axis=0), full_matrices=False)
     rank = int(np.sum(singular > 1e-10 * singular[0])) if singular.size else 0
     if rank < P.shape[1]:
-        involved = np.flatnonzero(np.abs(directions[-1][:parameters]) > 0.1)
-        names = ", ".join(problem.parametric.labels[i] for i in involved)
+        labels: Any = () if problem.parametric is None else problem.parametric.labels
+        involved = free[np.abs(directions[-1]) > 0.1]
+        names = ", ".join(labels[i] for i in involved if i < len(labels))
         raise InputError(
             f"`parametric`: the data cannot tell its {P.shape[1]} functions (transients included) apart: their rank on the"
             f" samples is {rank}. Linearly dependent: {names}. Remove one of them, or add samples"
