@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 import typer
@@ -48,7 +49,8 @@ def bounds(
         bool,
         typer.Option(
             "--poles",
-            help="Cover the box that the data leave to the poles too, where they were taken from them: printed, may take minutes.",
+            help="Cover the box that the data leave to the poles too, where they were taken from them: NAME-poles, may take"
+            " minutes.",
         ),
     ] = False,
     workers: Annotated[
@@ -67,82 +69,110 @@ def bounds(
     Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
     program, 130 interrupted.
     """
-    from robustid.certify import worst_case_error
     from robustid.identification import load_identification
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
-    terminal.check_outputs(terminal.result_files(output), sources(source), force)
+    written, written_poles = terminal.result_files(output), terminal.result_files(_beside(output))
+    terminal.check_outputs([*written, *(written_poles if poles else ())], sources(source), force)
     console = terminal.console()
     identification = load_identification(source)
-    with in_words(_OPTIONS):
-        asked: Any = _spaced(identification, points) if points else omega
-        spread = {"executor": _processes(identification, asked, directions, workers), "resume": resume}
-        try:
-            with shown(console, _BOUNDING) as show:
-                error = worst_case_error(
-                    identification,
-                    omega=asked,
-                    directions=directions,
-                    rtol=rtol,
-                    progress=_counted(show, _BOUNDING),
-                    **spread,
-                )
-            if circle:
-                with shown(console, _BETWEEN) as show:
-                    error.on_circle(rtol, progress=_counted(show, _BETWEEN), **spread)
-        except KeyboardInterrupt:
-            if resume is not None:
-                terminal.warn(console, f"finished frequencies are in {resume}: the same command goes on from there")
-            raise
-    with step(console, "verifying every certificate"):
-        certified = error.certified
+    asked: Any = _spaced(identification, points) if points else omega
+    spread = {"executor": _processes(identification, asked, directions, workers), "resume": resume}
+    with in_words(_OPTIONS), _resumable(console, resume):
+        error = _bounded(console, identification, asked, directions, rtol, circle, spread)
+    certified = _certified(console, error)
     error.save(output)
-    console.print(plain(error.summary()), highlight=False, soft_wrap=True)
-    if circle:
-        console.print(plain(_on_circle(error)), highlight=False, soft_wrap=True)
-    say_written(console, *terminal.result_files(output))
+    _say(console, error.summary(), *([_on_circle(error)] if circle else []))
+    say_written(console, *written)
     if poles:
-        console.print(plain(_over_poles(console, error)), highlight=False, soft_wrap=True)
+        with in_words(_OPTIONS), _resumable(console, resume):
+            band = _over_poles(console, error, spread)
+        if band is None:
+            _say(console, _GIVEN)
+        else:
+            certified &= _certified(console, band)
+            band.save(_beside(output))
+            _say(console, "with every pole in the box that the data leave:", band.summary())
+            say_written(console, *written_poles)
     repeat_warnings(console, identification)
     if not certified:
         terminal.warn(console, "a certificate does not hold: robustid verify names it")
     raise typer.Exit(0 if certified else 1)
 
 
-def _over_poles(console: Any, error: Any) -> str:
-    """The band that covers the box which the data leave to the poles that they suggest, in words."""
-    import numpy as np
+def _beside(output: Path) -> Path:
+    """Where the band over poles goes: NAME-poles."""
+    base = terminal.result_files(output)[0].with_suffix("")
+    return base.with_name(base.name + "-poles")
 
+
+@contextlib.contextmanager
+def _resumable(console: Any, resume: Path | None) -> Iterator[None]:
+    """Say on Ctrl-C where what is finished can be found."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if resume is not None:
+            terminal.warn(console, f"finished frequencies are in {resume}: the same command goes on from there")
+        raise
+
+
+def _bounded(
+    console: Any, identification: Any, omega: Any, directions: int, rtol: float, circle: bool, spread: dict[str, Any]
+) -> Any:
+    """The bounds at the frequencies, and between them where asked."""
+    from robustid.certify import worst_case_error
+
+    with shown(console, _BOUNDING) as show:
+        progress = _counted(show, _BOUNDING)
+        error = worst_case_error(
+            identification, omega=omega, directions=directions, rtol=rtol, progress=progress, **spread
+        )
+    if circle:
+        with shown(console, _BETWEEN) as show:
+            error.on_circle(rtol, progress=_counted(show, _BETWEEN), **spread)
+    return error
+
+
+def _certified(console: Any, result: Any) -> bool:
+    with step(console, "verifying every certificate"):
+        return result.certified
+
+
+def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
+    """The band that covers the box which the data leave to the poles that they suggest; None for other poles."""
     from robustid.advice import suggest_kautz
     from robustid.certify import worst_case_over_poles
 
     problem = error.identification.problem
     found = suggest_kautz(problem.frequency[0]) if problem.frequency else None
-    mine = problem.parametric.poles if problem.parametric is not None else np.zeros(0)
-    theirs = found.basis.poles if found is not None and found.basis is not None else np.zeros(0)
-    if (
-        found is None
-        or not mine.size
-        or mine.shape != theirs.shape
-        or not np.allclose(np.sort(mine), np.sort(theirs), atol=1e-6)
-    ):
-        return (
-            "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
-            " call worst_case_over_poles with the intervals that you know"
-        )
+    if found is None or not _same_poles(found.basis, problem.parametric):
+        return None
     with shown(console, _BOXES) as show:
-        band = worst_case_over_poles(
+        return worst_case_over_poles(
             error.identification,
             found.omega_interval,
             found.damping_interval,
             delay=found.delay,
             omega=error.omega,
             progress=_counted(show, _BOXES),
+            **spread,
         )
-    return "with every pole in the box that the data leave:\n" + band.summary()
 
 
+def _same_poles(one: Any, other: Any) -> bool:
+    import numpy as np
+
+    if one is None or other is None or one.poles.shape != other.poles.shape:
+        return False
+    return np.allclose(one.poles, other.poles, atol=1e-6)
+
+
+_GIVEN = (
+    "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
+    " call worst_case_over_poles with the intervals that you know"
+)
 _BOXES = "bounding the error over the box of the poles"
 _BOUNDING, _BETWEEN = "bounding the error at every frequency", "bounding the error between the frequencies"
 
@@ -160,35 +190,33 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.certify import load_worst_case_error
-    from robustid.certify.storage import FORMAT
+    from robustid.certify import load_pole_band, load_worst_case_error
+    from robustid.certify.storage import FORMAT, FORMAT_POLES
     from robustid.identification import load_identification
 
-    console = terminal.console()
+    console, form = terminal.console(), _format(source)
     with in_words(_OPTIONS):
-        if _format(source) == FORMAT:
-            error = load_worst_case_error(source)
-            failed = _identification_failures(console, error.identification, exact)
-            failed += _bound_failures(console, error, exact)
+        if form in (FORMAT, FORMAT_POLES):
+            result = (load_worst_case_error if form == FORMAT else load_pole_band)(source)
+            failed = _identification_failures(console, result.identification, exact)
+            failed += (_bound_failures if form == FORMAT else _band_failures)(console, result, exact)
         else:
             failed = _identification_failures(console, load_identification(source), exact)
-    how = (
-        "in double precision with allowances, and in ball arithmetic"
-        if exact
-        else "in double precision with allowances"
-    )
-    console.print(
-        f"evaluated  {how}; the problem's arrays as they are in double precision", highlight=False, soft_wrap=True
-    )
-    console.print(
-        "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them",
-        highlight=False,
-        soft_wrap=True,
-    )
+    how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
+    _say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", _ASSUMED)
     for name in failed:
         console.print(f"[red]FAILED[/red]     {plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
     raise typer.Exit(1 if failed else 0)
+
+
+_ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+
+
+def _say(console: Any, *texts: str) -> None:
+    """Plain text, as it stands."""
+    for text in texts:
+        console.print(plain(text), highlight=False, soft_wrap=True)
 
 
 def _format(source: Path) -> str | None:
@@ -206,13 +234,11 @@ def _identification_failures(console: Any, result: Any, exact: bool) -> list[str
     from robustid.identification.forms import pose
     from robustid.interpolation import verify_margin_exactly
 
-    console.print(plain(f"claimed    {result.status.value}"), highlight=False, soft_wrap=True)
-    console.print(plain(f"           {_margin(result)}"), highlight=False, soft_wrap=True)
+    _say(console, f"claimed    {result.status.value}", f"           {_margin(result)}")
     failed = []
     for check in result.verification.checks:
         word = "verified" if check.holds else "FAILED"
-        text = f"{word:<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})"
-        console.print(plain(text), highlight=False, soft_wrap=True)
+        _say(console, f"{word:<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})")
         failed += [] if check.holds else [check.name]
     if exact:
         rows, sarason = (data := pose(result.problem, result.sections).data).rows, data.sarason
@@ -232,22 +258,36 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     upper, count, intervals = error.upper, len(error.values), error.parameters.lower.size
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
-    text += f", and {intervals} coefficients are in their intervals" if intervals else ""
-    console.print(text, highlight=False, soft_wrap=True)
-    total = error.claim_count
+    _say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
+    failed = _claim_failures(console, error, exact)
+    if "circle" in error.__dict__:
+        _say(console, _on_circle(error))
+        if not error.circle_supported:
+            failed.append("bound on the circle, from its ends of arcs")
+    _say(console, "recorded   what was attained: as the computation found it, not evaluated again")
+    return failed
+
+
+def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
+    """Print what a band over poles claims; the names of what does not hold."""
+    _say(console, "claimed    of all poles in a box:", band.summary())
+    if not band.covered:
+        return ["cells of poles: they leave out a part of the box"]
+    failed = _claim_failures(console, band, exact)
+    return failed if band.supported else [*failed, "bounds, from those of the cells"]
+
+
+def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:
+    """Evaluate every certificate, count those that hold, name the others."""
+    total = result.claim_count
     failed, words = [], "evaluating certificates"
     with shown(console, words) as show:
         progress = _counted(show, words)
-        for done, claim in enumerate(error.claims(), start=1):
+        for done, claim in enumerate(result.claims(), start=1):
             failed += [] if claim.verify(exact) else [claim.name]
             progress(done, total)
     word = "FAILED" if failed else "verified"
-    console.print(f"{word:<11}{total - len(failed)} of {total} certificates hold", highlight=False)
-    if "circle" in error.__dict__:
-        console.print(plain(_on_circle(error)), highlight=False, soft_wrap=True)
-        if not error.circle_supported:
-            failed.append("bound on the circle, from its ends of arcs")
-    console.print("recorded   what was attained: as the computation found it, not evaluated again", highlight=False)
+    _say(console, f"{word:<11}{total - len(failed)} of {total} certificates hold")
     return failed
 
 

@@ -8,7 +8,7 @@ from robustid.certify.pole_band import PoleBand, worst_case_over_poles
 from robustid.certify.pole_cells import PoleCell
 from robustid.certify.refute import Refutation, refute
 from robustid.certify.small_gain import GuaranteedMargin, MarginStatus, guaranteed_margin
-from robustid.certify.storage import load_worst_case_error
+from robustid.certify.storage import load_pole_band, load_worst_case_error
 from robustid.certify.tubes import ResponseTube, response_tube
 from robustid.certify.value_set import ValueSet
 from robustid.certify.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
@@ -31,6 +31,7 @@ __all__ = [
     "diameter",
     "entry_weights",
     "guaranteed_margin",
+    "load_pole_band",
     "load_worst_case_error",
     "magnitude_weight",
     "refute",

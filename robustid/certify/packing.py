@@ -79,6 +79,7 @@ def unpack_values(arrays: Arrays, dt: float, directions: int | None = None) -> l
     if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
         raise ValueError("its frequencies are not between 0 and pi/dt")
     counts = arrays["sides"] if directions is None else np.full(arrays["omega"].size, directions)
+    counts = np.maximum(counts, 3)  # two sides are closed where the response is real only
     angles = [directions_at(float(w), dt, int(count)) for w, count in zip(arrays["omega"], counts, strict=True)]
     if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
         raise ValueError("its polygons do not have the sides of their number of directions")

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-import concurrent.futures
+import contextlib
 import dataclasses
 import logging
+import pathlib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
-from robustid.certify.consistent_set import set_of
-from robustid.certify.pole_cells import PoleCell
-from robustid.certify.sweep import Progress, value_sets
+from robustid._arrays import Frozen, as_count, as_positive, freeze
+from robustid.certify.claims import SupportClaim
+from robustid.certify.consistent_set import ConsistentSet, set_of
+from robustid.certify.pole_cells import AMPLITUDE, PoleCell, box_of
+from robustid.certify.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
+from robustid.certify.sweep import Folder, Progress, Spread, value_sets
+from robustid.certify.workers import worker_pool
 from robustid.certify.worst_case import as_frequencies, as_nominal
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.forms import Posed, pose, sections_of
 from robustid.identification.margin import prove_margin
 from robustid.identification.simulation import response
-from robustid.interpolation import MarginCertificate, MixedProblem
+from robustid.interpolation import MixedProblem
+from robustid.solve import threads_for
 
 _log = logging.getLogger("robustid")
 
-_AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 _MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
+_AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are computed again elsewhere
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -40,10 +45,12 @@ class PoleBand(Frozen):
         Proved bound of |F - model|; inf where the box is too wide for a bound.
     magnitude : (F, 2) array
         Proved range of |F|.
-    cells : tuple of PoleCell
-        That may contain the poles.
-    refuted : tuple of (PoleCell, MarginCertificate)
-        Proved not to.
+    box : PoleCell
+        As it was stated, with the amplitudes that are assumed.
+    kept : tuple of KeptCell
+        The parts of it that may contain the poles, with the certificates of their bounds.
+    refuted : tuple of RefutedCell
+        Those that are proved not to.
     """
 
     identification: Identification
@@ -51,11 +58,74 @@ class PoleBand(Frozen):
     omega: np.ndarray
     upper: np.ndarray
     magnitude: np.ndarray
-    cells: tuple[PoleCell, ...]
-    refuted: tuple[tuple[PoleCell, MarginCertificate], ...]
+    box: PoleCell
+    kept: tuple[KeptCell, ...]
+    refuted: tuple[RefutedCell, ...]
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "upper", "magnitude")})
+
+    @property
+    def cells(self) -> tuple[PoleCell, ...]:
+        """Those that may contain the poles."""
+        return tuple(item.cell for item in self.kept)
+
+    @property
+    def certified(self) -> bool:
+        """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        return self.verify()
+
+    def verify(self, exact: bool = False) -> bool:
+        """Evaluate all proofs again, from their numbers and those of the problem; no solver is involved.
+
+        The cells must leave out no part of the box, the certificates of each must hold for its relaxed problem, made anew, and the
+        bounds follow from them. `exact` evaluates the certificates in ball arithmetic too (`robustid[exact]`).
+        """
+        if not (self.covered and self.supported):
+            return False
+        with threads_for(self.identification.problem.coefficients):
+            return all(claim.verify(exact) for claim in self.claims())
+
+    def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
+        """Every inequality that is stated of a cell, with its certificate."""
+        for number, item in enumerate((*self.kept, *self.refuted), start=1):
+            yield from item.claims(self.identification.problem, f"cell {number}")
+
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return len(self.refuted) + sum(len(v.certificates) for item in self.kept for v in item.values)
+
+    @property
+    def covered(self) -> bool:
+        """Whether the cells, kept and refuted, leave out no part of the box, and assume no smaller amplitudes than are stated."""
+        box, cells = self.box, [*self.cells, *(item.cell for item in self.refuted)]
+        try:
+            stated = box_of(self.identification, box.omega, box.damping, box.delay)
+        except (InputError, InputTypeError):
+            return False
+        alike = all(c.delay == box.delay and c.dt == stated.dt for c in (box, *cells))
+        enough = all(np.all(stated.amplitude <= c.amplitude * _AGAIN) for c in cells)
+        return alike and enough and box.covered_by(cells)
+
+    @property
+    def supported(self) -> bool:
+        """Whether the polygons of the kept cells give the stated bounds, and there are data that can refute the others."""
+        problem = self.identification.problem
+        if not self.kept or not all(item.is_about(problem, self.omega) for item in (*self.kept, *self.refuted)):
+            return False
+        angles = self.omega * problem.dt
+        upper, magnitude = union_of(self.kept, response(self.model, angles), angles)
+        if (self.upper.shape, self.magnitude.shape) != ((*upper.shape, 1, 1), magnitude.shape):
+            return False
+        above = upper <= self.upper[:, 0, 0] * _AGAIN, magnitude[:, 1] <= self.magnitude[:, 1] * _AGAIN
+        return bool(np.all(above) and np.all(self.magnitude[:, 0] <= magnitude[:, 0] * _AGAIN))
+
+    def save(self, path: Folder) -> None:
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
+        from robustid.certify.storage import save_pole_band
+
+        save_pole_band(self, path)
 
     @property
     def next_line(self) -> float:
@@ -88,15 +158,20 @@ class PoleBand(Frozen):
             f" (median {100 * np.median(relative):.3g} % of the response)",
             f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to",
         ]
-        for number, (w, d) in enumerate(zip(*self.poles, strict=True)):
-            low, high = w / (2 * np.pi)
-            lines.append(f"mode {number + 1}     {low:.6g} to {high:.6g} Hz, damping {d[0]:.3g} to {d[1]:.3g}")
+        stated = self.box.omega, self.box.damping
+        for number, (w, d, *whole) in enumerate(zip(*self.poles, *stated, strict=True), start=1):
+            lines.append(f"mode {number}     {_interval(w, d)}; the box: {_interval(*whole)}")
         lines += [
             f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there",
             "assumed    gain bound, decay rate, the number of modes, poles inside the box, amplitudes of the modes at most"
-            f" {_AMPLITUDE:g} times the model's, bounds of the samples: data can refute them, never prove them",
+            f" {AMPLITUDE:g} times the model's, bounds of the samples: data can refute them, never prove them",
         ]
         return "\n".join(lines)
+
+
+def _interval(omega: np.ndarray, damping: np.ndarray) -> str:
+    low, high = omega / (2 * np.pi)
+    return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.3g} to {damping[1]:.3g}"
 
 
 def worst_case_over_poles(
@@ -110,8 +185,9 @@ def worst_case_over_poles(
     directions: int = 8,
     rtol: float = 0.1,
     cells: int = 32,
-    executor: concurrent.futures.Executor | None = None,
+    executor: Spread = None,
     progress: Progress | None = None,
+    resume: Folder | None = None,
 ) -> PoleBand:
     """Guaranteed error of a model over all consistent systems whose poles lie in a box: the union of the bands of its cells.
 
@@ -122,13 +198,13 @@ def worst_case_over_poles(
     Parameters
     ----------
     identification : Identification
-        Of a problem whose parametric part is one `kautz` basis, poles in the box.
+        Of a problem whose parametric part is one `kautz` pair per mode, poles in the box.
     omega_interval, damping_interval : (M, 2) arrays
         Ends per mode, rad/s and 1; `KautzSuggestion.omega_interval` and `.damping_interval`.
     delay : int, samples
         Of the pairs.
-    model, omega, directions, rtol, executor, progress
-        As in `worst_case_error`. Default `omega`: 24 frequencies.
+    model, omega, directions, rtol, executor, progress, resume
+        As in `worst_case_error`. Default `omega`: 24 frequencies, and the modes.
     cells : int
         Cells at most.
 
@@ -139,7 +215,10 @@ def worst_case_over_poles(
     Raises
     ------
     InputError
-        Intervals that are empty or not of the number of modes, time records that do not start at rest.
+        Intervals that are empty, not of the number of modes or do not hold the poles of the identification, pairs of another delay,
+        time records that do not start at rest.
+    InconsistentDataError
+        No system with poles in the box fits the data: all cells are refuted.
 
     Notes
     -----
@@ -154,35 +233,33 @@ def worst_case_over_poles(
     >>> result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes))
     >>> box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
     >>> band = rid.worst_case_over_poles(result, *box, omega=[30.0], directions=4, cells=1)
-    >>> bool(rid.worst_case_error(result, omega=[30.0]).lower[0, 0, 0] <= band.upper[0, 0, 0] < 0.5)
-    True
+    >>> bool(rid.worst_case_error(result, omega=[30.0]).lower[0, 0, 0] <= band.upper[0, 0, 0] < 0.5), band.certified
+    (True, True)
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
-    whole = _whole(identification, omega_interval, damping_interval, as_count("delay", delay))
+    whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
     gap = min(as_positive("rtol", rtol) / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
-    kept, refuted = _search(identification, whole, grid, cells)
-    nominal = response(model, grid * problem.dt)
-    upper = np.zeros(grid.size)
-    magnitude = np.stack([np.full(grid.size, np.inf), np.zeros(grid.size)], axis=1)
-    for cell, consistent in kept:
-        slack = cell.remainder(grid * problem.dt).sum(axis=1)
-        found = value_sets(consistent, grid, directions, gap, executor, progress) if consistent is not None else None
-        for k in range(grid.size):
-            far = found[k].farthest(nominal[k])[0] if found is not None else np.inf
-            low, high = found[k].magnitude if found is not None else (0.0, np.inf)
-            upper[k] = max(upper[k], far + slack[k])
-            magnitude[k] = min(magnitude[k, 0], max(0.0, low - slack[k])), max(magnitude[k, 1], high + slack[k])
+    with threads_for(problem.coefficients):
+        sets, refuted = _search(problem, whole, grid, cells)
+    if not sets:
+        raise InconsistentDataError(
+            f"no system with poles in the box fits the data: all {len(refuted)} cells of it are refuted; loosen the bounds, the"
+            " prior or the box"
+        )
+    kept = _bounded(sets, grid, (directions, gap), executor, progress, resume)
+    upper, magnitude = union_of(kept, response(model, grid * problem.dt), grid * problem.dt)
     return PoleBand(
         identification=identification,
         model=model,
         omega=grid,
         upper=upper.reshape(-1, 1, 1),
         magnitude=magnitude,
-        cells=tuple(cell for cell, _ in kept),
+        box=whole,
+        kept=kept,
         refuted=tuple(refuted),
     )
 
@@ -195,72 +272,59 @@ def default_frequencies(problem: MixedProblem, whole: PoleCell) -> np.ndarray:
     return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
 
 
-def _whole(identification: Identification, omega: Any, damping: Any, delay: int) -> PoleCell:
-    """The box as one cell, with the amplitudes of the model."""
-    problem = identification.problem
-    basis = problem.parametric
-    if basis is None:
-        raise InputError("`identification` has no parametric part, hence no poles that could lie in a box")
-    omega, damping = as_array("omega_interval", omega, ndim=2), as_array("damping_interval", damping, ndim=2)
-    modes = basis.size // 2
-    for name, ends in (("omega_interval", omega), ("damping_interval", damping)):
-        if ends.shape != (modes, 2):
-            raise InputError(
-                f"`{name}` must have one row (low, high) for each of the {modes} modes of `parametric` (one kautz pair each);"
-                f" got shape {ends.shape}"
-            )
-        if np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
-            raise InputError(f"`{name}` must hold positive ends, low <= high; got {ends.tolist()}")
-    if np.any(damping >= 1) or np.any(omega * problem.dt >= np.pi):
-        raise InputError("`damping_interval` must lie below 1 and `omega_interval` below pi/dt")
-    for record in problem.time:
-        if record.initial != "rest":
-            raise InputError(
-                f'`identification` has a time record with initial="{record.initial}": what poles in a box do to its initial state'
-                " is not bounded here; use lines (`estimate_frf`) or a record from rest"
-            )
-    poles = basis.poles
-    poles = poles[np.imag(poles) > 0]
-    if poles.size != modes:
-        raise InputError("`identification` must have one single `kautz` pair per mode in its parametric part")
-    weights = identification.parameters.reshape(modes, 2)
-    impulse = basis.impulse(delay + 2).reshape(delay + 2, modes, 2)
-    # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
-    norms = np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
-    amplitude = np.linalg.norm(weights / norms, axis=1) / 2
-    floor = 1e-3 * amplitude.max(initial=0.0)
-    return PoleCell(omega, damping, _AMPLITUDE * np.maximum(amplitude, floor), delay, problem.dt)
-
-
-def _search(identification: Identification, whole: PoleCell, grid: np.ndarray, limit: int) -> tuple[list, list]:
+def _search(
+    problem: MixedProblem, whole: PoleCell, grid: np.ndarray, limit: int
+) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted."""
-    problem = identification.problem
     smallest = min([float(f.inner_radius.min()) for f in problem.frequency] + _time_bounds(problem))
     waiting, kept, refuted = [whole], [], []
     angles = np.concatenate([grid * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
     while waiting:
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
-        cell = waiting.pop(int(np.argmax([c.remainder(angles).sum(axis=1).max() for c in waiting])))
-        relaxed = cell.relaxed(problem)
-        consistent = None
-        if relaxed is not None:
-            claim, passed = prove_margin(_posed(relaxed), "structured", 1e-3)
-            if claim.certificate.value > 1:
-                refuted.append((cell, claim.certificate))
-                continue
-            consistent = set_of(_posed(relaxed), max(1.0, claim.margin * (1 + 1e-3)), passed)
-        cost = float(cell.remainder(angles).sum(axis=1).max())
-        if cost > _MATTERS * smallest and len(waiting) + len(kept) + 2 <= limit:
+        costs = [float(c.remainder(angles).sum(axis=1).max()) for c in waiting]
+        widest = int(np.argmax(costs))
+        cell = waiting.pop(widest)
+        posed = posed_relaxation(cell, problem)
+        claim, passed = (None, []) if posed is None else prove_margin(posed, "structured", 1e-3)
+        if claim is not None and claim.certificate.value > 1:
+            refuted.append(RefutedCell(cell, claim.certificate))
+            continue
+        if costs[widest] > _MATTERS * smallest and len(waiting) + len(kept) + 2 <= limit:
             waiting += cell.split(problem, grid)
             continue
+        consistent = None
+        if posed is not None and claim is not None:
+            consistent = set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
         kept.append((cell, consistent))
         _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))
     return kept, refuted
 
 
+def _bounded(
+    sets: list[tuple[PoleCell, ConsistentSet | None]],
+    grid: np.ndarray,
+    settings: tuple[int, float],
+    executor: Spread,
+    progress: Progress | None,
+    resume: Folder | None,
+) -> tuple[KeptCell, ...]:
+    """The values of every cell; one pool of processes, one count and one folder for all of them."""
+    count = grid.size * sum(consistent is not None for _, consistent in sets)
+    kept: list[KeptCell] = []
+
+    def counted(done: int, _: int) -> None:
+        if progress is not None:
+            progress(sum(len(item.values) for item in kept) + done, count)
+
+    with contextlib.ExitStack() as stack:
+        if isinstance(executor, int):
+            executor = stack.enter_context(worker_pool(as_count("executor", executor, least=1)))
+        for number, (cell, consistent) in enumerate(sets, start=1):
+            folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
+            found = [] if consistent is None else value_sets(consistent, grid, *settings, executor, counted, folder)
+            kept.append(KeptCell(cell, tuple(found)))
+    return tuple(kept)
+
+
 def _time_bounds(problem: MixedProblem) -> list[float]:
     return [float(t.bound.min()) / max(float(np.abs(t.u).max()), np.finfo(float).tiny) for t in problem.time]
-
-
-def _posed(problem: MixedProblem) -> Posed:
-    return pose(problem, sections_of(problem, "auto", 1e-4))

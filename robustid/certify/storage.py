@@ -1,24 +1,31 @@
-"""Saving a worst-case error with everything that its proofs need, and reading it back."""
+"""Saving a worst-case error, or a band over poles, with everything that its proofs need, and reading it back."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from typing import Any
 
 import numpy as np
 
+from robustid._arrays import as_count
 from robustid._version import __version__
 from robustid.certify.circle import CircleBound
 from robustid.certify.packing import Arrays, pack_certificates, pack_values, part, unpack_certificates, unpack_values
 from robustid.certify.parameters import ParameterIntervals
+from robustid.certify.pole_band import PoleBand
+from robustid.certify.pole_cells import PoleCell, box_of
+from robustid.certify.pole_proofs import KeptCell, RefutedCell
 from robustid.certify.worst_case import WorstCaseError, as_nominal
 from robustid.identification import Identification
 from robustid.identification.loading import read, rebuild, usable
 from robustid.identification.storage import describe, write
+from robustid.interpolation import MarginCertificate
 
-FORMAT = "robustid worst-case error 1"
+FORMAT, FORMAT_POLES = "robustid worst-case error 1", "robustid band over poles 1"
 
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
+_BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
 
 
 def save_worst_case_error(error: WorstCaseError, path: str | os.PathLike[str]) -> None:
@@ -31,9 +38,7 @@ def save_worst_case_error(error: WorstCaseError, path: str | os.PathLike[str]) -
     if circle is not None:
         numbers = {"edges": circle.edges, "bound": circle.bound, "lower": np.array(circle.lower)}
         arrays |= _under(_CIRCLE, numbers | pack_values(circle.values))
-    model = error.model
-    if model is not error.identification.model:
-        arrays |= _under(_MODEL, {name: np.asarray(getattr(model, name)) for name in "ABCD"})
+    arrays |= _pack_nominal(error)
     record = {
         "format": FORMAT,
         "version": __version__,
@@ -102,6 +107,105 @@ def _rebuild(record: dict[str, Any], arrays: Arrays) -> WorstCaseError:
             circle["edges"], circle["bound"], float(circle["lower"]), record["circle_converged"], values
         )
     return error
+
+
+def save_pole_band(band: PoleBand, path: str | os.PathLike[str]) -> None:
+    """Write `path`.npz and `path`.json, both or none: the identification, the cells and their certificates, the bounds."""
+    described, arrays = describe(band.identification)
+    arrays |= _pack_nominal(band) | _under(_BOX, _pack_ends(band.box))
+    arrays |= _under(_BAND, {name: getattr(band, name) for name in ("omega", "upper", "magnitude")})
+    for k, item in enumerate(band.kept):
+        arrays |= _under(_KEPT.format(k), _pack_ends(item.cell) | _under(_VALUES, pack_values(item.values)))
+    for k, item in enumerate(band.refuted):
+        proof = item.certificate
+        numbers = {"samples": proof.samples, "ball": proof.ball, "limits": np.array([proof.upper, proof.value])}
+        arrays |= _under(_REFUTED.format(k), _pack_ends(item.cell) | numbers)
+    record = {
+        "format": FORMAT_POLES,
+        "version": __version__,
+        "delay": band.box.delay,
+        "kept": len(band.kept),
+        "refuted": len(band.refuted),
+        "summary": band.summary().splitlines(),
+        "identification": described,
+    }
+    write(path, record, arrays)
+
+
+def load_pole_band(path: str | os.PathLike[str]) -> PoleBand:
+    """Read what `PoleBand.save` wrote; `certified` and `verify` evaluate its proofs again.
+
+    Parameters
+    ----------
+    path : str or path
+        NAME, NAME.npz or NAME.json.
+
+    Returns
+    -------
+    PoleBand
+        With the identification, rebuilt and verified, and the amplitudes that follow from it.
+
+    Raises
+    ------
+    FileFormatError
+        The files are missing, truncated, of another kind, or do not belong together.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, robustid as rid
+    >>> data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
+    >>> modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
+    >>> prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
+    >>> result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes))
+    >>> box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
+    >>> band = rid.worst_case_over_poles(result, *box, omega=[30.0], directions=4, cells=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     band.save(pathlib.Path(folder) / "band")
+    ...     again = rid.load_pole_band(pathlib.Path(folder) / "band")
+    >>> again.certified, bool(again.upper == band.upper)
+    (True, True)
+    """
+    record, arrays = read(path, FORMAT_POLES, "error over a box of poles")
+    with usable(path):
+        return _rebuild_band(record, arrays)
+
+
+def _rebuild_band(record: dict[str, Any], arrays: Arrays) -> PoleBand:
+    identification = rebuild(record["identification"], arrays)
+    dt, ends = identification.problem.dt, part(arrays, _BOX)
+    box = box_of(identification, ends["omega"], ends["damping"], as_count("delay", record["delay"]))
+    kept, refuted = [], []
+    for k in range(record["kept"]):
+        mine = part(arrays, _KEPT.format(k))
+        kept.append(KeptCell(_cell(box, mine), tuple(unpack_values(part(mine, _VALUES), dt))))
+    for k in range(record["refuted"]):
+        mine = part(arrays, _REFUTED.format(k))
+        proof = MarginCertificate(mine["samples"], mine["ball"], *mine["limits"].tolist())
+        refuted.append(RefutedCell(_cell(box, mine), proof))
+    return PoleBand(
+        identification=identification,
+        model=_nominal(part(arrays, _MODEL), identification),
+        **part(arrays, _BAND),  # type: ignore[arg-type]
+        box=box,
+        kept=tuple(kept),
+        refuted=tuple(refuted),
+    )
+
+
+def _pack_ends(cell: PoleCell) -> Arrays:
+    return {"omega": cell.omega, "damping": cell.damping}
+
+
+def _cell(box: PoleCell, arrays: Arrays) -> PoleCell:
+    """A part of the box: amplitudes and delay are those of the whole."""
+    return dataclasses.replace(box, omega=arrays["omega"], damping=arrays["damping"])
+
+
+def _pack_nominal(result: WorstCaseError | PoleBand) -> Arrays:
+    """The model where it isn't that of the identification."""
+    if result.model is result.identification.model:
+        return {}
+    return _under(_MODEL, {name: np.asarray(getattr(result.model, name)) for name in "ABCD"})
 
 
 def _under(prefix: str, arrays: Arrays) -> Arrays:
