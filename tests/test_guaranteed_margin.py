@@ -208,6 +208,33 @@ def test_the_pair_for_synthesis_has_the_same_values_and_the_controller_comes_bac
     assert (generalised.ninputs, generalised.noutputs) == (2, 3)
 
 
+def test_a_synthesised_controller_keeps_the_gain_that_was_promised():
+    """H-infinity synthesis of the mixed sensitivities: the same largest gain in discrete time, and a margin of its reciprocal."""
+    pytest.importorskip("slycot", reason="slycot is not installed: control.mixsyn needs it")
+    nominal = mode()
+    edges = np.linspace(0, np.pi, 61) / 0.1
+    bound = 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
+    weight = uncertainty_weight(nominal, edges, bound)
+    continuous = weight.to_control()
+    performance = control.ss(control.tf([0.5, 0.3], [1.0, 3e-4]))  # |S| below 1 up to about 0.3 rad/s
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # of control's own use of connect
+        found, _, (gain, _) = control.mixsyn(continuous.nominal, w1=performance, w2=continuous.weight)
+        generalised = control.augw(continuous.nominal, w1=performance, w2=continuous.weight)
+    assert control.hinfsyn(generalised, 1, 1)[2] == pytest.approx(gain, rel=1e-6)
+    controller = continuous.controller(found)
+    assert closed_loop_radius(nominal, controller) < 1
+    omega = np.geomspace(1e-5, np.pi / 0.1 * (1 - 1e-9), 100_001)
+    K, F, W = (values_of(model, omega)[:, 0, 0] for model in (controller, nominal, weight.model))
+    S = 1 / (1 + F * K)
+    shape = np.asarray(performance(20j * np.tan(0.05 * omega))).ravel()
+    reached = np.hypot(np.abs(shape * S), np.abs(W * K * S)).max()
+    assert reached == pytest.approx(gain, rel=1e-3)
+    assert reached <= gain * (1 + 1e-6)
+    # |W K S| <= gain, and W is above the bound.
+    assert weight.guaranteed_margin(controller).margin >= (1 - 1e-3) / gain
+
+
 def test_the_model_of_an_identification():
     """From data to a margin: a nominal model of tens of states, one mode of 0.4 % damping."""
     data = rid.flexible_structure(seed=0)
