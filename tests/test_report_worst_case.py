@@ -240,6 +240,13 @@ def test_page_is_as_before_without_a_guarantee(error: rid.WorstCaseError) -> Non
     assert "guarante" not in Page(alone).text
 
 
+def test_a_loaded_copy_is_the_same_identification(error: rid.WorstCaseError, tmp_path: Path) -> None:
+    error.save(tmp_path / "bounds")
+    loaded = rid.load_worst_case_error(tmp_path / "bounds")
+    assert loaded.identification is not error.identification
+    assert facts.sentence(error) in Page(render_report(error.identification, worst_case=loaded)).text
+
+
 def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCaseError) -> None:
     value = error.values[2]
     forged = dataclasses.replace(value, support=value.support * 0.99)
@@ -269,7 +276,7 @@ def test_text_of_strangers_is_escaped() -> None:
 
 
 def test_misuse_is_named(error: rid.WorstCaseError, tmp_path: Path) -> None:
-    other = identified()
+    other = identified(np.full(7, 0.1))
     with pytest.raises(rid.InputError, match="`worst_case` is about another identification"):
         write_report(other, tmp_path / "a.html", worst_case=error)
     with pytest.raises(rid.InputTypeError, match="`worst_case` must be a WorstCaseError"):

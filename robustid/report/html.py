@@ -60,7 +60,7 @@ def write_report(
     Parameters
     ----------
     identification : Identification or MatrixFraction
-        Whatever its outcome.
+        Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
     reduction : Reduction, optional
@@ -188,7 +188,7 @@ def _guarantees(
         found += [worst_case_charts.worst_case_chart(worst_case), worst_case_charts.nyquist_chart(worst_case)]
     if over_poles is not None:
         check("over_poles", over_poles, PoleBand, "worst_case_over_poles", identification)
-        found += [over_poles_section.chart(over_poles, worst_case)] if over_poles.cells else []
+        found.append(over_poles_section.chart(over_poles, worst_case))
     if tube is not None:
         check("tube", tube, ResponseTube, "response_tube", identification)
         found.append(tube_section.chart(tube))

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.certify import PoleBand, WorstCaseError
+from robustid.certify.pole_cells import AMPLITUDE
 from robustid.identification.simulation import response
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, frequency_chart
-from robustid.report.facts import transfer, unit
+from robustid.report.facts import Verdict, transfer, unit
 from robustid.report.style import ALERT, FAINT, FURTHER, number
 from robustid.report.worst_case_charts import BAND, band_around, behind, bounded_model, named
-from robustid.report.worst_case_facts import at_least, at_most
+from robustid.report.worst_case_facts import at_least, at_most, certificates
 
 BOX = FURTHER[2]
 _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
@@ -97,8 +98,6 @@ def _next(band: PoleBand) -> str:
 
 def sentence(band: PoleBand) -> str:
     """The guarantee in plain words."""
-    if not band.cells:
-        return "The whole box is refuted: no plant that agrees with the data and the assumptions has its poles there."
     upper, what = band.upper.ravel(), unit(band.identification)
     known, hz = np.isfinite(upper), band.omega / HZ
     where = (
@@ -130,16 +129,21 @@ def rows(band: PoleBand, error: WorstCaseError | None) -> list[tuple[str, str]]:
         out.append(("At the fixed poles", words))
     left, gone = len(band.cells), len(band.refuted)
     cells = f"It was covered by {left + gone} cells; {gone} are proved not to hold the poles, and are left out."
-    out.append(("The box", cells if left + gone > 1 else "It was covered by one cell, which may hold the poles."))
+    out.append(("Cells", cells if left + gone > 1 else "The box was covered in one piece."))
     out.append(("Measure next", f"A line near {_next(band)}: the guaranteed error is largest there."))
     out.append(
         (
             "Assumed",
             "Besides the class named above, in place of its poles: as many modes as the model has, poles inside the box, and"
-            " amplitudes below those of the table. Data can refute assumptions, never prove them.",
+            f" amplitudes of the modes at most {AMPLITUDE:g} times the model’s. Data can refute assumptions, never prove them.",
         )
     )
     return out
+
+
+def verdict(band: PoleBand) -> Verdict:
+    """Whether the cells cover the box and each certificate supports its bound now."""
+    return certificates(band.claim_count, band.verify())
 
 
 class BoxRow(NamedTuple):
@@ -148,35 +152,19 @@ class BoxRow(NamedTuple):
     mode: str
     hz: tuple[str, str]
     damping: tuple[str, str]
-    amplitude: str
 
 
 def box_rows(band: PoleBand) -> list[BoxRow]:
     """Every mode’s natural frequency and damping, before and after the cells that are refuted."""
-    every = [*band.cells, *(cell for cell, _ in band.refuted)]
-    before, after = _box(every), _box(band.cells) if band.cells else None
-    amplitude = np.max([cell.amplitude for cell in every], axis=0)
+    (omega, damping), box = band.poles, band.box
     return [
         BoxRow(
             f"{mode + 1}",
-            _both(before[0], after and after[0], mode, HZ),
-            _both(before[1], after and after[1], mode, 1.0),
-            at_most(amplitude[mode]),
+            (_interval(*box.omega[mode] / HZ), _interval(*omega[mode] / HZ)),
+            (_interval(*box.damping[mode]), _interval(*damping[mode])),
         )
-        for mode in range(amplitude.size)
+        for mode in range(box.omega.shape[0])
     ]
-
-
-def _box(cells: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Ends over all cells: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
-    ends = [np.array([getattr(cell, name) for cell in cells]) for name in ("omega", "damping")]
-    first, second = (np.stack([e[:, :, 0].min(axis=0), e[:, :, 1].max(axis=0)], axis=1) for e in ends)
-    return first, second
-
-
-def _both(before: np.ndarray, after: np.ndarray | None, mode: int, scale: float) -> tuple[str, str]:
-    texts = ["none" if ends is None else _interval(*(ends[mode] / scale)) for ends in (before, after)]
-    return texts[0], texts[1]
 
 
 def _interval(low: float, high: float) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from robustid.certify import WorstCaseError
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
+from robustid.identification.storage import describe, digest
 from robustid.report.facts import CAUTION, Verdict, unit
 from robustid.report.style import number
 from robustid.report.worst_case_charts import bounded_model
@@ -22,14 +23,22 @@ _ROWS = 8  # worst frequencies
 
 
 def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
-    """Refuse an argument that isn't of its kind, or isn't about this identification."""
+    """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
     if not isinstance(value, kind):
         raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
-    if value.identification is not identification:
+    if not same(value.identification, identification):
         raise InputError(
             f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"
             f" {function}(identification)"
         )
+
+
+def same(one: Identification, other: Identification) -> bool:
+    """Whether both are one result, as two that were loaded from its files are."""
+    if one is other:
+        return True
+    (first, numbers), (second, others) = describe(one), describe(other)
+    return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)
 
 
 def at_most(value: float, digits: int = 4) -> str:
