@@ -170,6 +170,18 @@ def test_a_forgery_is_refused_or_does_not_verify(saved, name):
         assert not again.certified
 
 
+def test_open_polygons_are_refused(computed, tmp_path):
+    """Two directions close a polygon where the response is real only."""
+    value = computed.values[1]
+    names = ("directions", "support", "points")
+    two = dataclasses.replace(
+        value, certificates=value.certificates[:2], **{name: getattr(value, name)[[0, 0]] for name in names}
+    )
+    dataclasses.replace(computed, values=(two,), directions=2).save(tmp_path / "open")
+    with pytest.raises(rid.FileFormatError, match="sides"):
+        rid.load_worst_case_error(tmp_path / "open")
+
+
 def test_polygons_of_other_directions_prove_nothing(computed):
     """The corners of a polygon are computed for even directions: the certificates alone do not make them right."""
     values = computed.values[1]

@@ -90,13 +90,42 @@ def test_poles_from_the_data_are_covered_where_asked(files, run):
         problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
         rid.identify(problem).save(name)
     few = ("--omega", "30", "--directions", "4", "--poles")
-    code, out, _ = run("bounds", "own", *few)
+    code, out, _ = run("bounds", "own", *few, "--workers", "2", "--resume", "part")
     assert code == 0
     assert "with every pole in the box" in out
     assert "mode 2" in out
+    assert "written: bounds.npz, bounds.json" in out
+    assert "written: bounds-poles.npz, bounds-poles.json" in out
+    assert list((files / "part" / "cell-1").glob("values-*.npz"))
+    band = rid.load_pole_band("bounds-poles")
+    assert f"within {band.upper.max():.4g} of the model" in out
+    before = (files / "bounds-poles.npz").read_bytes()
+    (files / "bounds.npz").unlink()
+    (files / "bounds.json").unlink()
+    code, _, err = run("bounds", "own", *few)
+    assert code == 2
+    assert "bounds-poles.npz exists" in err
+    assert not (files / "bounds.npz").exists()
+    assert (files / "bounds-poles.npz").read_bytes() == before
+    code, out, _ = run("verify", "bounds-poles")
+    assert code == 0
+    count = band.claim_count
+    assert f"{count} of {count} certificates hold" in out
+    assert "the box:" in out
+    assert "amplitudes of the modes at most 2 times the model's" in out
+    assert out.splitlines()[-1] == "verified"
     code, out, _ = run("bounds", "given", *few, "-o", "others")
     assert code == 0
     assert "these poles were given otherwise" in out
+    assert not (files / "others-poles.npz").exists()
+    forge(files / "bounds-poles", lambda a: {"band/upper": 0.99 * a["band/upper"]})
+    code, out, _ = run("verify", "bounds-poles.json")
+    assert code == 1
+    assert "FAILED     bounds, from those of the cells" in out
+    forge(files / "bounds-poles", lambda a: {"box/damping": a["box/damping"] * [0.99, 1.01]})
+    code, out, _ = run("verify", "bounds-poles.json")
+    assert code == 1
+    assert "FAILED     cells of poles: they leave out a part of the box" in out
 
 
 def test_consistency_and_refutation_are_verified(files, run):

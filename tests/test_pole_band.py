@@ -27,7 +27,24 @@ def drawn_poles(cell, rng):
     return np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * DT), omega, damping
 
 
-@pytest.mark.parametrize("width", [0.01, 0.1, 0.3])
+def expansion(cell, c, poles):
+    """Coefficients of c a^k in the functions of the cell: those of binom(k, j) a0^k are c (a - a0)^j / a0^j."""
+    p = []
+    for number, (amplitude, a, a0) in enumerate(zip(c, poles, cell.middle, strict=True)):
+        one = rid.kautz(cell.omega[number].mean(), cell.damping[number].mean(), dt=DT, repeat=3, delay=cell.delay)
+        for j in range(3):
+            factor = 2 * amplitude * ((a - a0) / a0) ** j
+            wanted = np.array([factor.real, -factor.imag])
+            # In units of the basis: what its functions are at their first samples.
+            first = one.impulse(cell.delay + 4)[cell.delay :, 2 * j : 2 * j + 2]
+            k = np.arange(4)
+            ways = np.array([1, 1, 1, 1]) if j == 0 else k if j == 1 else k * (k - 1) / 2
+            plain = ways[:, None] * np.stack([(a0**k).real, (a0**k).imag], axis=1)
+            p.append(wanted * np.abs(plain).max(axis=0) / np.abs(first).max(axis=0))
+    return np.concatenate(p)
+
+
+@pytest.mark.parametrize("width", [1e-11, 0.01, 0.1, 0.3])
 def test_the_radius_covers_the_box(width):
     rng = np.random.default_rng(0)
     largest = 0.0
@@ -37,7 +54,7 @@ def test_the_radius_covers_the_box(width):
             ratio = np.abs(drawn_poles(cell, rng)[0] - cell.middle) / cell.radius
             assert ratio.max() <= 1
             largest = max(largest, float(ratio.max()))
-    assert largest >= 0.7
+    assert largest >= (0.7 if width > 1e-3 else 0.05)  # there the allowance for rounding is a part of it
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
@@ -50,21 +67,7 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(delay):
         poles = drawn_poles(cell, rng)[0]
         c = cell.amplitude * np.exp(2j * np.pi * rng.uniform(size=poles.size))
         basis, ends = cell.basis(), cell.intervals()
-        # The expansion's own coefficients: binom(k, j) a0^k has c (a - a0)^j / a0^j.
-        p = []
-        for number, (amplitude, a, a0) in enumerate(zip(c, poles, cell.middle, strict=True)):
-            one = rid.kautz(cell.omega[number].mean(), cell.damping[number].mean(), dt=DT, repeat=3, delay=delay)
-            for j in range(3):
-                factor = 2 * amplitude * ((a - a0) / a0) ** j
-                wanted = np.array([factor.real, -factor.imag])
-                # In units of the basis: what its functions are at their first samples.
-                first = one.impulse(delay + 4)[delay:, 2 * j : 2 * j + 2]
-                k = np.arange(4)
-                ways = np.array([1, 1, 1, 1]) if j == 0 else k if j == 1 else k * (k - 1) / 2
-                plain = ways[:, None] * np.stack([(a0**k).real, (a0**k).imag], axis=1)
-                norms = np.abs(plain).max(axis=0) / np.abs(first).max(axis=0)
-                p.append(wanted * norms)
-        p = np.concatenate(p)
+        p = expansion(cell, c, poles)
         assert np.all((ends[:, 0] <= p * (1 + 1e-12)) & (p * (1 - 1e-12) <= ends[:, 1]))
         angles = np.concatenate([np.linspace(0, np.pi, 300), np.angle(poles)])
         z = np.exp(-1j * angles)
@@ -78,6 +81,45 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(delay):
         rest = np.abs(h - basis.impulse(400) @ p)
         assert np.all(rest <= cell.impulse_remainder(400).sum(axis=1) * (1 + 1e-9) + 1e-12)
     assert tightest >= 0.05
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
+    """Seventy drawn plants each, measured with errors at the limit and against the expansion, tilted lines and records."""
+    rng = np.random.default_rng(10 + delay)
+    needed = 0
+    for _ in range(70):
+        cell = draw(rng, delay=delay, width=0.1 * rng.uniform())
+        poles = drawn_poles(cell, rng)[0]
+        c = cell.amplitude * rng.choice([1.0, rng.uniform()]) * np.exp(2j * np.pi * rng.uniform(size=poles.size))
+        gain, g = 0.3, rng.uniform(-1, 1)  # the rest is a constant: K g, of the coefficients g c
+        angles = np.sort(np.concatenate([rng.uniform(0.2, 3, 12), np.angle(poles)]))
+        z, count = np.exp(-1j * angles), 25
+        modes = sum(c[i] / (1 - poles[i] * z) + c[i].conj() / (1 - poles[i].conj() * z) for i in range(poles.size))
+        k = np.arange(count - delay)
+        h = np.concatenate([np.zeros(delay), 2 * np.real(c[:, None] * poles[:, None] ** k).sum(axis=0)])
+        basis, p, u = cell.basis(), expansion(cell, c, poles), rng.uniform(-1, 1, count)
+        bound, tilt = rng.uniform(0.01, 0.1, angles.size), 0.8 * rng.uniform(size=angles.size) * np.exp(7j * angles)
+        left = z**delay * modes - basis.response(angles) @ p
+        left = left + tilt * left.conj()
+        pushed = bound * left / np.abs(left)
+        error = (pushed - tilt * pushed.conj()) / (1 - np.abs(tilt) ** 2)
+        values = z**delay * modes + gain * g + error
+        frf = rid.FrequencyResponse(angles / DT, values, bound=bound, tilt=tilt, dt=DT)
+        rest = np.convolve(u, h - basis.impulse(count) @ p)[:count]
+        y = np.convolve(u, h)[:count] + gain * g * u + 0.02 * np.sign(rest)
+        record = rid.TimeRecord(u, y, dt=DT, bound=0.02)
+        prior = rid.Prior(gain_bound=gain, decay_rate=1.3)
+        relaxed = cell.relaxed(rid.MixedProblem(frequency=frf, time=record, prior=prior))
+        data = pose(relaxed).data
+        scaled = p * data.rows.column_scale
+        assert data.rows.within(scaled)
+        ratio = data.rows.ratio(g * data.sarason.pair.c[0], scaled)
+        assert ratio.max() <= 1 + 1e-11
+        wider = np.concatenate([relaxed.frequency[0].bound.ravel(), relaxed.time[0].bound.ravel()])
+        old = np.concatenate([frf.bound.ravel()[np.isin(frf.omega, relaxed.frequency[0].omega)], record.bound.ravel()])
+        needed += np.max(ratio * wider / old) > 1 + 1e-6
+    assert needed >= 60
 
 
 def structure(seed, fine=True):
@@ -194,5 +236,20 @@ def test_bad_input():
         rid.worst_case_over_poles(result, box[0][:, ::-1], box[1])
     with pytest.raises(rid.InputError, match="below 1"):
         rid.worst_case_over_poles(result, box[0], box[1] * 20)
+    with pytest.raises(rid.InputError, match=r"must hold the poles .* Mode 2 has 111\.0"):
+        rid.worst_case_over_poles(result, box[0] * [[1.0], [1.02]], box[1])
+    with pytest.raises(rid.InputError, match=r"of the `delay` that is said here \(0\)"):
+        rid.worst_case_over_poles(result, *box, delay=0)
     with pytest.raises(rid.InputTypeError, match="must be an Identification"):
         rid.worst_case_over_poles(problem, *box)
+
+
+def test_a_box_that_the_data_refute_has_no_band():
+    data = structure(0)
+    wrong = data.modes * [[1.0, 1.0], [0.97, 1.0]]
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
+    basis = rid.kautz(*wrong.T, dt=DT, delay=1)
+    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis))
+    box = wrong[:, :1] * [0.9999, 1.0001], wrong[:, 1:] * [0.99, 1.01]
+    with pytest.raises(rid.InconsistentDataError, match="all 1 cells of it are refuted"):
+        rid.worst_case_over_poles(result, *box, omega=[30.0], cells=1)

@@ -182,10 +182,14 @@ def _rebuild_band(record: dict[str, Any], arrays: Arrays) -> PoleBand:
         mine = part(arrays, _REFUTED.format(k))
         proof = MarginCertificate(mine["samples"], mine["ball"], *mine["limits"].tolist())
         refuted.append(RefutedCell(_cell(box, mine), proof))
+    numbers = part(arrays, _BAND)
+    count = numbers["omega"].size
+    if not kept or [numbers[name].shape for name in ("upper", "magnitude")] != [(count, 1, 1), (count, 2)]:
+        raise ValueError("it keeps no cell, or its bounds are not those of its frequencies")
     return PoleBand(
         identification=identification,
         model=_nominal(part(arrays, _MODEL), identification),
-        **part(arrays, _BAND),  # type: ignore[arg-type]
+        **numbers,  # type: ignore[arg-type]
         box=box,
         kept=tuple(kept),
         refuted=tuple(refuted),
@@ -198,7 +202,10 @@ def _pack_ends(cell: PoleCell) -> Arrays:
 
 def _cell(box: PoleCell, arrays: Arrays) -> PoleCell:
     """A part of the box: amplitudes and delay are those of the whole."""
-    return dataclasses.replace(box, omega=arrays["omega"], damping=arrays["damping"])
+    cell = dataclasses.replace(box, omega=arrays["omega"], damping=arrays["damping"])
+    if {cell.omega.shape, cell.damping.shape} != {box.omega.shape}:
+        raise ValueError("its cells have not the modes of the box")
+    return cell
 
 
 def _pack_nominal(result: WorstCaseError | PoleBand) -> Arrays:
