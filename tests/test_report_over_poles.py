@@ -127,7 +127,7 @@ def test_the_box_before_and_after_the_refuted_cells(band: PoleBand) -> None:
     assert first == box_rows(band)[0]
     assert second.hz[0] == box_rows(band)[1].hz[0] == "17.652 … 17.688"
     assert second.hz[1] == "17.6523 … 17.67"
-    assert "covered by 2 cells; 1 are proved" in dict(over_poles.rows(split, None))["Cells"]
+    assert "2 cells cover the box; 1 of them proved not to hold" in dict(over_poles.rows(split, None))["Cells"]
 
 
 def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: PoleBand) -> None:
@@ -137,6 +137,10 @@ def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: 
     page = Page(render_report(band.identification, over_poles=false))
     assert ("section", {"class": "verdict failed", "id": "box-certificates"}) in page.tags
     assert "Not proved" in page.text
+    ends = np.array(band.box.omega)
+    ends[0, 1] *= 1.01
+    wider = dataclasses.replace(band, box=dataclasses.replace(band.box, omega=ends))
+    assert "leave out a part of the box" in over_poles.verdict(wider).sentence
 
 
 def test_text_of_strangers_is_escaped() -> None:

@@ -128,7 +128,7 @@ def rows(band: PoleBand, error: WorstCaseError | None) -> list[tuple[str, str]]:
         words += " Poles that were taken from data are known up to a box: then that over the box is the guarantee that holds."
         out.append(("At the fixed poles", words))
     left, gone = len(band.cells), len(band.refuted)
-    cells = f"It was covered by {left + gone} cells; {gone} are proved not to hold the poles, and are left out."
+    cells = f"{left + gone} cells cover the box; {gone} of them proved not to hold the poles, and left out."
     out.append(("Cells", cells if left + gone > 1 else "The box was covered in one piece."))
     out.append(("Measure next", f"A line near {_next(band)}: the guaranteed error is largest there."))
     out.append(
@@ -143,6 +143,8 @@ def rows(band: PoleBand, error: WorstCaseError | None) -> list[tuple[str, str]]:
 
 def verdict(band: PoleBand) -> Verdict:
     """Whether the cells cover the box and each certificate supports its bound now."""
+    if not band.covered:
+        return Verdict("failed", "Not proved", "The cells leave out a part of the box. Don’t rely on these numbers.")
     return certificates(band.claim_count, band.verify())
 
 
