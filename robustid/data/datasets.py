@@ -98,14 +98,14 @@ def fetch(name: str) -> Path:
     try:
         # Verified on every use; a damaged file in the cache is fetched again.
         return Path(pooch.retrieve(known.url, f"sha256:{known.sha256}", fname=target.name, path=target.parent))
-    except ValueError as error:
-        if "hash" not in str(error):
-            raise
-        raise FileFormatError(
-            f"{name}: what came from {known.url} isn't the published file (SHA-256); get it from {known.origin}"
+    except Exception as error:  # requests, urllib3, pooch and the operating system each have their own
+        if isinstance(error, ValueError) and "hash" in str(error):
+            raise FileFormatError(
+                f"{name}: what came from {known.url} isn't the published file (SHA-256); get it from {known.origin}"
+            ) from None
+        raise DatasetNotFoundError(
+            f"{_where(name, known)}. The download from {known.url} failed: {said(error)}"
         ) from None
-    except Exception as error:  # requests, urllib3 and the operating system each have their own
-        raise DatasetNotFoundError(f"{_where(name, known)}. The download from {known.url} failed: {said(error)}") from None
 
 
 def describe(name: str) -> str:
