@@ -161,9 +161,9 @@ class Lookup:
             raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. {self.inventory()}")
         return name
 
-    def name(self, name: str) -> str:
-        """As it stands in the file."""
-        return self._match(name) or name
+    def name(self, name: Any) -> str:
+        """As it stands in the file, with its unit."""
+        return (self._match(name) if isinstance(name, str) else None) or str(name)
 
     def column(self, role: str, name: Any) -> np.ndarray:
         """One array by its name in the file."""
@@ -222,10 +222,11 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str
         return unsure, None
     if name is None:
         lookup.need("omega")
-    unit = units.axis_label(name)[1] if isinstance(name, str) else ""
+    name = lookup.name(name)
+    unit = units.axis_label(name)[1]
     if role in lookup.fields and units.factor(units.FREQUENCY, unit) is None:
         # The last word of a name that the user gives needn't be a unit; what stands in brackets is one.
-        if isinstance(name, str) and units.in_brackets(name)[1]:
+        if units.in_brackets(name)[1]:
             raise InputError(f"`fields[{role!r}]` = {name!r}: {unit!r} is no unit of frequency that is certain")
         unit = ""
     return name, unit or ("Hz" if role == "freq_hz" else None)
@@ -234,6 +235,7 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str
 def _omega(lookup: Lookup, frequency_unit: str | None) -> np.ndarray:
     """The frequencies in rad/s."""
     name, unit = frequency_axis(lookup, frequency_unit)
+    column = lookup.column("omega", name)
     for said, where in (
         (frequency_unit, "`frequency_unit`"),
         ("Hz" if "freq_hz" in lookup.fields else None, "the role"),
@@ -243,7 +245,6 @@ def _omega(lookup: Lookup, frequency_unit: str | None) -> np.ndarray:
                 f"{where} says {said}, and the name of {name!r} says {unit}; correct the one that is wrong"
             )
     scale = units.factor(units.FREQUENCY, unit or frequency_unit or "rad/s")
-    column = lookup.column("freq_hz" if "freq_hz" in lookup.fields else "omega", name)
     return column * scale if scale != 1 else column
 
 
@@ -257,7 +258,7 @@ def as_frequency(lookup: Lookup, options: dict[str, Any], frequency_unit: str | 
             " numpy.moveaxis(values, -1, 0))"
         )
     if "bound" not in options and (name := lookup.find("bound")) is not None:
-        _same_unit(name, [lookup.find(role) for role in ("values", "real", "magnitude", "magnitude_db")])
+        _same_unit(lookup, name, [lookup.find(role) for role in ("values", "real", "magnitude", "magnitude_db")])
         options["bound"] = lookup.matrix("bound", name)
     if not lookup.fields:
         options = {**lookup.facts.get("frequency", {}), **options}
@@ -266,9 +267,11 @@ def as_frequency(lookup: Lookup, options: dict[str, Any], frequency_unit: str | 
     return FrequencyResponse(omega, values, **options)
 
 
-def _same_unit(bound: Any, signals: list[Any]) -> None:
+def _same_unit(lookup: Lookup, bound: Any, signals: list[Any]) -> None:
     """A bound in another unit than what it bounds would be wrong without a word."""
-    stated, others = ({units.in_brackets(name)[1] for name in _flat(names)} - {""} for names in (bound, signals))
+    stated, others = (
+        {units.in_brackets(lookup.name(name))[1] for name in _flat(names)} - {""} for names in (bound, signals)
+    )
     others = {unit for unit in others if unit.lower() != "db"}
     if (stated and others and stated != others) or any("db" in unit.lower() for unit in stated):
         raise InputError(
@@ -278,7 +281,7 @@ def _same_unit(bound: Any, signals: list[Any]) -> None:
 
 
 def _flat(names: Any) -> list[str]:
-    return [names] if isinstance(names, str) else [] if names is None else [n for part in names for n in _flat(part)]
+    return [names] if isinstance(names, str) else [n for part in names or [] for n in _flat(part)]
 
 
 def _values(lookup: Lookup) -> np.ndarray:
@@ -323,7 +326,7 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:
     for role in ("bound", "reference"):
         if role not in options and (name := lookup.find(role)) is not None:
             if role == "bound":
-                _same_unit(name, [names["y"]])
+                _same_unit(lookup, name, [names["y"]])
             options[role] = lookup.signal(role, name)
     return TimeRecord(**signals, **options)
 
@@ -344,6 +347,7 @@ def time_step(lookup: Lookup, samples: int) -> float:
 
 def _seconds(lookup: Lookup, name: str) -> float:
     """Of one unit of a time column; a name without a unit is in seconds."""
+    name = lookup.name(name)
     unit = units.axis_label(name)[1]
     scale = units.factor(units.TIME, unit)
     if scale is None and units.in_brackets(name)[1]:

@@ -14,7 +14,7 @@ TIME = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec":
 PHASE = {"deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
          "rad": 1.0, "radian": 1.0, "radians": 1.0}  # fmt: skip
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", re.DOTALL)
-_SUFFIX = re.compile(r"(?:(.*)_)?(k?hz|mhz|ghz|rad_s|ms|us|ns|s|deg|degrees|rad|db)", re.IGNORECASE)
+_SUFFIX = re.compile(r"(?:(.*?)_)?(k?hz|mhz|ghz|rad_s|ms|us|ns|s|deg|degrees|rad|db)", re.IGNORECASE)
 
 
 def in_brackets(name: str) -> tuple[str, str]:
