@@ -29,11 +29,9 @@ def read_matlab(path: Path) -> Table:
             f"{path.name} can't be read as a MATLAB file ({said(error)}); is it cut off, or another kind of file?"
         ) from None
     for name, value in content.items():
-        # Objects of MATLAB classes come under the name None, or as arrays of internal references.
-        if isinstance(name, str) and not name.startswith("__"):
+        # Objects of MATLAB classes come under the name "None", and as arrays of internal references.
+        if not name.startswith("__"):
             _flatten(name, value, table)
-        elif name is None:
-            _opaque(value, table)
     return table
 
 
@@ -73,7 +71,7 @@ def _flatten(name: str, value: Any, table: Table) -> None:
     import scipy.sparse
 
     if isinstance(value, scipy.io.matlab.MatlabOpaque):
-        _opaque(value, table, name)
+        _opaque(name, value, table)
     elif isinstance(value, scipy.io.matlab.MatlabObject):
         table.objects[name] = str(value.classname)
     elif scipy.sparse.issparse(value) or not isinstance(value, np.ndarray):
@@ -89,12 +87,12 @@ def _flatten(name: str, value: Any, table: Table) -> None:
             table.texts[name] = [str(item) for item in items]
 
 
-def _opaque(value: Any, table: Table, name: str | None = None) -> None:
+def _opaque(name: str, value: Any, table: Table) -> None:
     """Name and class of an object, as far as the file tells them."""
-    texts = [bytes(item[0]).decode("utf-8", "replace") if isinstance(item, tuple | list) else
-             bytes(item).decode("utf-8", "replace") if isinstance(item, bytes) else str(item)
-             for item in value.reshape(-1)[0].tolist()[:3]] if value.dtype.names and value.size else []  # fmt: skip
-    table.objects[name or (texts[0] if texts else "?")] = texts[2] if len(texts) > 2 else "unknown"
+    parts = {field: value.reshape(-1)[0][field] for field in value.dtype.names or () if value.size}
+    own, _, kind = (parts[field].decode("utf-8", "replace") if isinstance(parts.get(field), bytes) else "" for field in
+                    ("s0", "s1", "s2"))  # fmt: skip
+    table.objects[own if name == "None" and own else name] = kind or "unknown"
 
 
 def read_hdf5(path: Path) -> Table:

@@ -143,7 +143,7 @@ class Lookup:
     def sample_time(self) -> float | None:
         """A stored sample time: a variable of one number, never a column of a text file."""
         if "dt" in self.fields:
-            return as_positive("fields['dt']", self.column("dt", self.fields["dt"]))
+            return as_positive("fields['dt']", self.column("dt", self.fields["dt"])) * _seconds(self, self.fields["dt"])
         for name in () if self.text else NAMES["dt"]:
             value = self.columns.get(name)
             # MATLAB's Ts is 0 for continuous time and -1 for "not said".
@@ -297,6 +297,8 @@ def _values(lookup: Lookup) -> np.ndarray:
             "needs 'values' (complex), or 'real' and 'imag', or 'magnitude' or 'magnitude_db' with"
             f" 'phase_deg' or 'phase_rad'; name them by `fields`. {lookup.inventory()}"
         )
+    for role in way:
+        _check_unit(lookup, role)
     parts = [lookup.matrix(role, lookup.find(role)) for role in way]
     if len(parts) == 1:
         return parts[0]
@@ -308,6 +310,14 @@ def _values(lookup: Lookup) -> np.ndarray:
         raise InputError("'magnitude' has negative values: is it in dB? Then name it by `fields={'magnitude_db': ...}`")
     magnitude = 10 ** (parts[0] / 20) if way[0] == "magnitude_db" else parts[0]
     return magnitude * np.exp(1j * (np.deg2rad(parts[1]) if way[1] == "phase_deg" else parts[1]))
+
+
+def _check_unit(lookup: Lookup, role: str) -> None:
+    """A magnitude or phase named by the user must not say another unit than its role."""
+    for name in map(lookup.name, _flat(lookup.fields.get(role))):
+        said = axis_role(name) or ""
+        if units.axis_label(name)[1] and said != role and said.split("_")[0] in ("magnitude", "phase"):
+            raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")
 
 
 def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:

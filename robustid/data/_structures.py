@@ -101,22 +101,29 @@ def _response(table: Table, part: _Part, frequency_unit: str | None) -> Table:
 
 
 def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:
+    """Of one unit of the frequencies in rad/s."""
     unit = part.word("FrequencyUnit", "Units")
-    if unit.lower().endswith("/timeunit") and unit.split("/")[0].lower() in ("rad", "cycles"):
-        scale = part.time_unit()
-        turns = 2 * np.pi if unit.lower().startswith("cycles") else 1.0
-        if scale is not None:
-            return turns / scale
-    elif unit.lower() == "rpm":
-        return 2 * np.pi / 60
-    elif (scale := factor(FREQUENCY, unit)) is not None:
+    turns, per = {"rad": 1.0, "cycles": 2 * np.pi}.get(unit.lower().removesuffix("/timeunit")), part.time_unit()
+    if unit.lower() == "rpm":
+        scale = 2 * np.pi / 60
+    elif turns is not None:
+        scale = turns / per if per else None
+    else:
+        scale = factor(FREQUENCY, unit)
+    if frequency_unit is not None:
+        stated = FREQUENCY["Hz" if frequency_unit.lower() == "hz" else "rad/s"]
+        if not unit:
+            return stated
+        if scale is not None and scale != stated:
+            raise InputError(
+                f"`frequency_unit` says {frequency_unit}, and {part.prefix}FrequencyUnit says {unit}; correct one"
+            )
+    if scale is not None:
         return scale
-    if not unit and frequency_unit is not None:
-        return FREQUENCY["Hz" if frequency_unit.lower() == "hz" else "rad/s"]
-    said = f"is {unit!r}" + ("" if part.time_unit() else " and TimeUnit isn't known") if unit else "isn't there"
+    said = "isn't there" if not unit else f"is {unit!r}" + ("" if turns is None else " and TimeUnit isn't known")
     raise InputError(
         f"the unit of the frequencies isn't certain: {part.prefix}FrequencyUnit {said}; store it (and TimeUnit), or give"
-        ' `frequency_unit` ("Hz" or "rad/s") where it is missing'
+        " `frequency_unit` ('Hz' or 'rad/s') where it is missing"
     )
 
 

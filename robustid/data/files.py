@@ -104,8 +104,8 @@ def _assigned(
     table: Table, kind: str | None, fields: dict[str, Any], frequency_unit: str | None, options: dict[str, Any]
 ) -> FrequencyResponse | TimeRecord:
     """A file of others: its arrays by their roles."""
-    if not fields:
-        table = from_structure(table, kind, frequency_unit)
+    if not fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
+        table, frequency_unit = plain, None
     lookup = Lookup(table, fields)
     if (kind or lookup.kind()) == "time":
         return as_time(lookup, options)
@@ -128,7 +128,8 @@ def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None)
     if table.meta is not None and not fields:
         return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data")
     if not fields:
-        table = from_structure(table, kind, "rad/s")
+        with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
+            table = from_structure(table, kind, None)
     lookup = Lookup(table, dict(fields or {}))
     unit_known, step, source = True, lookup.sample_time(), "stored in the file"
     # An axis that is missing or of no use says nothing here: `load` has the sentence.
