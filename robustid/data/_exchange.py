@@ -16,6 +16,7 @@ from robustid.data._table import Table, said
 from robustid.data._units import FREQUENCY, TIME, factor
 from robustid.errors import FileFormatError
 
+_MARKS = re.compile(rb"    -1(?:[\r\n]|\Z| {74})")  # before and after every data set
 _TIME_RESPONSE, _FRF = 1, 4
 _FORCE = 13  # specific data type of an excitation; of its answer: displacement, velocity, acceleration
 _ANSWERS = {8: "m", 11: "m/s", 12: "m/s^2"}
@@ -35,6 +36,8 @@ def read_universal(path: Path) -> Table:
         import pyuff
     except ImportError:
         raise _missing(path, "pyuff", "uff") from None
+    if len(_MARKS.findall(path.read_bytes())) % 2:
+        raise FileFormatError(f"{path.name}: a data set has no end; is the file cut off?")
     try:
         with warnings.catch_warnings(), redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")

@@ -1,10 +1,8 @@
-"""Variables of MATLAB and HDF5 files: numbers, texts, and the names of objects that only MATLAB can read."""
+"""Variables of HDF5 files, MATLAB's v7.3 and others: numbers, texts, and the names of objects that only MATLAB can read."""
 
 from __future__ import annotations
 
-import os
-import struct
-import zlib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,85 +12,24 @@ from robustid.data._table import Table, check_growth, said
 from robustid.errors import FileFormatError
 
 _NUMBERS = {"double", "single"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
-_COMPRESSED = 15
 
 
-def read_matlab(path: Path) -> Table:
+def read_matlab4(path: Path) -> Table:
+    """Before v5: a plain list of matrices."""
     import scipy.io
 
-    _check_sizes(path)
-    table = Table(path, {})
     try:
-        content = scipy.io.loadmat(str(path), appendmat=False, chars_as_strings=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            content = scipy.io.loadmat(str(path), appendmat=False, chars_as_strings=True)
     except Exception as error:  # scipy raises whatever the broken bytes lead it to
         raise FileFormatError(
             f"{path.name} can't be read as a MATLAB file ({said(error)}); is it cut off, or another kind of file?"
         ) from None
-    for name, value in content.items():
-        # Objects of MATLAB classes come under the name "None", and as arrays of internal references.
-        if not name.startswith("__"):
-            _flatten(name, value, table)
-    return table
-
-
-def _check_sizes(path: Path) -> None:
-    """Every variable of a v5 file says its size: none may claim more than there is."""
-    size = os.path.getsize(path)
-    with path.open("rb") as file:
-        head = file.read(128)
-        if len(head) < 128 or head[126:128] not in (b"IM", b"MI"):
-            return  # v4, or no MATLAB file at all
-        order = "<" if head[126:128] == b"IM" else ">"
-        while len(tag := file.read(8)) == 8:
-            kind, count = struct.unpack(f"{order}II", tag)
-            left = size - file.tell()
-            if count > left:
-                raise FileFormatError(
-                    f"{path.name} can't be read as a MATLAB file (a variable declares {count} bytes where {left} are"
-                    " left); is it cut off?"
-                )
-            after = file.tell() + count
-            if kind == _COMPRESSED:
-                _check_compressed(path, file.read(min(count, 4096)), count, order)
-            file.seek(after)
-
-
-def _check_compressed(path: Path, start: bytes, count: int, order: str) -> None:
-    try:
-        inner = zlib.decompressobj().decompress(start, 8)
-    except zlib.error as error:
-        raise FileFormatError(f"{path.name} can't be read as a MATLAB file ({said(error)}); is it damaged?") from None
-    if len(inner) == 8:
-        check_growth(path, "a variable", struct.unpack(f"{order}II", inner)[1], count)
-
-
-def _flatten(name: str, value: Any, table: Table) -> None:
-    import scipy.io.matlab
-    import scipy.sparse
-
-    if isinstance(value, scipy.io.matlab.MatlabOpaque):
-        _opaque(name, value, table)
-    elif isinstance(value, scipy.io.matlab.MatlabObject):
-        table.objects[name] = str(value.classname)
-    elif scipy.sparse.issparse(value) or not isinstance(value, np.ndarray):
-        pass
-    elif value.dtype.names is not None:
-        for field in value.dtype.names if value.size == 1 else ():
-            _flatten(f"{name}.{field}", value.reshape(-1)[0][field], table)
-    elif value.dtype.kind in "biufc" and value.size:
-        table.columns[name] = value
-    elif value.dtype.kind in "UO":
-        items = [str(i.item()) if isinstance(i, np.ndarray) and i.size == 1 else i for i in value.reshape(-1)]
-        if items and all(isinstance(item, str) for item in items):
-            table.texts[name] = [str(item) for item in items]
-
-
-def _opaque(name: str, value: Any, table: Table) -> None:
-    """Name and class of an object, as far as the file tells them."""
-    parts = {field: value.reshape(-1)[0][field] for field in value.dtype.names or () if value.size}
-    own, _, kind = (parts[field].decode("utf-8", "replace") if isinstance(parts.get(field), bytes) else "" for field in
-                    ("s0", "s1", "s2"))  # fmt: skip
-    table.objects[own if name == "None" and own else name] = kind or "unknown"
+    numeric: dict[str, Any] = {
+        k: v for k, v in content.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"
+    }
+    return Table(path, numeric)
 
 
 def read_hdf5(path: Path) -> Table:

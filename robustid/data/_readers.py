@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from robustid.data._exchange import read_touchstone, read_universal
-from robustid.data._matlab import read_hdf5, read_matlab
+from robustid.data._matlab import read_hdf5, read_matlab4
+from robustid.data._matlab5 import read_matlab5
 from robustid.data._table import Table, check_growth, said
 from robustid.data._text import read_text
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -56,8 +57,10 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
         return read_hdf5
     if head.startswith(b"PK"):
         return _read_npz
-    if head.startswith(b"MATLAB 5.0") or suffix == ".mat":
-        return read_matlab
+    if head.startswith(b"MATLAB 5.0") or (suffix == ".mat" and head[126:128] in (b"IM", b"MI")):
+        return read_matlab5
+    if suffix == ".mat":
+        return read_matlab4
     if re.fullmatch(r"\.[sgyzh]\d+p", suffix) or (suffix == ".ts" and b"[version]" in head.lower()):
         return read_touchstone
     if head.lstrip()[:2] == b"-1" or suffix in {".uff", ".unv"}:

@@ -69,12 +69,6 @@ def _write_mat(path: str | os.PathLike, data: Any, kind: str) -> None:
     import scipy.io
 
     arrays, meta = _described(data, kind, ".mat")
-    # What scipy reads as real + 1j*imag loses the sign of zeros.
-    meta["negative_zeros"] = {
-        name: [np.flatnonzero((p == 0) & np.signbit(p)).tolist() for p in (np.real(array), np.imag(array))]
-        for name, array in arrays.items()
-        if np.iscomplexobj(array)
-    }
     plain: dict[str, Any] = {"dt": data.dt or 0.0, "robustid": json.dumps(meta)}
     for side in ("inputs", "outputs"):
         plain[side] = np.array([str(channel) for channel in getattr(data, side)], dtype=object)
@@ -116,13 +110,7 @@ def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]
     if meta["layout"] == ".npz":
         return column
     if meta["layout"] == ".mat":
-        array = column.reshape(-1, *shape)
-        if name in meta["negative_zeros"]:
-            array = np.array(array, complex, order="C")
-            parts = array.view(float).reshape(*array.shape, 2)
-            for part, places in zip((parts[..., 0], parts[..., 1]), meta["negative_zeros"][name], strict=True):
-                part[np.unravel_index(np.array(places, int), part.shape)] = -0.0
-        return array
+        return column.reshape(-1, *shape)
     if math.prod(shape) > len(table.columns):
         raise FileFormatError(f"{name!r} of shape {shape} has more columns than the file; save again, or give `fields`")
     if name not in ("values", "tilt", "covariance"):
