@@ -351,6 +351,11 @@ def other_description(**changes):
     return changed_lines(change)
 
 
+def complex_cells(lines):
+    return ",".join("1+2j" if name.startswith(("real", "imag")) else cell
+                    for name, cell in zip(lines[1].split(","), lines[-1].split(","), strict=True))  # fmt: skip
+
+
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(600)
 BAD_FILES = {
     "empty.csv": (text(""), "is empty"),
@@ -377,6 +382,7 @@ BAD_FILES = {
     "lines.csv": (changed_lines(lambda lines: lines[:-1]), "written with 4 samples"),
     "columns.csv": (other_description(shapes={"omega": [], "values": 3}), "doesn't fit its arrays"),
     "newer.csv": (other_description(robustid=99), "written in format 99 .*newer robustid"),
+    "complex.csv": (changed_lines(lambda lines: [*lines[:-1], complex_cells(lines)]), "hold complex numbers"),
     "facts.csv": (changed_lines(lambda lines: ["# robustid {", *lines[1:]]), "description .* is damaged"),
 }
 

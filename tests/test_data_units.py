@@ -110,11 +110,12 @@ def test_magnitude_and_phase(tmp_path, names, numbers):
         ("magnitude,phase", "the unit of 'phase' isn't certain: give `fields={'phase_deg'"),
         ("magnitude [dBV],phase [deg]", "the unit of 'magnitude .dBV.' isn't certain"),
         ("magnitude,phase [deg]", "'magnitude' has negative values: is it in dB"),
+        ("magnitude,phase [deg],imag,real", "'real' and 'imag' must be real; for complex numbers name one role"),
     ],
 )
 def test_magnitude_and_phase_without_a_certain_unit(tmp_path, names, sentence):
     path = tmp_path / "frf.csv"
-    path.write_text(f"f [Hz],{names}\n40,-3,-10\n")
+    path.write_text(f"f [Hz],{names}\n40,-3,-10{',1+1j' * (names.count(',') - 1)}\n")
     with pytest.raises(InputError, match=sentence):
         load(path)
 

@@ -302,6 +302,8 @@ def _values(lookup: Lookup) -> np.ndarray:
     parts = [lookup.matrix(role, lookup.find(role)) for role in way]
     if len(parts) == 1:
         return parts[0]
+    if any(np.iscomplexobj(part) for part in parts):
+        raise InputError(f"{way[0]!r} and {way[1]!r} must be real; for complex numbers name one role, 'values'")
     if parts[0].shape != parts[1].shape:
         raise InputError(f"{way[0]!r} and {way[1]!r} must have one shape; got {parts[0].shape}, {parts[1].shape}")
     if way[0] == "real":

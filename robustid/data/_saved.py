@@ -116,6 +116,10 @@ def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]
     if name not in ("values", "tilt", "covariance"):
         return _stack(table, _column_names(name, shape, "")).reshape(-1, *shape)
     real, imag = (_stack(table, _column_names(name, shape, part)) for part in ("real", "imag"))
+    if np.iscomplexobj(real) or np.iscomplexobj(imag):
+        raise FileFormatError(
+            f"the columns of real and imaginary part of {name!r} hold complex numbers; is the file damaged?"
+        )
     array: Any = np.empty(real.shape, complex)
     # Not real + 1j*imag, which loses the sign of zeros.
     array.real, array.imag = real, imag

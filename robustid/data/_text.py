@@ -53,7 +53,10 @@ def _columns(path: Path, rows: Iterator[tuple[int, str]]) -> dict[str, np.ndarra
     if all(_is_number(name) for name in names):
         raise FileFormatError(f"{path.name} has no line of column names; put one at the top, such as time,u,y")
     if len(set(names)) != len(names):
-        raise FileFormatError(f"{path.name}: the column names {names} are not all different; rename the equal ones")
+        equal = sorted({name for name in names if names.count(name) > 1})[:5]
+        raise FileFormatError(
+            f"{path.name}: the column names are not all different: {equal} several times; rename them"
+        )
     parts: list[list] = [[] for _ in names]
     for block in itertools.chain([first], blocks):
         for part, values in zip(parts, _parsed(path, block, names, delimiter), strict=True):

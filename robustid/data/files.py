@@ -1,4 +1,4 @@
-"""Measurements from and to files: .csv, .tsv, .txt, .npz (never pickle), .mat (v5 and v7.3)."""
+"""Measurements from and to files: text, .npz (never pickle), .mat, .h5, universal files, Touchstone."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def load(
     ----------
     path : str or path
         ``.csv``, ``.tsv``, ``.txt`` (first line: column names; lines that start with ``#`` are skipped),
-        ``.npz`` (pickled objects are refused) or ``.mat`` (v5 or v7.3, recognised by content).
+        ``.npz`` (pickled objects are refused), ``.mat`` (v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers
+        such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
+        and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
+        extra ``robustid[touchstone]``). Contents decide before the ending.
     kind : {"frequency", "time"}, optional
         What the file holds; default: by the roles in `fields`, else by the names in the file.
     fields : mapping, optional
@@ -45,7 +48,11 @@ def load(
         ``time``, ``u``, ``y``, ``reference``, ``bound``. Both: ``dt``. Fields of MATLAB structures have dots
         (``"data.u"``). Several channels: a list of names for a time signal; for a frequency role a list of
         rows (one an output) of names (one an input). Roles left out are looked for under usual names, upper
-        or lower case.
+        or lower case, with or without a unit: ``frequency [Hz]``, ``f (kHz)``, ``omega [rad/s]``, ``magnitude [dB]``,
+        ``phase [deg]``, ``time_ms``. Units of axes are converted; one that isn't known or isn't certain (``frequency``,
+        ``phase`` alone) is refused. Structures with the fields of MATLAB's ``idfrd`` and ``frd`` (ResponseData, Frequency,
+        FrequencyUnit, Ts, TimeUnit, CovarianceData, names) or ``iddata`` (OutputData, InputData, Ts) need no roles; covariances
+        between different entries, of which ``idfrd`` says nothing, are zero then.
     dt : float, optional
         Sample time in s. Without it, a time record takes it from its ``time`` column, which must be uniform
         to 1e-6 of a step, and ``.npz`` and ``.mat`` files may hold it as a number named ``dt``, ``Ts`` or ``T``;
