@@ -66,8 +66,15 @@ def test_units_that_are_unknown_or_contradict_the_name_are_refused(tmp_path, axi
     path = write_frf(tmp_path / "frf.csv", axis, 40.0)
     with pytest.raises(InputError, match="isn't certain"):
         load(path)
-    with pytest.raises(InputError, match="isn't certain"):
+    with pytest.raises(InputError, match=r"isn't certain: give `frequency_unit` .* and `fields"):
         load(path, frequency_unit="rad/s")
+
+
+def test_column_and_unit_both_given_go_before_an_unknown_unit(tmp_path):
+    path = write_frf(tmp_path / "frf.csv", "frequency [1/s]", 40.0)
+    assert load(path, fields={"omega": "frequency"}, frequency_unit="Hz").omega[0] == pytest.approx(OMEGA)
+    with pytest.raises(InputError, match="'1/s' is no certain unit of frequency; give `frequency_unit`"):
+        load(path, fields={"omega": "frequency"})
 
 
 @pytest.mark.parametrize(
@@ -80,7 +87,7 @@ def test_units_that_are_unknown_or_contradict_the_name_are_refused(tmp_path, axi
         ),
         ("omega [rad/s]", {"frequency_unit": "Hz"}, "`frequency_unit` says Hz, and the name of 'omega"),
         ("omega [rad/s]", {"fields": {"freq_hz": "omega"}}, "the role says Hz"),
-        ("speed [V]", {"fields": {"omega": "speed"}}, "'V' is no unit of frequency"),
+        ("speed [V]", {"fields": {"omega": "speed"}}, "'V' is no certain unit of frequency"),
     ],
 )
 def test_contradictions_are_refused(tmp_path, axis, options, sentence):

@@ -215,9 +215,10 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str
         role, name = "freq_hz", lookup.find("freq_hz")
     if name is None and (unsure := lookup.unsure("frequency")) is not None:
         if frequency_unit is None or units.axis_label(unsure)[1]:
+            both = " and `fields={'omega': ...}`" if units.axis_label(unsure)[1] else ""
             raise InputError(
-                f"the unit of the frequencies in {unsure!r} isn't certain: give `frequency_unit` ('Hz' or 'rad/s') and"
-                f" `fields={{'omega': ...}}`, or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}"
+                f"the unit of the frequencies in {unsure!r} isn't certain: give `frequency_unit` ('Hz' or 'rad/s'){both},"
+                f" or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}"
             )
         return unsure, None
     if name is None:
@@ -226,8 +227,10 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str
     unit = units.axis_label(name)[1]
     if role in lookup.fields and units.factor(units.FREQUENCY, unit) is None:
         # The last word of a name that the user gives needn't be a unit; what stands in brackets is one.
-        if units.in_brackets(name)[1]:
-            raise InputError(f"`fields[{role!r}]` = {name!r}: {unit!r} is no unit of frequency that is certain")
+        if units.in_brackets(name)[1] and (frequency_unit is None or role == "freq_hz"):
+            raise InputError(
+                f"`fields[{role!r}]` = {name!r}: {unit!r} is no unit of frequency that is certain; give `frequency_unit`"
+            )
         unit = ""
     return name, unit or ("Hz" if role == "freq_hz" else None)
 
