@@ -229,7 +229,7 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str
         # The last word of a name that the user gives needn't be a unit; what stands in brackets is one.
         if units.in_brackets(name)[1] and (frequency_unit is None or role == "freq_hz"):
             raise InputError(
-                f"`fields[{role!r}]` = {name!r}: {unit!r} is no unit of frequency that is certain; give `frequency_unit`"
+                f"`fields[{role!r}]` = {name!r}: {unit!r} is no certain unit of frequency; give `frequency_unit`"
             )
         unit = ""
     return name, unit or ("Hz" if role == "freq_hz" else None)
