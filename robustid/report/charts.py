@@ -67,6 +67,9 @@ class Panel:
     square: bool = False
 
 
+BLANK = Panel(title="", x=Axis(label=""), y=Axis(label=""), layers=())  # a place that stays empty
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Chart:
     """One figure: panels below each other on one x axis (`linked`), or each with its own."""
@@ -202,6 +205,19 @@ def with_gaps(angle: np.ndarray) -> np.ndarray:
     out = angle.copy()
     out[1:][np.abs(np.diff(angle)) > 180] = np.nan
     return out
+
+
+def between_gaps(values: np.ndarray) -> list[slice]:
+    """The stretches without NaN.
+
+    Examples
+    --------
+    >>> between_gaps(np.array([1.0, np.nan, 2.0, 3.0]))
+    [slice(0, 1, None), slice(2, 4, None)]
+    """
+    known = np.concatenate([[False], np.isfinite(values), [False]])
+    ends = np.flatnonzero(np.diff(known.astype(int)))
+    return [slice(int(a), int(b)) for a, b in ends.reshape(-1, 2)]
 
 
 def _numbered(text: str, index: int, count: int) -> str:

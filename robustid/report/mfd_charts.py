@@ -26,11 +26,11 @@ def response_charts(view: FitView) -> list[Chart]:
     omega = model_grid(view, log)
     values = view.response(omega)
     deviation = None if view.covariance is None else view.covariance.response_std(omega)
-    cells = cells_per_entry(view)
+    cells = cells_per_entry(view.ny * view.nu)
     charts = []
     for i in range(view.ny):
         for j in range(view.nu):
-            here = thinned(_position(omega, log), [np.abs(values[:, i, j])], cells)
+            here = thinned(position(omega, log), [np.abs(values[:, i, j])], cells)
             spread = None if deviation is None else deviation[here, i, j]
             charts.append(_entry(view, i, j, omega[here], values[here, i, j], spread, cells))
     return charts
@@ -38,12 +38,12 @@ def response_charts(view: FitView) -> list[Chart]:
 
 def drawn_lines(view: FitView) -> int:
     """How many lines of an entry are drawn at most."""
-    return min(view.omega.size, 3 * cells_per_entry(view))
+    return min(view.omega.size, 3 * cells_per_entry(view.ny * view.nu))
 
 
-def cells_per_entry(view: FitView) -> int:
+def cells_per_entry(entries: int) -> int:
     """Fewer for many entries: the page keeps its size."""
-    return int(np.clip(_ALL_CELLS // (view.ny * view.nu), _LEAST_CELLS, _MOST_CELLS))
+    return int(np.clip(_ALL_CELLS // entries, _LEAST_CELLS, _MOST_CELLS))
 
 
 def _entry(
@@ -52,7 +52,7 @@ def _entry(
     axis = frequency_axis(view.omega)
     lines, measured = view.omega, view.values[:, i, j]
     error, used = np.abs(measured - view.fitted[:, i, j]), view.used[:, i, j]
-    kept = thinned(_position(lines, axis.log), [np.abs(measured), error], cells)
+    kept = thinned(position(lines, axis.log), [np.abs(measured), error], cells)
     span = _magnitude_range(np.abs(measured), error[used], np.abs(values))
     (angle,), phase_span = phase_curves([values])
     name = f"model, order {view.fit.fraction.A.shape[0]}"
@@ -86,7 +86,7 @@ def _entry(
     magnitude.append(Layer(name="residual |P_o − P|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
     magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
     phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
-    size = Axis(label=f"magnitude{_unit(view, i, j)}", log=True, range=span)
+    size = Axis(label=f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
     tick = 90.0 if phase_span[1] - phase_span[0] <= 450 else 180.0 * np.ceil((phase_span[1] - phase_span[0]) / 1080)
     turn = Axis(label="phase [°]", range=phase_span, tick=float(tick))
     panels = (
@@ -96,8 +96,8 @@ def _entry(
     return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
 
 
-def _unit(view: FitView, i: int, j: int) -> str:
-    above, below = view.outputs[i].unit, view.inputs[j].unit
+def unit_label(above: str, below: str) -> str:
+    """Unit of a quotient in brackets, after a space; empty where neither has one."""
     if not below:
         return f" [{above}]" if above else ""
     return f" [{above or '1'}/{below}]"
@@ -136,7 +136,8 @@ def model_grid(view: FitView, log: bool) -> np.ndarray:
     return omega[(omega >= low if log else omega >= lines.min()) & (omega <= high)]
 
 
-def _position(omega: np.ndarray, log: bool) -> np.ndarray:
+def position(omega: np.ndarray, log: bool) -> np.ndarray:
+    """Where a frequency lies along the axis."""
     return np.log(np.maximum(omega, omega[omega > 0].min(initial=1.0))) if log else omega
 
 

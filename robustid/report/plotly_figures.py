@@ -134,13 +134,17 @@ def _trace(layer: charts.Layer) -> dict[str, Any]:
 
 
 def _area(layer: charts.Layer, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
-    """From `low` to `high`, as a polygon."""
+    """From `low` to `high`, as a polygon; several ones where there are gaps."""
+    x, y = [], []
+    for piece in charts.between_gaps(low + high):
+        x += [layer.x[piece], layer.x[piece][::-1], [np.nan]]
+        y += [high[piece], low[piece][::-1], [np.nan]]
     return {
         "type": "scatter",
         "name": _plain(layer.name),
         "legendgroup": _plain(layer.name),
-        "x": _numbers(np.concatenate([layer.x, layer.x[::-1]])),
-        "y": _numbers(np.concatenate([high, low[::-1]])),
+        "x": _numbers(np.concatenate(x[:-1])) if x else [],
+        "y": _numbers(np.concatenate(y[:-1])) if y else [],
         "mode": "lines",
         "fill": "toself",
         "fillcolor": layer.colour + "40",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.report import charts, evidence
-from robustid.report.style import MATPLOTLIB, NOMINAL
+from robustid.report.style import MATPLOTLIB, NOMINAL, number
 
 if TYPE_CHECKING:
     import control
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _DASHES = {"": "none", "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":"}
 _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "x": "x"}
 _WIDTH, _HEIGHT = 7.2, 2.7  # inches, of a panel
+_FURTHER, _LOW = 2.6, 1.9  # inches: width of each further column, height of one panel of a grid
+_LABEL = 0.5  # inches that one label of an axis takes
 
 
 def plot_frequency_response(
@@ -145,15 +147,20 @@ def draw(chart: charts.Chart) -> Figure:
 
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
-    height = 4.2 if columns > 1 and not chart.linked else _HEIGHT
+    height = _HEIGHT if columns == 1 else _LOW if chart.linked else 4.2
+    width = _WIDTH + _FURTHER * (columns - 1)
     with matplotlib.rc_context(MATPLOTLIB):
-        figure = Figure(figsize=(_WIDTH + 1.8 * (columns - 1), height * rows + 0.5), layout="constrained", dpi=120)
+        figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
         handles: dict[str, Any] = {}
         for k, (ax, panel) in enumerate(zip(axes, chart.panels, strict=True)):
             for layer in panel.layers:
                 handles.setdefault(layer.name, _draw_layer(ax, layer))
-            _dress(ax, panel, label_x=not chart.linked or k >= len(axes) - columns)
+            lowest = not chart.linked or not any(below.layers for below in chart.panels[k + columns :: columns])
+            _dress(ax, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
+            if lowest:
+                ax.tick_params(labelbottom=True)
+            ax.set_visible(bool(panel.layers))
         figure.legend(
             list(handles.values()),
             [_plain(name) for name in handles],
@@ -180,11 +187,13 @@ def _draw_layer(ax: Axes, layer: charts.Layer) -> Any:
     return ax.errorbar(layer.x, layer.y, yerr=bars, elinewidth=0.9, capsize=2, **style)
 
 
-def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool) -> None:
+def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, float]) -> None:
+    """Titles, scales and ticks, as many as fit in this width and height in inches."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
     ax.set_title(_plain(panel.title))
-    for axis, side, described in ((ax.xaxis, "x", panel.x), (ax.yaxis, "y", panel.y)):
+    room = size[0] / _LABEL, 2 * size[1] / _LABEL
+    for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
         getattr(ax, f"set_{side}scale")("log" if described.log else "linear")
         if described.range is not None:
             getattr(ax, f"set_{side}lim")(*described.range)
@@ -192,10 +201,13 @@ def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool) -> None:
             axis.set_major_locator(MultipleLocator(described.tick))
         if side == "y" or label_x:
             axis.set_label_text(_plain(described.label))
+        elif not described.log:
+            ax.locator_params(axis=side, nbins=max(3, min(9, int(labels))))
         if described.log and described.range is not None and described.range[1] / described.range[0] < 2e4:
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            decades = np.log10(described.range[1] / described.range[0])
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if 3 * decades <= labels else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(number(value))))
     if panel.square:
         ax.set_aspect("equal")
 

@@ -1,0 +1,201 @@
+"""What is drawn of a measured frequency response: entries with bounds and levels, singular values, coherence, spectra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, with_gaps
+from robustid.report.frf_view import FrfView
+from robustid.report.mfd_charts import cells_per_entry, frequency_axis, position, rounded, thinned, unit_label
+from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, NOMINAL
+
+_BAND = FURTHER[3]
+_LOOKS = {
+    "σ of the noise": (FURTHER[0], "dot"),
+    "σ of the response": (FURTHER[0], "dot"),
+    "σ of the distortion": (FURTHER[1], "dashdot"),
+}
+_FEW = 300  # lines, up to which each gets a marker
+_DEPTH = 1e-8  # of the largest value: what is lower is rounding
+_TURNS = 720.0  # degrees, beyond which the phase is drawn from -180 to 180
+
+
+def entry_charts(view: FrfView) -> list[Chart]:
+    """Magnitude and phase of every entry, row by row."""
+    cells = cells_per_entry(view.ny * view.nu)
+    return [_entry(view, i, j, cells) for i in range(view.ny) for j in range(view.nu)]
+
+
+def drawn_lines(view: FrfView) -> int:
+    """How many lines of an entry are drawn at most."""
+    return min(view.frf.omega.size, 3 * cells_per_entry(view.ny * view.nu))
+
+
+def _entry(view: FrfView, i: int, j: int, cells: int) -> Chart:
+    frf, axis = view.frf, frequency_axis(view.frf.omega)
+    size, silent = view.size[:, i, j], view.silent[:, i, j]
+    radius = None if view.radius is None else view.radius[:, i, j]
+    levels = {name: level[:, i, j] for name, level in view.levels.items()}
+    angle, span = phases(frf.omega, frf.values[:, i, j], radius)
+    kept = thinned(position(frf.omega, axis.log), [size, next(iter(levels.values()), size)], cells)
+    kept = kept[frf.omega[kept] > 0] if axis.log else kept
+    x, low_high = rounded(frf.omega[kept] / HZ), _magnitude_range(size, radius, levels)
+    magnitude, phase = [], []
+    if radius is not None:
+        ends = {"low": np.maximum(size - radius, low_high[0]), "high": size + radius}
+        magnitude.append(_band(x, size, ends, kept))
+        turn = np.degrees(np.arcsin(np.minimum(radius / np.maximum(size, radius), 1))) if radius.any() else 0 * size
+        ends = {"low": np.where(silent, span[0], angle - turn), "high": np.where(silent, span[1], angle + turn)}
+        jump = np.isnan(with_gaps(angle[kept])) & ~silent[kept] & ~silent[np.roll(kept, 1)]
+        phase.append(_band(x, angle, {name: np.clip(end, *span) for name, end in ends.items()}, kept, jump))
+        magnitude.append(Layer(name="bound", x=x, y=_shown(radius[kept]), colour=NOMINAL, dash="dash", size=0.5))
+    for name, level in levels.items():
+        colour, dash = _LOOKS[name]
+        magnitude.append(Layer(name=name, x=x, y=_shown(level[kept]), colour=colour, dash=dash))
+    marker = "circle" if kept.size <= _FEW else ""
+    curve: dict[str, Any] = {"name": "response", "x": x, "colour": DATA, "dash": "solid", "marker": marker, "size": 0.5}
+    sure = np.where(silent, np.nan, 1.0)
+    magnitude.append(Layer(y=_shown((sure * size)[kept]), **curve))
+    phase.append(Layer(y=rounded(with_gaps((sure * angle)[kept])), **curve))
+    if silent[kept].any():
+        lost: dict[str, Any] = {"name": "response below its bound", "colour": ALERT, "marker": "circle-open", "size": 0.5}
+        part = silent[kept]
+        magnitude.append(Layer(x=x[part], y=_shown(size[kept][part]), **lost))
+        phase.append(Layer(x=x[part], y=rounded(angle[kept][part]), **lost))
+    unit = unit_label(frf.outputs[i].unit, frf.inputs[j].unit)
+    y = Axis(label=f"magnitude{unit}", log=True, range=low_high)
+    tick = 90.0 if span[1] - span[0] <= 450 else 180.0 * np.ceil((span[1] - span[0]) / 1080)
+    panels = (
+        Panel(title=view.entry(i, j), x=axis, y=y, layers=tuple(magnitude)),
+        Panel(title="", x=axis, y=Axis(label="phase [°]", range=span, tick=float(tick)), layers=tuple(phase)),
+    )
+    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
+
+
+def _band(x: np.ndarray, y: np.ndarray, ends: dict[str, np.ndarray], kept: np.ndarray, gap: Any = False) -> Layer:
+    drawn = {name: rounded(np.where(gap, np.nan, end[kept])) for name, end in ends.items()}
+    return Layer(name="response ± bound", x=x, y=rounded(y[kept]), colour=_BAND, fill=True, **drawn)
+
+
+def _shown(values: np.ndarray) -> np.ndarray:
+    """What a logarithmic axis can show."""
+    return rounded(np.where(values > 0, values, np.nan))
+
+
+def phases(omega: np.ndarray, values: np.ndarray, radius: np.ndarray | None) -> tuple[np.ndarray, tuple[float, float]]:
+    """Phase in degrees and the range of its axis: continuous over the lines that are sure, the others next to them.
+
+    Noise alone turns a phase without end; beyond two turns it is drawn from -180 to 180.
+    """
+    angle = np.degrees(np.angle(values))
+    sure = np.abs(values) > (0 if radius is None else 2 * radius)
+    if sure.any():
+        near = np.interp(omega, omega[sure], np.degrees(np.unwrap(np.angle(values[sure]))))
+        turned = angle - 360 * np.round((angle - near) / 360)
+        low, high = float(turned.min()), float(turned.max())
+        if high - low <= _TURNS:
+            back = 360 * np.round((low + high) / 720)
+            return turned - back, (90 * np.floor((low - back) / 90) - 45, 90 * np.ceil((high - back) / 90) + 45)
+    return angle, (-225.0, 225.0)
+
+
+def _magnitude_range(
+    size: np.ndarray, radius: np.ndarray | None, levels: dict[str, np.ndarray]
+) -> tuple[float, float]:
+    """Holds the values and nearly all levels, but not the bottom of deep notches, and no bound far above all values."""
+    top = float(size.max())
+    if not top > 0:
+        return 0.1, 1.0
+    parts = [size, *levels.values(), *([] if radius is None else [radius])]
+    floors = [float(np.quantile(part[part > 0], 0.02)) for part in parts if np.any(part > 0)]
+    return max(min(*floors, top / 10) / 2, _DEPTH * top), 1.5 * top
+
+
+def overview_charts(view: FrfView) -> list[Chart]:
+    """Of all entries at once: singular values where there are several, coherence where it is known."""
+    charts = [singular_chart(view)] if min(view.ny, view.nu) > 1 else []
+    return charts + ([coherence_chart(view)] if view.frf.coherence is not None else [])
+
+
+def singular_chart(view: FrfView) -> Chart:
+    """Singular values of the matrix (CMIF): a peak of the largest one is a mode, a second peak there another one."""
+    omega, values = view.frf.omega, view.singular_values
+    axis = frequency_axis(omega)
+    kept = thinned(position(omega, axis.log), [values[:, 0], values[:, -1]], cells_per_entry(1))
+    kept = kept[omega[kept] > 0] if axis.log else kept
+    x, layers = rounded(omega[kept] / HZ), []
+    for k, (colour, dash) in enumerate(_cycle(values.shape[1])):
+        name = "largest singular value" if k == 0 else f"singular value {k + 1}"
+        layers.append(Layer(name=name, x=x, y=_shown(values[kept, k]), colour=colour, dash=dash, size=0.6))
+    bound = view.singular_bound
+    if bound is not None:
+        layers.append(Layer(name="bound of the singular values", x=x, y=_shown(bound[kept]), colour=FAINT, dash="dash"))
+    units = {unit_label(y.unit, u.unit) for y in view.frf.outputs for u in view.frf.inputs}
+    unit = units.pop() if len(units) == 1 else " [mixed units]"
+    span = _magnitude_range(values.ravel(), bound, {})
+    y = Axis(label=f"singular value{unit}", log=True, range=span)
+    panel = Panel(title="Singular values (CMIF)", x=axis, y=y, layers=tuple(layers))
+    return Chart(name="singular", panels=(panel,), linked=True)
+
+
+def _cycle(count: int) -> list[tuple[str, str]]:
+    """Colours, each with a dash of its own."""
+    colours, dashes = (NOMINAL, *FURTHER), ("solid", *DASHES)
+    return [(colours[k % len(colours)], dashes[k % len(dashes)]) for k in range(count)]
+
+
+def coherence_chart(view: FrfView) -> Chart:
+    """Multiple coherence of every output."""
+    coherence, omega = view.frf.coherence, view.frf.omega
+    axis, layers = frequency_axis(omega), []
+    for i, (colour, dash) in enumerate(_cycle(view.ny)):
+        kept = thinned(position(omega, axis.log), [coherence[:, i]], cells_per_entry(view.ny))
+        kept = kept[omega[kept] > 0] if axis.log else kept
+        x, y = rounded(omega[kept] / HZ), rounded(coherence[kept, i])
+        name = f"coherence of {view.frf.outputs[i].name}"
+        layers.append(Layer(name=name, x=x, y=y, colour=colour, dash=dash, size=0.6))
+    least = float(coherence.min())
+    low = 0.0 if least < 0.5 else 0.5 if least < 0.9 else 0.9
+    panel = Panel(
+        title="Coherence",
+        x=axis,
+        y=Axis(label="coherence [–]", range=(low - 0.02 * (1 - low), 1 + 0.03 * (1 - low))),
+        layers=tuple(layers),
+    )
+    return Chart(name="coherence", panels=(panel,), linked=True)
+
+
+def spectrum_charts(view: FrfView) -> list[Chart]:
+    """Amplitudes of every input, then of every output, over the frequencies of the response; none without records."""
+    if not view.records:
+        return []
+    axis = frequency_axis(view.frf.omega)
+    sides = [("input", "u", view.frf.inputs), ("output", "y", view.frf.outputs)]
+    return [
+        _spectrum(view, axis, name, side, channel, names[channel])
+        for name, side, names in sides
+        for channel in range(len(names))
+    ]
+
+
+def _spectrum(view: FrfView, axis: Axis, name: str, side: str, channel: int, label: Any) -> Chart:
+    found = view.spectrum(side, channel)
+    low, high = axis.range or (0.0, np.inf)
+    inside = (found.freq_hz >= low) & (found.freq_hz <= high)
+    cells, layers = cells_per_entry(view.nu + view.ny), []
+    groups = (
+        ("between these lines", inside & ~found.excited, FAINT, "solid", ""),
+        ("lines of the response", inside & found.excited, NOMINAL, "", "circle"),
+    )
+    for title, mask, colour, dash, marker in groups:
+        freq, amplitude = found.freq_hz[mask], found.amplitude[mask]
+        if freq.size:
+            kept = thinned(position(freq, axis.log), [amplitude], cells)
+            style: dict[str, Any] = {"colour": colour, "dash": dash, "marker": marker, "size": 0.6}
+            layers.append(Layer(name=title, x=rounded(freq[kept]), y=_shown(amplitude[kept]), **style))
+    span = _magnitude_range(found.amplitude[inside], None, {})
+    y = Axis(label=f"amplitude{f' [{label.unit}]' if label.unit else ''}", log=True, range=span)
+    panel = Panel(title=f"{name} {label}", x=axis, y=y, layers=tuple(layers))
+    return Chart(name=f"{name}-{channel}", panels=(panel,), linked=True)
