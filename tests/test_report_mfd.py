@@ -382,7 +382,7 @@ def test_misuse_is_named(fit, data, sweep, tmp_path):
         plot_stabilisation({8: fit})
     with pytest.raises(rid.InputTypeError, match="`fit` must be a MatrixFraction"):
         plot_convergence(control.ss(-1, 1, 1, 0))
-    with pytest.raises(rid.InputTypeError, match="Identification or a MatrixFraction"):
+    with pytest.raises(rid.InputTypeError, match="a MatrixFraction or a FrequencyResponse; got StateSpace"):
         write_report(fit.model, path)
     record = rid.TimeRecord(np.eye(1, 4)[0], [1.5, 0.2, 0.1, 0.05], dt=0.1, bound=0.2)
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))

@@ -1,5 +1,6 @@
 """What people see: plots, a summary at the terminal, and a report as one HTML page."""
 
+from robustid.report.frf_plots import plot_frf
 from robustid.report.html import write_report
 from robustid.report.mfd_plots import plot_convergence, plot_fit, plot_fit_poles, plot_orders, plot_stabilisation
 from robustid.report.plots import (
@@ -19,6 +20,7 @@ __all__ = [
     "plot_fit",
     "plot_fit_poles",
     "plot_frequency_response",
+    "plot_frf",
     "plot_hankel",
     "plot_nyquist",
     "plot_orders",

@@ -38,6 +38,13 @@ class Axis:
     range: tuple[float, float] | None = None
     tick: float | None = None
 
+    @property
+    def in_full(self) -> bool:
+        """Whether the numbers of a logarithmic axis are written in full, 0.5, 1, 2, and not as powers of ten."""
+        if not self.log or self.range is None or self.range[1] > 2e4 * self.range[0]:
+            return False
+        return self.range[1] < 30 * self.range[0] or (self.range[0] >= 1e-4 and self.range[1] <= 1e5)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Layer:

@@ -176,7 +176,23 @@ def _experiment(kind: str, data: Any, axis: np.ndarray, bound: np.ndarray) -> Ex
     else:
         channel, symbol, name = f"{data.outputs[0]}, input {data.inputs[0]}", "s", f"time record, {started(data)}"
     span = f"{number(axis.min())} … {number(axis.max())} {symbol}" if axis.size > 1 else f"{number(axis[0])} {symbol}"
-    return Experiment(name, channel, axis.size, span, radius, data.note or "not stated")
+    return Experiment(name, channel, axis.size, span, radius, bound_source(data))
+
+
+def bound_source(data: Any) -> str:
+    """Of a response or record: what kind of bound it has, and where it comes from.
+
+    Examples
+    --------
+    >>> bound_source(FrequencyResponse([1.0], [1.0], bound=0.1))
+    'hard: source not stated'
+    """
+    name = {"hard": "hard", "rest": "from rest", "statistical": "statistical"}[data.bound_kind]
+    if data.note.startswith(name):
+        return data.note
+    if getattr(data, "probability", None) is not None:
+        name += f", {number(100 * data.probability, 6)} % jointly"
+    return f"{name}: {data.note or 'source not stated'}"
 
 
 def started(record: Any) -> str:

@@ -60,7 +60,12 @@ def _entry(view: FrfView, i: int, j: int, cells: int) -> Chart:
     magnitude.append(Layer(y=_shown((sure * size)[kept]), **curve))
     phase.append(Layer(y=rounded(with_gaps((sure * angle)[kept])), **curve))
     if silent[kept].any():
-        lost: dict[str, Any] = {"name": "response below its bound", "colour": ALERT, "marker": "circle-open", "size": 0.5}
+        lost: dict[str, Any] = {
+            "name": "response below its bound",
+            "colour": ALERT,
+            "marker": "circle-open",
+            "size": 0.5,
+        }
         part = silent[kept]
         magnitude.append(Layer(x=x[part], y=_shown(size[kept][part]), **lost))
         phase.append(Layer(x=x[part], y=rounded(angle[kept][part]), **lost))
@@ -101,9 +106,7 @@ def phases(omega: np.ndarray, values: np.ndarray, radius: np.ndarray | None) -> 
     return angle, (-225.0, 225.0)
 
 
-def _magnitude_range(
-    size: np.ndarray, radius: np.ndarray | None, levels: dict[str, np.ndarray]
-) -> tuple[float, float]:
+def _magnitude_range(size: np.ndarray, radius: np.ndarray | None, levels: dict[str, np.ndarray]) -> tuple[float, float]:
     """Holds the values and nearly all levels, but not the bottom of deep notches, and no bound far above all values."""
     top = float(size.max())
     if not top > 0:

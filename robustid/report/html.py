@@ -7,11 +7,12 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid._files import atomic_write
 from robustid._version import __version__
+from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from robustid.advice import Sensitivity
     from robustid.certify import PoleBand, ResponseTube, WorstCaseError
-    from robustid.data import FrequencyResponse
+    from robustid.data import TimeRecord
     from robustid.mfd.order_sweep import OrderSweep
     from robustid.reduction import Reduction
 
@@ -37,7 +38,7 @@ _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 
 
 def write_report(
-    identification: Identification | MatrixFraction,
+    identification: Identification | MatrixFraction | FrequencyResponse,
     path: str | os.PathLike[str],
     *,
     reduction: Reduction | None = None,
@@ -49,17 +50,19 @@ def write_report(
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
+    records: TimeRecord | Sequence[TimeRecord] | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
     Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
     against their bounds, the samples that limit the result, order, poles, verification, versions. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
-    numbers, poles, modes, and the choice of the order. The page works offline and fetches nothing.
+    numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
+    bound, noise and distortion, coherence, and the spectra of the records. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification or MatrixFraction
+    identification : Identification, MatrixFraction or FrequencyResponse
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -82,6 +85,8 @@ def write_report(
         What the matrix fraction was fitted to: names of the channels, and the noise.
     order_sweep : OrderSweep, optional
         From `suggest_order`, with a MatrixFraction.
+    records : TimeRecord or sequence of TimeRecord, optional
+        What the frequency response was estimated from.
 
     Raises
     ------
@@ -112,13 +117,14 @@ def write_report(
         sensitivity=sensitivity,
         data=data,
         order_sweep=order_sweep,
+        records=records,
     )
     with atomic_write(path) as file:
         file.write(text)
 
 
 def render_report(
-    identification: Identification | MatrixFraction,
+    identification: Identification | MatrixFraction | FrequencyResponse,
     *,
     reduction: Reduction | None = None,
     title: str | None = None,
@@ -129,28 +135,35 @@ def render_report(
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
+    records: TimeRecord | Sequence[TimeRecord] | None = None,
 ) -> str:
     """The page of `write_report` as text."""
-    fitted = isinstance(identification, MatrixFraction)
-    if not fitted and not isinstance(identification, Identification):
+    guarantees = {"worst_case": worst_case, "tube": tube, "over_poles": over_poles, "sensitivity": sensitivity}
+    belongs = {
+        Identification: {"reduction": reduction, "models": models, **guarantees},
+        MatrixFraction: {"data": data, "order_sweep": order_sweep},
+        FrequencyResponse: {"records": records},
+    }
+    kind = next((kind for kind in belongs if isinstance(identification, kind)), None)
+    if kind is None:
         raise InputTypeError(
-            f"`identification` must be an Identification or a MatrixFraction; got {type(identification).__name__}"
+            "`identification` must be an Identification, a MatrixFraction or a FrequencyResponse; got"
+            f" {type(identification).__name__}"
         )
     if title is not None and not isinstance(title, str):
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
-    guarantees = {"worst_case": worst_case, "tube": tube, "over_poles": over_poles, "sensitivity": sensitivity}
-    foreign = (
-        {"reduction": reduction, "models": models, **guarantees}
-        if fitted
-        else {"data": data, "order_sweep": order_sweep}
-    )
-    for name, value in foreign.items():
+    foreign = [pair for other, given in belongs.items() if other is not kind for pair in given.items()]
+    for name, value in foreign:
         if value is not None:
             raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
     if isinstance(identification, MatrixFraction):
         from robustid.report.mfd_page import fit_page
 
         return fit_page(identification, data, order_sweep, title)
+    if isinstance(identification, FrequencyResponse):
+        from robustid.report.frf_page import frf_page
+
+        return frf_page(identification, records, title)
     shown = further_models(reduction, models)
     drawn, context = _guarantees(identification, worst_case, tube, over_poles, sensitivity)
     found = [

@@ -26,7 +26,7 @@ class Figure:
         if small:  # one of many, whose legend stands before them all
             self.spec["layout"] |= {"showlegend": False, "margin": {"l": 50, "r": 10, "t": 6, "b": 40}}
             self.spec["layout"]["font"]["size"] = 11
-            self.spec["layout"]["xaxis"]["nticks"] = 3
+            self.spec["layout"]["xaxis"]["nticks"] = 3 if panels[0].x.log else 5
 
 
 def figures(chart: charts.Chart, *, small: bool = False) -> list[Figure]:
@@ -83,9 +83,8 @@ def _axis(axis: charts.Axis) -> dict[str, Any]:
         decades = np.log10(axis.range[1] / axis.range[0]) if axis.range else 9
         # With about this many ticks plotly chooses 0.5, 1, 2, 5, …, or powers of ten only; fixed ticks would leave none
         # after zooming in. The format has it write them in full, not as small digits between powers of ten.
-        full = decades < 4.3
-        out["nticks"] = max(3, round(decades / 0.4)) if full else int(decades / 0.75)
-        if full:
+        out["nticks"] = max(3, round(decades / 0.4)) if axis.in_full else max(3, int(decades / 0.75))
+        if axis.in_full:
             out["tickformat"] = "~g"
     if axis.range is not None:
         out["range"] = [float(v) for v in (np.log10(axis.range) if axis.log else axis.range)]

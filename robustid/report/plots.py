@@ -165,7 +165,7 @@ def draw(chart: charts.Chart) -> Figure:
             list(handles.values()),
             [_plain(name) for name in handles],
             loc="outside upper left",
-            ncols=2,
+            ncols=columns + 1,
             fontsize=8.5,
         )
     return figure
@@ -199,11 +199,11 @@ def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, f
             getattr(ax, f"set_{side}lim")(*described.range)
         if described.tick is not None:
             axis.set_major_locator(MultipleLocator(described.tick))
-        if side == "y" or label_x:
-            axis.set_label_text(_plain(described.label))
         elif not described.log:
             ax.locator_params(axis=side, nbins=max(3, min(9, int(labels))))
-        if described.log and described.range is not None and described.range[1] / described.range[0] < 2e4:
+        if side == "y" or label_x:
+            axis.set_label_text(_plain(described.label))
+        if described.in_full and described.range is not None:
             decades = np.log10(described.range[1] / described.range[0])
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if 3 * decades <= labels else (1.0,)))
             axis.set_minor_formatter(NullFormatter())

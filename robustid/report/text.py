@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from robustid.data import FrequencyResponse
 from robustid.mfd import MatrixFraction
 from robustid.report import facts
+from robustid.report.frf_view import FrfView
 from robustid.report.mfd_view import FitView
 from robustid.report.poles import pole_table
 from robustid.report.style import number
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-    from robustid.data import FrequencyResponse
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
@@ -23,16 +24,18 @@ _MOST_SAMPLES, _MOST_POLES = 8, 10
 
 
 def render_summary(
-    identification: Identification | MatrixFraction,
+    identification: Identification | MatrixFraction | FrequencyResponse,
     reduction: Reduction | None = None,
     *,
     data: FrequencyResponse | None = None,
 ) -> Group:
     """Verdict, margin or cost, checks, limiting samples, poles or modes, for ``rich.print`` or a rich console.
 
+    Of a frequency response: what its bound promises, lines, levels of every entry, warnings.
+
     Parameters
     ----------
-    identification : Identification or MatrixFraction
+    identification : Identification, MatrixFraction or FrequencyResponse
     reduction : Reduction, optional
         Of the model of an identification; its poles are then shown instead.
     data : FrequencyResponse, optional
@@ -61,6 +64,10 @@ def render_summary(
         from robustid.report.mfd_text import render_fit
 
         return render_fit(FitView(identification, data))
+    if isinstance(identification, FrequencyResponse):
+        from robustid.report.frf_text import render_frf
+
+        return render_frf(FrfView(identification))
     verdict = facts.verdict(identification)
     colour = COLOURS[verdict.key]
     # Text, never markup: names in brackets, such as units, are to be shown as they stand.
@@ -138,7 +145,7 @@ def headed(title: str, *columns: str) -> Table:
     for name in columns:
         right = name.startswith(">")
         # Where space is short the claims and names wrap, never the numbers.
-        words = name in ("Claim", "Largest in")
+        words = name in ("Claim", "Largest in", "Response")
         table.add_column(Text(name.removeprefix(">")), justify="right" if right else "left", no_wrap=not words)
     return table
 
