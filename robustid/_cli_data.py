@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +13,13 @@ import numpy as np
 
 from robustid._terminal import plain, warn
 from robustid.data import FrequencyResponse, TimeRecord, load
-from robustid.data.files import origin
+from robustid.data.files import Origin, origin
 from robustid.data.time_record import INITIAL
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _NOTE = "given on the command line"
 _SAME_STEP = 1e-6
+_SIGNALS = ("u", "y", "reference", "bound")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -67,7 +70,7 @@ def measurements(out: Any, paths: list[Path] | None, options: Options) -> list[A
 
 def _measurement(out: Any, path: Path, options: Options) -> Any:
     kind, fields = options.kind, field_pairs(options)
-    try:
+    with reading(path, kind):
         found = origin(path, kind, fields)
         if found.kind not in (None, kind):
             raise InputError(f"{path.name} holds {found.kind} data; use --{found.kind} {path}")
@@ -84,16 +87,28 @@ def _measurement(out: Any, path: Path, options: Options) -> Any:
             data = data.with_bound(data.bound, note=_NOTE)
         text, data = _channel(data, options.channel, path.name)
         data = part(data, options)
-    except (InputError, InputTypeError, FileFormatError) as error:
-        words = in_options(str(error), kind)
-        raise type(error)(words if path.name in words else f"{path.name}: {words}") from None
     unit = "" if found.unit_known else options.unit or "rad/s"
     out.print(plain(_described(path, data, text, unit)), highlight=False, soft_wrap=True)
     if found.unit_known and options.unit is not None:
         warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
+    compare_step(out, path, found, options)
+    return data
+
+
+@contextlib.contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Name the file and the options in what is wrong with it."""
+    try:
+        yield
+    except (InputError, InputTypeError, FileFormatError) as error:
+        words = in_options(str(error), kind)
+        raise type(error)(words if path.name in words else f"{path.name}: {words}") from None
+
+
+def compare_step(out: Any, path: Path, found: Origin, options: Options) -> None:
+    """Warn where a sample time that was given isn't that of the file."""
     if options.dt and found.dt and abs(found.dt - options.dt) > _SAME_STEP * options.dt:
         warn(out, f"--dt {options.dt:g} s is used; {path.name} has {found.dt:.6g} s ({found.dt_from})")
-    return data
 
 
 def _described(path: Path, data: Any, channel: str, unit: str) -> str:
@@ -140,12 +155,18 @@ def part(data: Any, options: Options) -> Any:
     return dataclasses.replace(data, **{k: v[: options.first] for k, v in arrays.items() if v is not None})
 
 
-def field_pairs(options: Options) -> dict[str, str] | None:
-    """Which role has which name in the file."""
+def field_pairs(options: Options) -> dict[str, Any] | None:
+    """Which role has which name in the file; a signal that is given several times has several channels."""
+    option, pairs = f"--{options.kind}-field", {}
     for field in options.fields or []:
-        if "=" not in field:
-            raise InputError(f"--{options.kind}-field must be ROLE=NAME, such as u=current; got {field!r}")
-    return dict(field.split("=", 1) for field in options.fields) if options.fields else None
+        role, sign, name = field.partition("=")
+        if not sign:
+            raise InputError(f"{option} must be ROLE=NAME, such as u=current; got {field!r}")
+        pairs.setdefault(role, []).append(name)
+    for role, names in pairs.items():
+        if len(names) > 1 and (options.kind != "time" or role not in _SIGNALS):
+            raise InputError(f"{option} {role} is given {len(names)} times; give one name")
+    return {role: names[0] if len(names) == 1 else names for role, names in pairs.items()} or None
 
 
 def in_options(text: str, kind: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+import shlex
 from typing import Annotated, Any
 
 import typer
@@ -76,7 +77,7 @@ def excite(
     terminal.check_outputs([output], [], force)
     console = terminal.console()
     with in_words(_OPTIONS):
-        asked: dict[str, Any] = {"band_hz": _band(band), "period": _samples(period, dt), "spacing": spacing}
+        asked: dict[str, Any] = {"band_hz": _band(band), "period": samples_of(period, dt), "spacing": spacing}
         asked |= {"lines_per_decade": lines_per_decade, "inputs": inputs, "realisations": realisations}
         asked |= {"periods": periods, "amplitude": _one_or_all(amplitude), "rms": _one_or_all(rms)}
         with step(console, "choosing phases" + " for a small crest factor" * minimise_crest):
@@ -97,7 +98,8 @@ def _band(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _samples(period: float, dt: float) -> int:
+def samples_of(period: float, dt: float) -> int:
+    """Samples of a period in s."""
     if not 0 < dt <= period < float("inf"):
         raise InputError(f"--dt and --period must be positive, --period the longer one; got {dt:g} and {period:g} s")
     samples = round(period / dt)
@@ -134,6 +136,8 @@ def _next(play: Any, output: Path) -> list[str]:
     return [
         f"Next: play every experiment{loop}, record all inputs and outputs, and drop whole periods until the response repeats."
         " Then, with the records in order:",
+        f"  robustid frf RECORD ... --lines {shlex.quote(str(output))} -o frf.npz",
+        "or in Python:",
         f"  play = rid.load_excitation({str(output)!r})",
         "  frf = rid.estimate_frf(records, period=play.period, lines=play.lines)",
     ]

@@ -12,7 +12,7 @@ import typer
 from robustid import _terminal as terminal
 from robustid._cli_steps import in_words, shown
 from robustid._terminal import plain, step, warn
-from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.errors import InputError
 
 Path = pathlib.Path
 _OUTPUT = Path("fit.npz")
@@ -123,21 +123,18 @@ def _model_file(output: Path) -> Path:
 
 def _read(console: Any, source: Path, options: Any) -> Any:
     """All channels of the file, and a line that says what was read."""
-    from robustid._cli_data import field_pairs, in_options, part
+    from robustid._cli_data import field_pairs, part, reading
     from robustid.data import load
     from robustid.data.files import origin
 
     fields = field_pairs(options)
-    try:
+    with reading(source, "frequency"):
         found = origin(source, "frequency", fields)
         if found.kind not in (None, "frequency"):
             raise InputError(f"{source.name} holds {found.kind} data; a frequency response is needed")
         unit = options.unit or "rad/s"
         frf: Any = load(source, kind="frequency", fields=fields, dt=options.dt, frequency_unit=options.unit)
         frf = part(frf, options)
-    except (InputError, InputTypeError, FileFormatError) as error:
-        words = in_options(str(error), "frequency")
-        raise type(error)(words if source.name in words else f"{source.name}: {words}") from None
     size = f"{len(frf.outputs)} x {len(frf.inputs)} (outputs x inputs)"
     text = f"read {source}: {frf.omega.size} lines, {frf.freq_hz[0]:.5g} to {frf.freq_hz[-1]:.5g} Hz, {size}"
     text += ", continuous time" if frf.dt is None else f", dt = {frf.dt:g} s"

@@ -1,4 +1,4 @@
-"""The command line: robustid identify, fit, bounds, verify, reduce, report, demo."""
+"""The command line: robustid excite, frf, identify, fit, bounds, verify, reduce, report, demo."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from robustid import _terminal as terminal
 from robustid._cli_certify import bounds, verify
 from robustid._cli_excite import excite
 from robustid._cli_fit import fit
+from robustid._cli_frf import frf
 from robustid._cli_report import report
 from robustid._cli_steps import EXIT, finish, identified, say_written, size_in_options, sources
 from robustid._terminal import plain, step
@@ -29,7 +30,8 @@ app = typer.Typer(
     help=f"""Models with a proof, for lightly damped machines.
 
     Start with [bold]robustid demo[/bold]. With your own data: [bold]robustid identify --frequency frf.csv --time step.csv
-    --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold].
+    --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold]. From recorded signals: [bold]robustid frf[/bold] makes the
+    frequency response and its bound; [bold]robustid excite[/bold] designs what to play.
 
     {_CODES}""",
 )
@@ -217,6 +219,7 @@ def identify(
 
 
 app.command()(excite)
+app.command()(frf)
 app.command()(fit)
 app.command()(bounds)
 app.command()(verify)

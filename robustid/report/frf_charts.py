@@ -46,7 +46,7 @@ def _entry(view: FrfView, i: int, j: int, cells: int) -> Chart:
     if radius is not None:
         ends = {"low": np.maximum(size - radius, low_high[0]), "high": size + radius}
         magnitude.append(_band(x, size, ends, kept))
-        turn = np.degrees(np.arcsin(np.minimum(radius / np.maximum(size, radius), 1))) if radius.any() else 0 * size
+        turn = np.degrees(np.arcsin(np.minimum(radius / np.maximum(size, radius), 1)))
         ends = {"low": np.where(silent, span[0], angle - turn), "high": np.where(silent, span[1], angle + turn)}
         jump = np.isnan(with_gaps(angle[kept])) & ~silent[kept] & ~silent[np.roll(kept, 1)]
         phase.append(_band(x, angle, {name: np.clip(end, *span) for name, end in ends.items()}, kept, jump))
@@ -80,7 +80,7 @@ def _entry(view: FrfView, i: int, j: int, cells: int) -> Chart:
 
 
 def _band(x: np.ndarray, y: np.ndarray, ends: dict[str, np.ndarray], kept: np.ndarray, gap: Any = False) -> Layer:
-    drawn = {name: rounded(np.where(gap, np.nan, end[kept])) for name, end in ends.items()}
+    drawn: dict[str, Any] = {name: rounded(np.where(gap, np.nan, end[kept])) for name, end in ends.items()}
     return Layer(name="response ± bound", x=x, y=rounded(y[kept]), colour=_BAND, fill=True, **drawn)
 
 

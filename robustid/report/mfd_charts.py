@@ -107,7 +107,7 @@ def log_axis(omega: np.ndarray) -> bool:
     """Whether the lines are spread rather like a geometric sequence than evenly."""
     lines = omega[omega > 0]
     if lines.size < 2:
-        return True
+        return bool(lines.size)
     middle, ends = np.median(lines), lines[[0, -1]]
     return bool(abs(np.log(middle / np.sqrt(ends.prod()))) <= abs(np.log(middle / ends.mean())))
 
@@ -116,6 +116,8 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     """In Hz, over the lines."""
     log = log_axis(omega)
     low, high = float(omega[omega > 0].min(initial=omega.max())) / HZ, float(omega.max()) / HZ
+    if not high:
+        return Axis(label="frequency [Hz]")
     if log:
         at_zero = " (0 Hz has no place on it)" if omega.min() == 0 else ""
         return Axis(label=f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))

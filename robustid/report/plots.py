@@ -200,7 +200,7 @@ def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, f
         if described.tick is not None:
             axis.set_major_locator(MultipleLocator(described.tick))
         elif not described.log:
-            ax.locator_params(axis=side, nbins=max(3, min(9, int(labels))))
+            axis.get_major_locator().set_params(nbins=max(3, min(9, int(labels))))
         if side == "y" or label_x:
             axis.set_label_text(_plain(described.label))
         if described.in_full and described.range is not None:
