@@ -48,12 +48,35 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
     commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
     assert [words[1] for words in commands] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
     for words in commands:
-        monkeypatch.setattr("sys.argv", words)
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        assert not stop.value.code, capsys.readouterr().err
+        run(words, capsys, monkeypatch)
     for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html", "fitted.npz", "fitted.html"):
         assert Path(name).stat().st_size > 0
+
+
+def run(words, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert not stop.value.code, capsys.readouterr().err
+
+
+def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, monkeypatch):
+    """Between the two commands, somebody measures."""
+    monkeypatch.chdir(tmp_path)
+    commands = [shlex.split(line) for line in block("sh", "<!-- from signals -->\n").splitlines()]
+    assert [words[1] for words in commands] == ["excite", "frf"]
+    run(commands[0], capsys, monkeypatch)
+    play, rng = rid.load_excitation("play.csv"), np.random.default_rng(0)
+    for k, u in enumerate(play.u):
+        u = np.tile(u, (play.periods, 1))
+        y = u @ [[1.0, 2.0], [0.5, -1.0]] + 0.01 * rng.standard_normal(u.shape)
+        rows = np.column_stack([play.dt * np.arange(len(u)), u, y])
+        np.savetxt(f"run{k + 1}.csv", rows, delimiter=",", header="time,u1,u2,y1,y2", comments="")
+    run(commands[1], capsys, monkeypatch)
+    frf = rid.load("frf.npz")
+    assert frf.omega.size == 79
+    assert np.all(np.abs(frf.values - np.array([[1.0, 0.5], [2.0, -1.0]])) <= frf.bound)
+    assert Path("frf.html").stat().st_size > 0
 
 
 def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
