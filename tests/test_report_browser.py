@@ -131,3 +131,20 @@ def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path
     shown = re.search(r'<text class="ytitle"[^>]*>(.*?)</text>', title, re.S)
     assert shown is not None
     assert shown.group(1).startswith("&lt;/script&gt;&lt;img src=x")
+
+
+def test_the_page_of_a_response_draws_every_plot_and_fits_narrow_windows(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((2, 1500, 2))
+    names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement of the table [mm]", "<b>angle</b>"]}
+    records = [rid.TimeRecord(x, x @ [[1, 2], [1, -1]] + rng.standard_normal(x.shape), dt=0.01, **names) for x in u]
+    write_report(rid.estimate_frf(records), tmp_path / "frf.html", records=records)
+    dom, console = opened(tmp_path / "frf.html", tmp_path / "profile")
+    assert console == []
+    found = plots(dom)
+    entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
+    assert set(found) == entries | {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
+    for name, markup in found.items():
+        assert re.search(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', markup, re.S), name
+    window, page = widths(tmp_path / "frf.html", 360, tmp_path)
+    assert page <= window

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from robustid.data import FrequencyResponse
 from robustid.report import frf_charts, frf_facts
 from robustid.report.charts import Layer
@@ -62,7 +64,8 @@ def _numbers(view: FrfView) -> list[tuple[str, str]]:
     found = [("lines", str(view.frf.omega.size))]
     if view.radius is not None:
         share = view.relative(view.radius)
-        found.append(("median bound / response, worst entry", f"{number(100 * float(share.max()), 2)} %"))
+        worst = ", worst entry" if share.size > 1 else ""
+        found.append((f"median bound / response{worst}", f"{number(100 * float(np.max(share)), 2)} %"))
     return found
 
 
