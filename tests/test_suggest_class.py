@@ -107,7 +107,22 @@ def test_data_without_a_mode_and_data_that_contradict_each_other():
     found = suggest_class(frequency=[smooth, again])
     assert found.problem is None
     assert found.next_line is None
-    assert "none is consistent" in found.summary()
+    assert "no candidate has a guaranteed error" in found.summary()
+
+
+def test_too_few_samples_to_cover_the_box_are_said_so():
+    """Two modes take three terms each, 12 functions: six lines and two samples can't tell them apart."""
+    data = rid.flexible_structure(lines=6, samples=2)
+    found = suggest_class(frequency=data.frequency)
+    assert found.recommended is None
+    assert "the box that the data leave can't be covered" in found.summary()
+
+
+def test_frequencies_in_any_order():
+    data = rid.flexible_structure(lines=8, samples=2)
+    best = suggest_class(frequency=data.frequency, modes=data.modes).recommended
+    there, back = (best.guaranteed(np.array(omega))[1] for omega in ([30.0, 60.0, 30.0], [60.0, 30.0, 60.0]))
+    assert there[0] == there[2] == back[1] != back[0] == there[1]
 
 
 def candidate(pairs, repeat, *error):

@@ -88,17 +88,18 @@ class ClassCandidate(Frozen):
         if self.problem is None:
             raise InputError(f"this candidate has no problem: {self.note}")
         result = identify(self.problem)
-        options: dict[str, Any] = {"omega": omega, "directions": _DIRECTIONS, "rtol": 0.1}
+        grid, place = np.unique(omega, return_inverse=True)
+        options: dict[str, Any] = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1}
         if not result.consistent:
-            return result, np.full(len(omega), np.nan)
+            return result, np.full(place.size, np.nan)
         if self.modes is not None and self.pairs and self.cell is None:
             box = self.modes.omega_interval, self.modes.damping_interval
             band = worst_case_over_poles(result, *box, delay=self.modes.delay, cells=_CELLS, **options)
-            return result, band.upper[:, 0, 0]
+            return result, band.upper[place, 0, 0]
         upper = worst_case_error(result, **options).upper[:, 0, 0]
         if self.cell is not None:
-            upper = upper + self.cell.remainder(np.asarray(omega) * self.problem.dt).sum(axis=1)
-        return result, upper
+            upper = upper + self.cell.remainder(grid * self.problem.dt).sum(axis=1)
+        return result, upper[place]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,7 +113,7 @@ class ClassSuggestion(Frozen):
     candidates : tuple of ClassCandidate
         Smallest mean error first; those without an error last.
     next_line : float or None, rad/s
-        Where the bound of the best one is largest: a line there shrinks it most. None where nothing is consistent.
+        Where the bound of the best one is largest: a line there shrinks it most. None where none has an error.
     """
 
     omega: np.ndarray
@@ -124,7 +125,7 @@ class ClassSuggestion(Frozen):
 
     @property
     def recommended(self) -> ClassCandidate | None:
-        """The simplest candidate within 5 % of the smallest error; None where the data are consistent with none."""
+        """The simplest candidate within 5 % of the smallest error; None where none has an error."""
         return choice(self.candidates)
 
     @property
@@ -140,7 +141,12 @@ class ClassSuggestion(Frozen):
             mark = "  <- recommended" if row is self.recommended else ""
             lines.append(f"{row.pairs:5d}{row.repeat:8d}" + _numbers(row) + (f"  {row.note}" if row.note else mark))
         if (best := self.recommended) is None or self.next_line is None:
-            return "\n".join([*lines, "none is consistent with the data: see `diagnose` for what would be"])
+            return "\n".join(
+                [
+                    *lines,
+                    "no candidate has a guaranteed error: no problem is recommended (`diagnose` says what inconsistent data need)",
+                ]
+            )
         if best.covers_box and best.modes is not None:
             lines += ["The errors hold for all poles in the box that the data leave:", best.modes.summary()]
             if (open_at := self.omega[np.isinf(best.error)]).size:
@@ -182,7 +188,7 @@ def rank(row: ClassCandidate) -> tuple[bool, int, float]:
 
 
 def choice(rows: Sequence[ClassCandidate]) -> ClassCandidate | None:
-    """The simplest that is as good as the best: a repeated pair contains the single one, and asks more of the data."""
+    """The simplest that is as good as the best: small differences come from where in its set each model lies."""
     unknown, unbounded, mean = min(map(rank, rows))
     if unknown:
         return None

@@ -184,7 +184,7 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.n
 
 def _why_not(other: KautzSuggestion, found: KautzSuggestion) -> str:
     """Why other numbers of modes than those found are left out; empty where they are worth a try."""
-    if np.any(other.level > 1) and np.all(found.level <= 1):
+    if other.omega.size < found.omega.size and np.any(other.level > 1) and np.all(found.level <= 1):
         return f"the lines contradict so few modes: bounds times {other.level.max() / 2:.3g}"
     if other.undetermined.sum() > found.undetermined.sum():
         return "the lines do not determine the poles of so many modes"
@@ -199,8 +199,11 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
     single = _part(data, pairs, 1, lambda: dataclasses.replace(data, parametric=modes.basis), modes)
     if not pairs or not single.problems:
         return [single]
-    cell = _whole_box(identify(single.problems[0]), modes)
-    relaxed = cell.relaxed(data)
+    try:
+        cell = _whole_box(identify(single.problems[0]), modes)
+        relaxed = cell.relaxed(data)
+    except InputError as error:  # too few samples for the terms that cover it
+        return [single._replace(note=f"the box that the data leave can't be covered: {error}")]
     if relaxed is None:
         return [single]
     ends = np.array(relaxed.parameter_bounds).reshape(pairs, -1, 2, 2)
