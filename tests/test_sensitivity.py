@@ -26,6 +26,15 @@ def test_larger_classes_and_fewer_lines_have_wider_bands():
     assert slower.median > stated.median > faster.median
     assert rows["every second line"].worst >= stated.worst
     assert "as stated" in found.summary()
+    abscissa, median = found.curve("gain")
+    np.testing.assert_allclose(abscissa, [0.1, 0.2, 0.4])
+    assert median.tolist() == [rows["gain bound x 0.5"].median, stated.median, rows["gain bound x 2"].median]
+    abscissa, median = found.curve("decay")
+    np.testing.assert_allclose(abscissa, [1.1, 1.2, 1.4])
+    assert np.all(np.diff(median) < 0)
+    assert found.curve("lines")[0].tolist() == [4, 8]
+    with pytest.raises(rid.InputError, match="`kind`"):
+        found.curve("poles")
 
 
 def test_a_refuted_variation_says_so():

@@ -11,11 +11,12 @@ import numpy as np
 from robustid._arrays import Frozen
 from robustid.certify import worst_case_error
 from robustid.certify.worst_case import as_frequencies
-from robustid.errors import InputTypeError, SolverError
+from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification import identify
 from robustid.interpolation import MixedProblem
 
 _POINTS, _DIRECTIONS = 7, 6
+_ABSCISSA = {"gain": "gain_bound", "decay": "decay_rate", "lines": "lines"}
 _FACTORS = (0.5, 2.0)  # of the gain bound, and of how far the decay rate is above 1
 
 
@@ -26,6 +27,11 @@ class Variation:
     Attributes
     ----------
     what : str
+    kind : {"stated", "gain", "decay", "lines"}
+        Which assumption is changed.
+    gain_bound, decay_rate : float
+    lines : int
+        Of all frequency responses together.
     margin : float
     median, worst : float
         Half-width of the set of consistent values relative to the response, over the frequencies; NaN where the data are not
@@ -33,6 +39,10 @@ class Variation:
     """
 
     what: str
+    kind: str
+    gain_bound: float
+    decay_rate: float
+    lines: int
     margin: float
     median: float
     worst: float
@@ -51,6 +61,17 @@ class Sensitivity(Frozen):
 
     omega: np.ndarray
     variations: tuple[Variation, ...]
+
+    def curve(self, kind: str) -> tuple[np.ndarray, np.ndarray]:
+        """Abscissa, ascending, and median half-width: of what was stated and the variations of one kind.
+
+        `kind`: "gain" (abscissa K), "decay" (rho) or "lines" (their number).
+        """
+        if kind not in _ABSCISSA:
+            raise InputError(f"`kind` must be one of {', '.join(map(repr, _ABSCISSA))}; got {kind!r}")
+        rows = [row for row in self.variations if row.kind in ("stated", kind)]
+        rows.sort(key=lambda row: getattr(row, _ABSCISSA[kind]))
+        return np.array([getattr(row, _ABSCISSA[kind]) for row in rows]), np.array([row.median for row in rows])
 
     def summary(self) -> str:
         """The table, and how to read it."""
@@ -94,7 +115,10 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
-    rows = [Variation(what, *guaranteed(changed, grid)) for what, changed in _variations(problem)]
+    rows = []
+    for what, kind, changed in _variations(problem):
+        prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
+        rows.append(Variation(what, kind, prior.gain_bound, prior.decay_rate, lines, *guaranteed(changed, grid)))
     return Sensitivity(grid, tuple(rows))
 
 
@@ -119,18 +143,22 @@ def half_width(support: np.ndarray) -> float:
     return float((support[:half] + support[half:]).max() / 2)
 
 
-def _variations(problem: MixedProblem) -> Iterator[tuple[str, MixedProblem]]:
+def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]]:
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    yield "as stated", problem
+    yield "as stated", "stated", problem
     for factor in _FACTORS:
-        yield f"gain bound x {factor:g}", problem.with_prior(gain_bound=factor * K)
+        yield f"gain bound x {factor:g}", "gain", problem.with_prior(gain_bound=factor * K)
     for factor in _FACTORS:
         changed = 1 + factor * (rho - 1)
-        yield f"decay rate {changed:.5g} (was {rho:.5g})", problem.with_prior(decay_rate=changed)
+        yield f"decay rate {changed:.5g} (was {rho:.5g})", "decay", problem.with_prior(decay_rate=changed)
     for step in (2, 4):
         if problem.frequency and min(f.omega.size for f in problem.frequency) >= 4 * step:
             thinned = tuple(f.select(slice(0, None, step)) for f in problem.frequency)
-            yield f"every {'second' if step == 2 else 'fourth'} line", dataclasses.replace(problem, frequency=thinned)
+            yield (
+                f"every {'second' if step == 2 else 'fourth'} line",
+                "lines",
+                dataclasses.replace(problem, frequency=thinned),
+            )
 
 
 def default_points(problem: MixedProblem) -> np.ndarray:
