@@ -1,12 +1,13 @@
 """Measured data: a fine steering mirror, three piezo voltages to three displacements, from records to a validated model.
 
 Random-phase multisine from 0.8 Hz to 3 kHz. The piezos aren't linear: what no linear model can explain is measured first.
-Data: fsm_cubespec/ of github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024). Set ROBUSTID_DATA
-to the folder that holds fsm_cubespec/.
+Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder
+that ROBUSTID_DATA names.
 Run: python steering_mirror.py --out folder (--orders 34: that one only)
 """
 
 import argparse
+import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from robustid.mfd.order import suggest_order
 from robustid.report import plot_fit, plot_stabilisation
 
 DT = 1 / 6400
+PERIOD = 8192
 # Order 36 wants a pole beyond z = -1, where no line is: kept stable it ends at the boundary, an undamped mode at 3.2 kHz.
 ORDERS = (20, 28, 34)
 # Every 8th line, 6 Hz apart: 8 times faster, and enough for modes 14 Hz wide. From order 40 on the fit spends states on
@@ -28,20 +30,13 @@ THINNED = 8
 
 
 def mirror_records(name):
-    """Every realisation of the excitation as one record: voltages to displacements [m], mean of its two steady periods."""
-    u, y = (np.load(rid.datasets.find(f"fsm_cubespec/{letter}_300mV_{name}.npy")).mean(axis=3) for letter in "uy")
-    return [
-        rid.TimeRecord(
-            # Offsets of the sensors are no response.
-            u[..., k] - u[..., k].mean(axis=0),
-            y[..., k] - y[..., k].mean(axis=0),
-            dt=DT,
-            initial="periodic",
-            inputs=[f"piezo {j + 1} [V]" for j in range(3)],
-            outputs=[f"sensor {j + 1} [m]" for j in range(3)],
-        )
-        for k in range(u.shape[2])
-    ]
+    """Every realisation of the excitation: voltages to displacements [m], mean of its two steady periods."""
+    means = []
+    for record in rid.datasets.load(f"fsm/{name}"):
+        u, y = (signal.reshape(-1, PERIOD, 3).mean(axis=0) for signal in (record.u, record.y))
+        # Offsets of the sensors are no response.
+        means.append(dataclasses.replace(record, u=u - u.mean(axis=0), y=y - y.mean(axis=0)))
+    return means
 
 
 def nrms(residuals, records):

@@ -72,7 +72,7 @@ def _measurement(out: Any, path: Path, options: Options) -> Any:
         if found.kind not in (None, kind):
             raise InputError(f"{path.name} holds {found.kind} data; use --{found.kind} {path}")
         data = load(path, kind=kind, fields=fields, dt=options.dt, bound=options.bound,
-                    frequency_unit=options.unit or "rad/s", initial=options.initial)  # fmt: skip
+                    frequency_unit=options.unit, initial=options.initial)  # fmt: skip
         if data.dt is None:
             raise InputError(f"{path.name} has no sample time: give --dt")
         if data.bound is None:
@@ -163,6 +163,7 @@ def in_options(text: str, kind: str) -> str:
         (r"`fields\['(\w+)'\]`", rf"{field} \1"),
         (r"`fields`", f"{field} ROLE=NAME"),
         (r"`dt`", "--dt"),
+        (r"`frequency_unit`", "--frequency-unit"),
         (r"`low_hz` = (\S+) and `high_hz` = (\S+) Hz", r"\1 and \2 Hz (--band)"),
     ):
         text = re.sub(pattern, words, text)

@@ -133,7 +133,7 @@ def _read(console: Any, source: Path, options: Any) -> Any:
         if found.kind not in (None, "frequency"):
             raise InputError(f"{source.name} holds {found.kind} data; a frequency response is needed")
         unit = options.unit or "rad/s"
-        frf: Any = load(source, kind="frequency", fields=fields, dt=options.dt, frequency_unit=unit)
+        frf: Any = load(source, kind="frequency", fields=fields, dt=options.dt, frequency_unit=options.unit)
         frf = part(frf, options)
     except (InputError, InputTypeError, FileFormatError) as error:
         words = in_options(str(error), "frequency")

@@ -17,3 +17,17 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "realdata" in item.keywords:
             item.add_marker(missing)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_downloads(tmp_path_factory):
+    """No test touches the network, nor what a user has downloaded before."""
+    import pooch
+
+    def refuse(self, url, output_file, pooch, check_only=False):
+        raise ConnectionError("tests don't download")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pooch.HTTPDownloader, "__call__", refuse)
+        patch.setattr(pooch, "os_cache", lambda project: tmp_path_factory.mktemp("cache") / project)
+        yield

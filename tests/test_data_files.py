@@ -94,7 +94,7 @@ def write_matlab73(path, variables):
 # --- what save writes
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
 @pytest.mark.parametrize("make", [full_frf, full_record, lambda: full_frf().channel(1, 2)])
 def test_round_trip_is_exact(tmp_path, make, suffix):
     data, path = make(), tmp_path / f"data{suffix}"
@@ -103,7 +103,7 @@ def test_round_trip_is_exact(tmp_path, make, suffix):
     assert os.listdir(tmp_path) == [path.name]
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
 def test_a_bound_of_the_user_s_takes_the_place_of_a_stored_one(tmp_path, suffix):
     save(tmp_path / f"data{suffix}", full_frf())
     again = load(tmp_path / f"data{suffix}", bound=0.5)
@@ -112,11 +112,12 @@ def test_a_bound_of_the_user_s_takes_the_place_of_a_stored_one(tmp_path, suffix)
 
 
 @example(values=np.full(5, complex(-0.0, 1.0)), bound=1.0, suffix=".csv")
+@example(values=np.full(5, complex(1.0, -0.0)), bound=1.0, suffix=".mat")
 @settings(max_examples=40, deadline=None)
 @given(
     values=arrays.arrays(complex, 5, elements=st.complex_numbers(allow_nan=False, allow_infinity=False)),
     bound=st.floats(5e-324, 1e308),
-    suffix=st.sampled_from([".npz", ".csv"]),
+    suffix=st.sampled_from([".npz", ".csv", ".mat"]),
 )
 def test_round_trip_of_any_numbers(tmp_path_factory, values, bound, suffix):
     path = tmp_path_factory.mktemp("any") / f"data{suffix}"
@@ -155,7 +156,7 @@ def test_contents_decide_and_not_the_ending(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "sentence"), [("a.mat", r"must end in \.npz or \.csv"), ("no/a.csv", "can't be written")]
+    ("name", "sentence"), [("a.txt", r"must end in \.npz, \.csv, \.mat; got"), ("no/a.csv", "can't be written")]
 )
 def test_save_refuses_and_leaves_nothing(tmp_path, name, sentence):
     with pytest.raises(InputError, match=sentence):
@@ -321,9 +322,11 @@ def truncated_hdf5(path):
     path.write_bytes(path.read_bytes()[:1500])
 
 
-def foreign_hdf5(path):
+def linked_hdf5(path):
+    """Numbers that another file on the machine would give."""
+    (path.parent / "secret.bin").write_bytes(bytes(48))
     with h5py.File(path, "w") as file:
-        file["u"] = U
+        file.create_dataset("u", shape=(6,), dtype=float, external=[(str(path.parent / "secret.bin"), 0, 48)])
 
 
 def spreadsheet(path):
@@ -348,6 +351,11 @@ def other_description(**changes):
     return changed_lines(change)
 
 
+def complex_cells(lines):
+    return ",".join("1+2j" if name.startswith(("real", "imag")) else cell
+                    for name, cell in zip(lines[1].split(","), lines[-1].split(","), strict=True))  # fmt: skip
+
+
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(600)
 BAD_FILES = {
     "empty.csv": (text(""), "is empty"),
@@ -370,10 +378,11 @@ BAD_FILES = {
     "cut.npz": (truncated_npz, "can't be read as .npz .*cut off"),
     "cut.mat": (truncated_matlab, "can't be read as a MATLAB file"),
     "cut73.mat": (truncated_hdf5, "can't be read as HDF5 .*cut off"),
-    "other.h5": (foreign_hdf5, "HDF5 file without MATLAB"),
+    "linked.h5": (linked_hdf5, "u lies in other files, which are never opened"),
     "lines.csv": (changed_lines(lambda lines: lines[:-1]), "written with 4 samples"),
     "columns.csv": (other_description(shapes={"omega": [], "values": 3}), "doesn't fit its arrays"),
     "newer.csv": (other_description(robustid=99), "written in format 99 .*newer robustid"),
+    "complex.csv": (changed_lines(lambda lines: [*lines[:-1], complex_cells(lines)]), "hold complex numbers"),
     "facts.csv": (changed_lines(lambda lines: ["# robustid {", *lines[1:]]), "description .* is damaged"),
 }
 

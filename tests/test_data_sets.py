@@ -1,12 +1,14 @@
 """The simulated structure against its stated properties, and the measured data that others published."""
 
 import copy
+import dataclasses
 import hashlib
 import os
 import pathlib
 
 import control
 import numpy as np
+import pooch
 import pytest
 
 from robustid.data import TimeRecord, datasets, estimate_frf, flexible_structure
@@ -142,8 +144,8 @@ def test_absent_files_say_where_to_get_them(monkeypatch, tmp_path):
     monkeypatch.setenv("ROBUSTID_DATA", str(tmp_path))
     with pytest.raises(DatasetNotFoundError, match=r"is not in .*: get it from"):
         datasets.load(TWO_MASS)
-    with pytest.raises(InputError, match=r"`name` must be one of .* got 'two_mass'"):
-        datasets.find("two_mass")
+    with pytest.raises(InputError, match=r"`name` must be one of .* got 'three_mass'"):
+        datasets.load("three_mass")
 
 
 def test_a_changed_file_is_found_out(monkeypatch, tmp_path):
@@ -157,7 +159,7 @@ def test_a_changed_file_is_found_out(monkeypatch, tmp_path):
     monkeypatch.setitem(
         datasets.DATASETS,
         TWO_MASS,
-        datasets.Dataset("", "", "", hashlib.sha256(b"something else").hexdigest()),
+        dataclasses.replace(datasets.DATASETS[TWO_MASS], sha256=hashlib.sha256(b"something else").hexdigest()),
     )
     assert datasets.find(TWO_MASS, verify=True) == path
 
@@ -203,6 +205,120 @@ class TestMeasured:
         assert record.u.shape == record.y.shape == (120001, 2)
         assert record.dt == 1e-3
 
-    def test_models_are_no_records(self):
-        with pytest.raises(InputError, match="is no record of one experiment"):
-            datasets.load("slicot/build.mat")
+    def test_beam_ring_is_the_symmetric_and_the_antisymmetric_sweep(self):
+        symmetric, antisymmetric = datasets.load("beam_ring")
+        assert (
+            np.mean(symmetric.u[:, 0] * symmetric.u[:, 1]) > 0 > np.mean(antisymmetric.u[:, 0] * antisymmetric.u[:, 1])
+        )
+
+    def test_two_mass_by_its_short_name(self):
+        assert datasets.load("two_mass", dt=0.5).dt == 0.5
+        np.testing.assert_array_equal(datasets.load("two_mass").y, datasets.load(TWO_MASS).y)
+
+    @pytest.mark.parametrize(("part", "realisations"), [("train", 6), ("test", 3)])
+    def test_mirror_records_keep_their_periods(self, part, realisations):
+        records = datasets.load(f"fsm/{part}")
+        assert len(records) == realisations
+        u, y = (np.load(datasets.find(f"fsm_cubespec/{signal}_300mV_{part}.npy")) for signal in "uy")
+        for k, record in enumerate(records):
+            assert record.u.shape == record.y.shape == (2 * 8192, 3)
+            assert (record.initial, 1 / record.dt) == ("periodic", 6400)
+            for period in (0, 1):
+                np.testing.assert_array_equal(record.y[period * 8192 :][:8192], y[:, :, k, period])
+                np.testing.assert_array_equal(record.u[period * 8192 :][:8192], u[:, :, k, period])
+        with pytest.raises(InputError, match="is read in one way; leave out dt"):
+            datasets.load(f"fsm/{part}", dt=1)
+
+    @pytest.mark.parametrize(
+        ("name", "states", "size", "damping"),
+        [("CDplayer", 120, 2, 0.01), ("iss1R", 270, 3, 0.005), ("beam", 348, 1, 0.0103), ("build", 48, 1, 0.023)],
+    )
+    def test_models(self, name, states, size, damping):
+        """Facts that stand beside the files."""
+        model = datasets.load(name)
+        poles = np.linalg.eigvals(model.A)
+        assert (model.nstates, model.D.shape, model.dt) == (states, (size, size), 0)
+        assert not np.any(model.D)
+        assert poles.real.max() < 0
+        assert np.min(-poles.real / np.abs(poles)) == pytest.approx(damping, rel=0.03)
+        assert datasets.load(f"slicot/{name}.mat").nstates == states
+
+    def test_one_array_is_no_record(self):
+        with pytest.raises(InputError, match="is no record of one experiment; load 'fsm/train'"):
+            datasets.load("fsm_cubespec/u_300mV_test.npy")
+
+
+class Origin:
+    """Stands in for the network: what is at which address, and what was asked for."""
+
+    def __init__(self, monkeypatch, tmp_path, contents):
+        self.asked, self.contents = [], contents
+        monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+        monkeypatch.setattr(pooch, "os_cache", lambda project: tmp_path / project)
+        origin = self
+
+        def get(self, url, output_file, pooch, check_only=False):
+            origin.asked.append(url)
+            with open(output_file, "wb") if isinstance(output_file, str) else output_file as file:
+                file.write(origin.contents)
+
+        monkeypatch.setattr(pooch.HTTPDownloader, "__call__", get)
+
+
+URL = "https://raw.githubusercontent.com/HoriFujimotoLab/FdiTools/5925fae7/Examples/private/MultisineTypeA.mat"
+
+
+def known_as(monkeypatch, contents):
+    sha256 = hashlib.sha256(contents).hexdigest()
+    monkeypatch.setitem(datasets.DATASETS, TWO_MASS, dataclasses.replace(datasets.DATASETS[TWO_MASS], sha256=sha256))
+
+
+def test_download_once_verified_and_with_its_licence_said(monkeypatch, tmp_path, caplog):
+    origin = Origin(monkeypatch, tmp_path, b"measured")
+    known_as(monkeypatch, b"measured")
+    with caplog.at_level("INFO", logger="robustid"):
+        path = datasets.fetch(TWO_MASS)
+    assert path == tmp_path / "robustid" / TWO_MASS
+    assert path.read_bytes() == b"measured"
+    assert "licence: MIT" in caplog.text
+    assert "cite: Hori-Fujimoto Lab" in caplog.text
+    assert datasets.fetch(TWO_MASS) == path
+    assert origin.asked == [URL]
+    # damaged in the cache: fetched again
+    path.write_bytes(b"damaged")
+    assert datasets.fetch(TWO_MASS).read_bytes() == b"measured"
+    assert origin.asked == [URL, URL]
+
+
+def test_the_folder_of_the_user_goes_first(monkeypatch, tmp_path):
+    origin = Origin(monkeypatch, tmp_path, b"measured")
+    known_as(monkeypatch, b"measured")
+    monkeypatch.setenv("ROBUSTID_DATA", str(tmp_path / "mine"))
+    (tmp_path / "mine" / "two_mass").mkdir(parents=True)
+    (tmp_path / "mine" / TWO_MASS).write_bytes(b"mine")
+    assert datasets.fetch(TWO_MASS).read_bytes() == b"mine"
+    assert origin.asked == []
+    (tmp_path / "mine" / TWO_MASS).unlink()
+    assert datasets.fetch(TWO_MASS).read_bytes() == b"measured"
+
+
+def test_another_file_than_the_published_one_is_refused(monkeypatch, tmp_path):
+    Origin(monkeypatch, tmp_path, b"something else")
+    with pytest.raises(FileFormatError, match=r"what came from https.* isn't the published file \(SHA-256\)"):
+        datasets.fetch(TWO_MASS)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_an_origin_out_of_reach_says_where_to_get_the_file(monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    sentence = "not set now: get it from github HoriFujimotoLab.*The download from https.* failed: tests don't download"
+    with pytest.raises(DatasetNotFoundError, match=sentence):
+        datasets.load("two_mass")
+
+
+def test_every_name_is_described():
+    for name in (*datasets.NAMES, *datasets.DATASETS):
+        text = datasets.describe(name)
+        assert all(word in text for word in (name, "origin: github", "licence: ", "cite: "))
+    with pytest.raises(InputError, match="must be one of"):
+        datasets.describe("three_mass")

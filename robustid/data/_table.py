@@ -1,0 +1,47 @@
+"""What the readers of all formats give: named arrays, and guards against files that claim to be enormous."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import FileFormatError
+
+# Deflate, the densest code of these formats, can't shrink data to less than 1/1032.
+_DENSEST = 1032
+_USUAL = 200  # measurements never shrink as far
+_LARGE = 2**30  # bytes; what expands to less does no harm
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Arrays by name, and what else a file says.
+
+    A text column that isn't made of numbers is kept as the error to raise where somebody asks for it.
+    """
+
+    path: Path
+    columns: dict[str, np.ndarray | FileFormatError]
+    meta: Any = None  # the description that `save` leaves
+    texts: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    objects: dict[str, str] = dataclasses.field(default_factory=dict)  # name and class of what can't be read
+    facts: dict[str, dict[str, Any]] = dataclasses.field(
+        default_factory=dict
+    )  # arguments that the file states, by kind
+
+
+def check_growth(path: Path, name: str, declared: int, stored: int) -> None:
+    """Refuse what declares more bytes than its stored bytes can hold, before anything is allocated."""
+    if declared > _DENSEST * stored + 4096 or (declared > _LARGE and declared > _USUAL * stored):
+        raise FileFormatError(
+            f"{path.name}: {name} declares {declared:.3g} bytes and the file holds {stored:.3g} for it; it is cut off or"
+            " damaged. Write it again, uncompressed if it really holds so much"
+        )
+
+
+def said(error: BaseException) -> str:
+    """First line of what a foreign library says."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]
