@@ -39,6 +39,21 @@ def torsion_record():
     )
 
 
+def opened(argv, description):
+    """The record, and the folder for what is written; two None, and a sentence, where there are no data."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("--out", type=Path, help="folder for pictures and report (default: a temporary one)")
+    arguments = parser.parse_args(argv)
+    try:
+        record = torsion_record()
+    except DatasetNotFoundError as missing:
+        print(f"This example needs measured data. {missing}")
+        return None, None
+    out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
+    out.mkdir(parents=True, exist_ok=True)
+    return record, out
+
+
 def stretch_of_mean_period(record):
     """A short stretch of the mean period: past input known for 30 samples, unknown before, state of the modes free.
 
@@ -67,16 +82,9 @@ def stretch_of_mean_period(record):
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, help="folder for pictures and report (default: a temporary one)")
-    arguments = parser.parse_args(argv)
-    try:
-        record = torsion_record()
-    except DatasetNotFoundError as missing:
-        print(f"This example needs measured data. {missing}")
+    record, out = opened(argv, __doc__)
+    if record is None:
         return
-    out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
-    out.mkdir(parents=True, exist_ok=True)
 
     frf = rid.estimate_frf(record, period=PERIOD)
     hz = frf.freq_hz

@@ -8,18 +8,14 @@ Data: two_mass/MultisineTypeA.mat of github HoriFujimotoLab/FdiTools (MIT). Set 
 Run: python torsion_margin.py --out folder (less than a minute)
 """
 
-import argparse
 import dataclasses
-import tempfile
-from pathlib import Path
 
 import control
 import numpy as np
-from motor_torsion import PERIOD, SPARE, torsion_record
+from motor_torsion import PERIOD, SPARE, opened
 
 import robustid as rid
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
-from robustid.errors import DatasetNotFoundError
 from robustid.report import plot_nyquist, plot_worst_case, write_report
 
 CROSSOVERS_HZ = (0.5, 1.0, 2.0, 3.0, 4.0)  # of the integral controllers, by the static gain
@@ -59,16 +55,9 @@ def integrator(crossover_hz, model):
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, help="folder for pictures and report (default: a temporary one)")
-    arguments = parser.parse_args(argv)
-    try:
-        record = torsion_record()
-    except DatasetNotFoundError as missing:
-        print(f"This example needs measured data. {missing}")
+    record, out = opened(argv, __doc__)
+    if record is None:
         return
-    out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
-    out.mkdir(parents=True, exist_ok=True)
 
     frf = rid.estimate_frf(record, period=PERIOD)
     modes = suggest_kautz(frf)

@@ -13,14 +13,16 @@ from pathlib import Path
 import numpy as np
 
 import robustid as rid
+from robustid.certify import response_tube
 from robustid.identification.simulation import response
-from robustid.report import plot_nyquist, plot_worst_case, write_report
+from robustid.report import plot_nyquist, plot_tube, plot_worst_case, write_report
 
 # Between the samples, where nothing was measured: from 0 Hz to the Nyquist frequency, and around the light mode.
 FREQUENCIES_HZ = np.array(
     [0, 2, 4, 6, 8, 9, 10, 12, 14, 16, 17.05, 17.45, 17.65, 17.67, 17.75, 18.05, 19.5, 24, 32, 50]
 )
 DIRECTIONS = 10  # sides of each polygon: upper bounds at most 5 % above the truth
+TUBE = 40  # samples of the step response
 
 
 def main(argv=None):
@@ -76,8 +78,11 @@ def main(argv=None):
     plot_worst_case(error).savefig(out / "guaranteed.png", dpi=110)
     plot_worst_case(small).savefig(out / "guaranteed_reduced.png", dpi=110)
     plot_nyquist(error).savefig(out / "nyquist.png", dpi=110)
+    tube = response_tube(result, input="step", horizon=TUBE)
+    print(f"\nThe step response, over {TUBE} samples:\n{tube.summary()}")
+    plot_tube(tube).savefig(out / "step.png", dpi=110)
     title = "Flexible structure: what is guaranteed"
-    write_report(result, out / "report.html", reduction=reduced, worst_case=error, title=title)
+    write_report(result, out / "report.html", reduction=reduced, worst_case=error, tube=tube, title=title)
     print(f"\nPictures and report: {out}")
 
 

@@ -194,7 +194,7 @@ def verify(
     from robustid.certify.storage import FORMAT, FORMAT_POLES
     from robustid.identification import load_identification
 
-    console, form = terminal.console(), _format(source)
+    console, form = terminal.console(), saved_format(source)
     with in_words(_OPTIONS):
         if form in (FORMAT, FORMAT_POLES):
             result = (load_worst_case_error if form == FORMAT else load_pole_band)(source)
@@ -219,7 +219,7 @@ def _say(console: Any, *texts: str) -> None:
         console.print(plain(text), highlight=False, soft_wrap=True)
 
 
-def _format(source: Path) -> str | None:
+def saved_format(source: Path) -> str | None:
     """What the text beside the numbers says it is; None where it can't be read."""
     from robustid.identification.storage import paths
 

@@ -11,7 +11,9 @@ from typing import Any
 
 from robustid import _terminal as terminal
 from robustid._terminal import plain, step
-from robustid.errors import InputError, InputTypeError, SizeError, SolverError
+from robustid.errors import InputError, InputTypeError, SizeError, SolverError, Status
+
+EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
 def identified(

@@ -11,13 +11,13 @@ from robustid import _terminal as terminal
 from robustid._cli_certify import bounds, verify
 from robustid._cli_excite import excite
 from robustid._cli_fit import fit
-from robustid._cli_steps import finish, identified, repeat_warnings, say_written, size_in_options, sources
+from robustid._cli_report import report
+from robustid._cli_steps import EXIT, finish, identified, say_written, size_in_options, sources
 from robustid._terminal import plain, step
 from robustid._version import __version__
 from robustid.data._roles import FREQUENCY, TIME
-from robustid.errors import InputError, Status
+from robustid.errors import InputError
 
-EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 _CODES = """Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
     70 an error of the program, 130 interrupted."""
 
@@ -266,31 +266,7 @@ def reduce(
     say_written(console, output)
 
 
-@app.command()
-def report(
-    source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
-    title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
-    reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
-    force: Force = False,
-) -> None:
-    """Write the report of a saved identification again; its claims are verified again from the numbers."""
-    from robustid.identification import load_identification
-    from robustid.reduction import reduce_within_bounds
-    from robustid.report import render_summary, write_report
-
-    terminal.check_outputs([output], sources(source), force)
-    console = terminal.console()
-    result = load_identification(source)
-    reduction = None
-    if reduce:
-        with step(console, "searching for the smallest order"):
-            reduction = reduce_within_bounds(result)
-    write_report(result, output, reduction=reduction, title=title)
-    console.print(render_summary(result, reduction))
-    say_written(console, output)
-    repeat_warnings(console, result)
-    raise typer.Exit(EXIT[result.status])
+app.command()(report)
 
 
 def _load_identification(path: Path) -> Any:

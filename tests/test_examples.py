@@ -85,8 +85,9 @@ def test_motor_torsion(tmp_path, capsys):
 def test_worst_case(tmp_path, capsys, monkeypatch):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
+    monkeypatch.setattr(example, "TUBE", 5)
     example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png"])
+    check_files(tmp_path, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png", "step.png"])
     assert "What is guaranteed" in (tmp_path / "report.html").read_text(encoding="utf-8")
     printed = capsys.readouterr().out
     assert "solver: all hold" in printed

@@ -5,33 +5,23 @@ from __future__ import annotations
 import dataclasses
 import decimal
 import re
-import types
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import robustid as rid
+from report_pages import NASTY, Page, identified, named
 from robustid.certify import CircleBound
-from robustid.report import plot_nyquist, plot_tube, plot_worst_case, write_report
+from robustid.report import plot_nyquist, plot_worst_case, write_report
 from robustid.report import worst_case_charts as charts
 from robustid.report import worst_case_facts as facts
-from robustid.report.charts import Layer, Panel
+from robustid.report.charts import Layer
 from robustid.report.html import render_report
 from robustid.report.style import number
-from test_report import NASTY, Page
 from test_report_browser import CHROMIUM, opened, plots, widths
 
 HZ = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
-
-
-def identified(tilt: Any = None, **names: Any) -> rid.Identification:
-    data = rid.flexible_structure(lines=5, extra_hz=(17.5, 17.7))
-    frf = dataclasses.replace(data.frequency, tilt=tilt, **names)
-    modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=frf.dt, delay=1)
-    prior = rid.Prior(gain_bound=0.3, decay_rate=1.2)
-    return rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes))
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +35,6 @@ def with_circle(error: rid.WorstCaseError) -> rid.WorstCaseError:
     edges = np.array([0.0, 10.0, 100.0, np.pi / error.identification.problem.dt])
     copy.__dict__["circle"] = CircleBound(edges, np.array([0.4, 0.9, 0.123456]), 0.3, True, ())
     return copy
-
-
-def named(panel: Panel, name: str) -> Layer:
-    return next(layer for layer in panel.layers if layer.name == name)
 
 
 def at(layer: Layer, hz: np.ndarray) -> np.ndarray:
@@ -108,18 +94,18 @@ def test_error_panel_shows_both_ends_and_the_circle_only_if_computed(error: rid.
 def test_areas_of_a_curve_with_gaps_have_none() -> None:
     x = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     curve = Layer(name="phase", x=x, y=np.array([0.0, -170.0, np.nan, 170.0, 90.0, 80.0]), colour="")
-    pieces = charts._areas("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 2.0], [-3.0, 4.0]]))
+    pieces = charts.band_around("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 2.0], [-3.0, 4.0]]))
     assert [piece.x.tolist() for piece in pieces] == [[2.0], [4.0, 5.0]]
     share = np.log(2) / np.log(2.5)
     np.testing.assert_allclose(pieces[1].low, [170 - 1 - 2 * share, 87])
     np.testing.assert_allclose(pieces[1].high, [170 + 2 + 2 * share, 94])
-    anything = charts._areas(
+    anything = charts.band_around(
         "band", curve, np.array([2.0, 4.0, 5.0]), np.array([[-1.0, 2.0], [-3, 4], [np.nan, np.nan]])
     )
     assert [(piece.low.tolist(), piece.high.tolist()) for piece in anything[:1]] == [([-171.0], [-168.0])]
     np.testing.assert_allclose([anything[1].low, anything[1].high], [[167, -90], [174, 270]])
     dense = dataclasses.replace(curve, x=np.array([4.0, 4.5, 5.0]), y=np.zeros(3))
-    (area,) = charts._areas("band", dense, np.array([4.0, 5.0]), np.array([[-3.0, 4.0], [np.nan, np.nan]]))
+    (area,) = charts.band_around("band", dense, np.array([4.0, 5.0]), np.array([[-3.0, 4.0], [np.nan, np.nan]]))
     assert area.low.tolist() == [-3, -180, -180]  # not interpolated towards a phase that can be anything
 
 
@@ -189,31 +175,6 @@ def test_one_frequency_and_sets_without_attained_points_are_drawn(error: rid.Wor
         assert "frequencies from" not in page.text
 
 
-def test_tube_of_a_stand_in(error: rid.WorstCaseError) -> None:
-    t = np.array([0.0, 0.01, 0.03])
-    tube = types.SimpleNamespace(
-        identification=error.identification,
-        input="step",
-        times=t,
-        nominal=np.array([0.0, 0.5, 0.9]),
-        lower=np.array([-0.1, 0.3, 0.8]),
-        upper=np.array([0.1, 0.6, 1.1]),
-        attained=np.array([[-0.09, 0.08], [0.31, np.nan], [0.82, 1.0]]),
-    )
-    figure = plot_tube(tube)
-    figure.canvas.draw()
-    (ax,) = figure.axes
-    corners = ax.collections[0].get_paths()[0].vertices
-    for x, *ends in zip(t, tube.lower, tube.upper, strict=True):
-        assert all(np.any(np.all(corners == [x, end], axis=1)) for end in ends)
-    curve, reached = ax.lines
-    np.testing.assert_array_equal(curve.get_ydata(), tube.nominal)
-    np.testing.assert_array_equal(reached.get_xdata(), [*t, *t])
-    np.testing.assert_array_equal(reached.get_ydata(), [*tube.attained[:, 0], *tube.attained[:, 1]])
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "displacement [mm]")
-    assert ax.get_title(loc="left") == "Step response: force rises by 1 N at 0 s"
-
-
 # ---------------------------------------------------------------- what is said
 
 
@@ -279,6 +240,13 @@ def test_page_is_as_before_without_a_guarantee(error: rid.WorstCaseError) -> Non
     assert "guarante" not in Page(alone).text
 
 
+def test_a_loaded_copy_is_the_same_identification(error: rid.WorstCaseError, tmp_path: Path) -> None:
+    error.save(tmp_path / "bounds")
+    loaded = rid.load_worst_case_error(tmp_path / "bounds")
+    assert loaded.identification is not error.identification
+    assert facts.sentence(error) in Page(render_report(error.identification, worst_case=loaded)).text
+
+
 def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCaseError) -> None:
     value = error.values[2]
     forged = dataclasses.replace(value, support=value.support * 0.99)
@@ -308,7 +276,7 @@ def test_text_of_strangers_is_escaped() -> None:
 
 
 def test_misuse_is_named(error: rid.WorstCaseError, tmp_path: Path) -> None:
-    other = identified()
+    other = identified(np.full(7, 0.1))
     with pytest.raises(rid.InputError, match="`worst_case` is about another identification"):
         write_report(other, tmp_path / "a.html", worst_case=error)
     with pytest.raises(rid.InputTypeError, match="`worst_case` must be a WorstCaseError"):

@@ -15,7 +15,9 @@ from robustid._version import __version__
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import charts, evidence, facts, worst_case_charts, worst_case_facts
+from robustid.report import charts, evidence, facts, rests_on, worst_case_charts, worst_case_facts
+from robustid.report import over_poles as over_poles_section
+from robustid.report import tube as tube_section
 from robustid.report.plotly_figures import Figure, figures, plotly_figure
 from robustid.report.poles import pole_table
 from robustid.report.style import number
@@ -23,7 +25,8 @@ from robustid.report.style import number
 if TYPE_CHECKING:
     import control
 
-    from robustid.certify import WorstCaseError
+    from robustid.advice import Sensitivity
+    from robustid.certify import PoleBand, ResponseTube, WorstCaseError
     from robustid.data import FrequencyResponse
     from robustid.mfd.order_sweep import OrderSweep
     from robustid.reduction import Reduction
@@ -41,6 +44,9 @@ def write_report(
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
     worst_case: WorstCaseError | None = None,
+    tube: ResponseTube | None = None,
+    over_poles: PoleBand | None = None,
+    sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
 ) -> None:
@@ -54,7 +60,7 @@ def write_report(
     Parameters
     ----------
     identification : Identification or MatrixFraction
-        Whatever its outcome.
+        Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
     reduction : Reduction, optional
@@ -66,6 +72,12 @@ def write_report(
     worst_case : WorstCaseError, optional
         From `worst_case_error(identification)`, of any model: adds the guarantee, its proof and what it assumes. All
         certificates are evaluated again; the bound on the whole circle is shown if it has been computed.
+    tube : ResponseTube, optional
+        From `response_tube(identification)`: adds the guaranteed range in time, with the records of the same input.
+    over_poles : PoleBand, optional
+        From `worst_case_over_poles(identification, ...)`: adds the guarantee that covers a box of poles, beside `worst_case`.
+    sensitivity : Sensitivity, optional
+        From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions.
     data : FrequencyResponse, optional
         What the matrix fraction was fitted to: names of the channels, and the noise.
     order_sweep : OrderSweep, optional
@@ -95,6 +107,9 @@ def write_report(
         title=title,
         models=models,
         worst_case=worst_case,
+        tube=tube,
+        over_poles=over_poles,
+        sensitivity=sensitivity,
         data=data,
         order_sweep=order_sweep,
     )
@@ -109,6 +124,9 @@ def render_report(
     title: str | None = None,
     models: Mapping[str, control.StateSpace] | None = None,
     worst_case: WorstCaseError | None = None,
+    tube: ResponseTube | None = None,
+    over_poles: PoleBand | None = None,
+    sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
 ) -> str:
@@ -120,8 +138,12 @@ def render_report(
         )
     if title is not None and not isinstance(title, str):
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
-    of_identification = {"reduction": reduction, "models": models, "worst_case": worst_case}
-    foreign = of_identification if fitted else {"data": data, "order_sweep": order_sweep}
+    guarantees = {"worst_case": worst_case, "tube": tube, "over_poles": over_poles, "sensitivity": sensitivity}
+    foreign = (
+        {"reduction": reduction, "models": models, **guarantees}
+        if fitted
+        else {"data": data, "order_sweep": order_sweep}
+    )
     for name, value in foreign.items():
         if value is not None:
             raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
@@ -129,17 +151,8 @@ def render_report(
         from robustid.report.mfd_page import fit_page
 
         return fit_page(identification, data, order_sweep, title)
-    return _identification_page(identification, reduction, models, worst_case, title)
-
-
-def _identification_page(
-    identification: Identification,
-    reduction: Reduction | None,
-    models: Any,
-    worst_case: WorstCaseError | None,
-    title: str | None,
-) -> str:
     shown = further_models(reduction, models)
+    drawn, context = _guarantees(identification, worst_case, tube, over_poles, sensitivity)
     found = [
         charts.frequency_chart(identification, shown),
         charts.time_chart(identification, shown),
@@ -147,20 +160,52 @@ def _identification_page(
         evidence.hankel_chart(identification, reduction),
         evidence.pole_chart(identification, shown),
     ]
-    if worst_case is not None:
-        worst_case_facts.checked(worst_case, identification)
-        found += [worst_case_charts.worst_case_chart(worst_case), worst_case_charts.nyquist_chart(worst_case)]
     return page(
         "template.html.j2",
-        {chart.name: figures(chart) for chart in found},
+        {chart.name: figures(chart) for chart in found} | drawn,
         title=title or f"Identification of {facts.transfer(identification)}",
         result=identification,
         facts=facts,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
-        worst_case=worst_case,
-        guarantee=worst_case_facts,
+        **context,
     )
+
+
+def _guarantees(
+    identification: Identification,
+    worst_case: WorstCaseError | None,
+    tube: ResponseTube | None,
+    over_poles: PoleBand | None,
+    sensitivity: Sensitivity | None,
+) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
+    """Figures of what is guaranteed, by the name of their chart, and what the templates of the sections are given."""
+    from robustid.certify import PoleBand, ResponseTube, WorstCaseError
+
+    check, found, drawn = worst_case_facts.checked, [], {}
+    if worst_case is not None:
+        check("worst_case", worst_case, WorstCaseError, "worst_case_error", identification)
+        found += [worst_case_charts.worst_case_chart(worst_case), worst_case_charts.nyquist_chart(worst_case)]
+    if over_poles is not None:
+        check("over_poles", over_poles, PoleBand, "worst_case_over_poles", identification)
+        found.append(over_poles_section.chart(over_poles, worst_case))
+    if tube is not None:
+        check("tube", tube, ResponseTube, "response_tube", identification)
+        found.append(tube_section.chart(tube))
+    if sensitivity is not None:
+        rests_on.checked(sensitivity, identification)
+        drawn["sensitivity"] = figures(rests_on.chart(sensitivity, identification), small=True)
+    context = {
+        "worst_case": worst_case,
+        "guarantee": worst_case_facts,
+        "over_poles": over_poles,
+        "box": over_poles_section,
+        "tube": tube,
+        "in_time": tube_section,
+        "sensitivity": sensitivity,
+        "rests_on": rests_on,
+    }
+    return drawn | {chart.name: figures(chart) for chart in found}, context
 
 
 def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:

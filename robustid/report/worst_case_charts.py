@@ -1,4 +1,4 @@
-"""What is drawn of a guarantee: the band of the response, the sets of values in the complex plane, tubes in time."""
+"""What is drawn of a guarantee: the band of the response, and the sets of values in the complex plane."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.certify import ValueSet, WorstCaseError
+from robustid.certify import PoleBand, ValueSet, WorstCaseError
 from robustid.identification import Identification
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_chart, responses, shown_band
 from robustid.report.facts import transfer, unit
@@ -25,8 +25,8 @@ def worst_case_chart(error: WorstCaseError) -> Chart:
 
     Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
     """
-    name, model = bounded_model(error)
-    further = None if error.is_own else {name: model}
+    name, model, own = bounded_model(error)
+    further = None if own else {name: model}
     chart = frequency_chart(error.identification, further, error.omega)
     magnitude, phase = chart.panels
     proved = error.omega > 0  # a logarithmic axis has no 0
@@ -34,29 +34,31 @@ def worst_case_chart(error: WorstCaseError) -> Chart:
     bottom, top = magnitude.y.range or (0.0, 1.0)
     words = f"guaranteed range ({error.omega.size} frequencies)"
     sizes = error.magnitude[proved]
-    areas = _areas(words, _named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
+    areas = band_around(words, named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
     span = bottom, max(top, 1.2 * float(error.magnitude.max()))
-    turns = _areas(words, _named(phase, name), at, _turns(error.phase[proved], nominal))
+    turns = band_around(words, named(phase, name), at, _turns(error.phase[proved], nominal))
     panels = (
-        _behind(magnitude, areas, span),
-        _behind(phase, turns, _widened(phase.y.range or (-225.0, 225.0), turns)),
+        behind(magnitude, areas, span),
+        behind(phase, turns, _widened(phase.y.range or (-225.0, 225.0), turns)),
         _error_panel(error, magnitude.x),
     )
     return Chart(name="guarantee", panels=panels, linked=True)
 
 
-def bounded_model(error: WorstCaseError) -> tuple[str, Any]:
-    """Name and model that the errors are measured from."""
-    if error.is_own:
-        return curves(error.identification, None)[0][:2]
-    return f"model, order {error.model.nstates}", error.model
+def bounded_model(bounded: WorstCaseError | PoleBand) -> tuple[str, Any, bool]:
+    """Name and model that the errors are measured from, and whether it is the nominal one (or a copy of it)."""
+    name, own = curves(bounded.identification, None)[0][:2]
+    if all(np.array_equal(getattr(bounded.model, part), getattr(own, part)) for part in "ABCD"):
+        return name, own, True
+    return f"model, order {bounded.model.nstates}", bounded.model, False
 
 
-def _named(panel: Panel, name: str) -> Layer:
+def named(panel: Panel, name: str) -> Layer:
+    """The layer of this name."""
     return next(layer for layer in panel.layers if layer.name == name)
 
 
-def _behind(panel: Panel, layers: list[Layer], span: tuple[float, float]) -> Panel:
+def behind(panel: Panel, layers: list[Layer], span: tuple[float, float]) -> Panel:
     """The panel with layers under its own ones, whose curves are fine lines here, and another range of y."""
     fine = (dataclasses.replace(layer, size=_FINE) if layer.dash else layer for layer in panel.layers)
     return dataclasses.replace(panel, layers=(*layers, *fine), y=dataclasses.replace(panel.y, range=span))
@@ -70,7 +72,7 @@ def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
     return np.where(anything[:, None], np.nan, np.degrees(offset))
 
 
-def _areas(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
+def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
     """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
 
     An offset of NaN is a phase that can be anything: half a turn to both sides, up to the next frequencies.
@@ -132,7 +134,7 @@ def nyquist_chart(error: WorstCaseError) -> Chart:
 
     All of them with the discs of the data, and those of the worst frequencies around the model.
     """
-    identification, (name, model) = error.identification, bounded_model(error)
+    identification, (name, model, _) = error.identification, bounded_model(error)
     ends = shown_band(identification, error.omega)
     _, (response,) = responses([model], identification.problem, ends, error.omega)
     sets = error.values
@@ -194,23 +196,3 @@ def _square(title: str, what: str, layers: list[Layer]) -> Panel:
         Axis(label=f"{part} part\n{what}", range=span) for part, span in zip(("real", "imaginary"), spans, strict=True)
     )
     return Panel(title=title, x=x, y=y, layers=tuple(layers), square=True)
-
-
-def tube_chart(tube: Any) -> Chart:
-    """The response of the model in time inside the range of every consistent system."""
-    output, input_ = tube.identification.problem.channel
-    t, amount = tube.times, f"1 {input_.unit}".rstrip()
-    titles = {
-        "step": f"Step response: {input_.name} rises by {amount} at 0 s",
-        "impulse": f"Pulse response: {input_.name} is {amount} during the first sample",
-    }
-    ends = {"low": tube.lower, "high": tube.upper}
-    layers = (
-        Layer(name="guaranteed range", x=t, y=tube.nominal, colour=BAND, fill=True, **ends),
-        Layer(name="model", x=t, y=tube.nominal, colour=NOMINAL, dash="solid", size=_FINE),
-        Layer(name=REACHED, x=np.tile(t, 2), y=tube.attained.T.ravel(), colour=DATA, marker=MARKERS[2], size=0.6),
-    )
-    title = titles.get(tube.input, f"Response to the given {input_.name}")
-    return Chart(
-        name="tube", panels=(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(output)), layers=layers),)
-    )

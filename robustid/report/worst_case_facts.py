@@ -6,13 +6,14 @@ Guaranteed ends are rounded away from what they bound, so that the printed numbe
 from __future__ import annotations
 
 import decimal
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from robustid.certify import WorstCaseError
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
+from robustid.identification.storage import describe, digest
 from robustid.report.facts import CAUTION, Verdict, unit
 from robustid.report.style import number
 from robustid.report.worst_case_charts import bounded_model
@@ -21,34 +22,39 @@ _HZ = 2 * np.pi
 _ROWS = 8  # worst frequencies
 
 
-def checked(error: WorstCaseError, identification: Identification) -> WorstCaseError:
-    """The error, if it is one of this identification."""
-    if not isinstance(error, WorstCaseError):
-        raise InputTypeError(
-            f"`worst_case` must be a WorstCaseError, from worst_case_error(); got {type(error).__name__}"
-        )
-    if error.identification is not identification:
+def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
+    """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
+    if not isinstance(value, kind):
+        raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
+    if not same(value.identification, identification):
         raise InputError(
-            "`worst_case` is about another identification than the one reported; give worst_case.identification, or compute"
-            " worst_case_error(identification)"
+            f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"
+            f" {function}(identification)"
         )
-    return error
 
 
-def at_most(value: float) -> str:
+def same(one: Identification, other: Identification) -> bool:
+    """Whether both are one result, as two that were loaded from its files are."""
+    if one is other:
+        return True
+    (first, numbers), (second, others) = describe(one), describe(other)
+    return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)
+
+
+def at_most(value: float, digits: int = 4) -> str:
     """A number not below the value."""
-    return _rounded(value, decimal.ROUND_CEILING)
+    return _rounded(value, decimal.ROUND_CEILING, digits)
 
 
-def at_least(value: float) -> str:
+def at_least(value: float, digits: int = 4) -> str:
     """A number not above the value."""
-    return _rounded(value, decimal.ROUND_FLOOR)
+    return _rounded(value, decimal.ROUND_FLOOR, digits)
 
 
-def _rounded(value: float, rounding: str) -> str:
+def _rounded(value: float, rounding: str, digits: int) -> str:
     if not np.isfinite(value):
         return number(value)
-    return number(float(decimal.Context(prec=4, rounding=rounding).create_decimal_from_float(value)))
+    return number(float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value)), digits)
 
 
 def sentence(error: WorstCaseError) -> str:
@@ -120,10 +126,9 @@ def circle_words(error: WorstCaseError) -> str:
     )
 
 
-def certificates(error: WorstCaseError) -> Verdict:
+def certificates(count: int, hold: bool) -> Verdict:
     """Their number, and whether each supports its bound now."""
-    count = error.claim_count
-    if error.verify():
+    if hold:
         return Verdict(
             "consistent",
             "Proved",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from robustid.certify import WorstCaseError
+from robustid.certify import ResponseTube, WorstCaseError
 from robustid.errors import InputTypeError
 from robustid.report import worst_case_charts as charts
 from robustid.report.plots import draw
+from robustid.report.tube import chart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,8 +65,10 @@ def plot_nyquist(error: WorstCaseError) -> Figure:
     return draw(charts.nyquist_chart(_checked(error)))
 
 
-def plot_tube(tube: Any) -> Figure:
-    """Response in time of the model, inside the tube that no consistent system leaves.
+def plot_tube(tube: ResponseTube) -> Figure:
+    """Response in time of the model, inside the tube that no consistent system leaves, and the records of the same input.
+
+    The tube is proved at the samples of `tube`; between them the distance from the model is interpolated for the eye.
 
     Parameters
     ----------
@@ -75,8 +78,25 @@ def plot_tube(tube: Any) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputTypeError
+        If `tube` isn't a ResponseTube.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> from robustid.certify import response_tube
+    >>> record = rid.TimeRecord([1.0, 1.0], [0.5, 0.7], dt=0.1, bound=0.01, outputs=["angle [rad]"])
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=2.0)))
+    >>> figure = plot_tube(response_tube(result, input="step", horizon=4))
+    >>> figure.axes[0].get_ylabel()
+    'angle [rad]'
     """
-    return draw(charts.tube_chart(tube))
+    if not isinstance(tube, ResponseTube):
+        raise InputTypeError(f"`tube` must be a ResponseTube, from response_tube(); got {type(tube).__name__}")
+    return draw(chart(tube))
 
 
 def _checked(error: WorstCaseError) -> WorstCaseError:

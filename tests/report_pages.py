@@ -1,0 +1,95 @@
+"""What the tests of reports share: identifications worth a page, and a page read back."""
+
+from __future__ import annotations
+
+import dataclasses
+import html.parser
+import io
+import json
+from typing import Any
+
+import numpy as np
+
+import robustid as rid
+from robustid.report import charts, render_summary
+
+NASTY = "<script>alert(1)</script>"
+
+
+def problem(*, hz: float = 17.67, time: bool = True, frequency: bool = True, **names: Any) -> rid.MixedProblem:
+    experiment = rid.flexible_structure(extra_hz=(17.5, 17.67, 17.8))
+    frf, record = (dataclasses.replace(data, **names) for data in (experiment.frequency, experiment.time))
+    return rid.MixedProblem(
+        frequency=frf if frequency else None,
+        time=record if time else None,
+        prior=rid.Prior(gain_bound=20.0, decay_rate=1.04),
+        parametric=rid.kautz(2 * np.pi * hz, 0.004, dt=0.01, delay=1),
+    )
+
+
+def consistent_result() -> rid.Identification:
+    return rid.identify(problem(inputs=["current [A]"], outputs=["torsion [rad]"]))
+
+
+def inconsistent_result() -> rid.Identification:
+    return rid.identify(problem(hz=17.3))
+
+
+def simple_result() -> rid.Identification:
+    """Four samples, no parametric part: margin known to be limited by the first."""
+    record = rid.TimeRecord(np.eye(1, 4)[0], [1.5, 0.2, 0.1, 0.05], dt=0.1, bound=0.2)
+    return rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
+
+
+def identified(tilt: Any = None, **names: Any) -> rid.Identification:
+    """A structure with a light mode whose poles are known, seven lines."""
+    data = rid.flexible_structure(lines=5, extra_hz=(17.5, 17.7))
+    frf = dataclasses.replace(data.frequency, tilt=tilt, **names)
+    modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=frf.dt, delay=1)
+    prior = rid.Prior(gain_bound=0.3, decay_rate=1.2)
+    return rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes))
+
+
+def named(panel: charts.Panel, name: str) -> charts.Layer:
+    return next(layer for layer in panel.layers if layer.name == name)
+
+
+def layers(chart: charts.Chart, panel: int) -> dict[str, charts.Layer]:
+    return {layer.name: layer for layer in chart.panels[panel].layers}
+
+
+def printed(result: rid.Identification, reduction: Any = None) -> str:
+    import rich.console
+
+    console = rich.console.Console(file=io.StringIO(), width=160)
+    console.print(render_summary(result, reduction))
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+class Page(html.parser.HTMLParser):
+    """The text that a reader sees, the tags, and the scripts, as a browser's parser would find them."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text, self.scripts, self._inside = "", [], ""
+        self.feed(source)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "script":
+            self.scripts[-1] += data
+        elif self._inside != "style":
+            self.text += data
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        return json.loads(self.scripts[-2])
