@@ -2,7 +2,7 @@
 
 from robustid._arrays import Channel
 from robustid._version import __version__
-from robustid.advice import diagnose, sensitivity, suggest_kautz, suggest_next, suggest_prior
+from robustid.advice import diagnose, sensitivity, suggest_class, suggest_kautz, suggest_next, suggest_prior
 from robustid.bases import ParametricBasis, kautz
 from robustid.certify import (
     PoleBand,
@@ -119,6 +119,7 @@ __all__ = [
     "response_tube",
     "save",
     "sensitivity",
+    "suggest_class",
     "suggest_kautz",
     "suggest_next",
     "suggest_order",

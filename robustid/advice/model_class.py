@@ -15,8 +15,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.certify import worst_case_over_poles
-from robustid.certify.pole_cells import PoleCell
+from robustid.certify.pole_cells import PoleCell, box_of
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.identification import Identification, identify
@@ -200,7 +199,7 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
     if not pairs or not single.problems:
         return [single]
     try:
-        cell = _whole_box(identify(single.problems[0]), modes)
+        cell = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
         relaxed = cell.relaxed(data)
     except InputError as error:  # too few samples for the terms that cover it
         return [single._replace(note=f"the box that the data leave can't be covered: {error}")]
@@ -239,10 +238,3 @@ def _part(
     except InputError as error:  # functions that the samples can't tell apart
         return _Part(pairs, repeat, modes, cell, (), str(error))
     return _Part(pairs, repeat, modes, cell, problems, "" if problems else "no gain bound makes the data consistent")
-
-
-def _whole_box(result: Identification, modes: KautzSuggestion) -> PoleCell:
-    """The box as one cell, with the amplitudes of the model: a band at one frequency says which."""
-    box = modes.omega_interval, modes.damping_interval
-    band = worst_case_over_poles(result, *box, delay=modes.delay, omega=modes.omega[:1], directions=3, cells=1)
-    return [*band.cells, *(cell for cell, _ in band.refuted)][0]
