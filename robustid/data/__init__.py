@@ -1,6 +1,7 @@
 """What was measured: records and responses with bounds on their errors; files, data sets, estimation."""
 
 from robustid.data import datasets
+from robustid.data.conditioning import decimate, detrend, record_problems, sample_time
 from robustid.data.files import load, save
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.periodic import estimate_frf
@@ -12,8 +13,12 @@ __all__ = [
     "SimulatedExperiment",
     "TimeRecord",
     "datasets",
+    "decimate",
+    "detrend",
     "estimate_frf",
     "flexible_structure",
     "load",
+    "record_problems",
+    "sample_time",
     "save",
 ]
