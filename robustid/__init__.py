@@ -21,7 +21,9 @@ from robustid.certify import (
 )
 from robustid.data import (
     FrequencyResponse,
+    RestNoise,
     TimeRecord,
+    bounds_from_rest,
     datasets,
     decimate,
     detrend,
@@ -80,6 +82,7 @@ __all__ = [
     "Prior",
     "Refutation",
     "ResponseTube",
+    "RestNoise",
     "RigidBody",
     "RobustIdError",
     "RollOff",
@@ -95,6 +98,7 @@ __all__ = [
     "ZeroEntries",
     "__version__",
     "balanced_truncation",
+    "bounds_from_rest",
     "datasets",
     "decimate",
     "detrend",

@@ -5,13 +5,16 @@ from robustid.data.conditioning import decimate, detrend, record_problems, sampl
 from robustid.data.files import load, save
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.periodic import estimate_frf
+from robustid.data.rest import RestNoise, bounds_from_rest
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.time_record import TimeRecord
 
 __all__ = [
     "FrequencyResponse",
+    "RestNoise",
     "SimulatedExperiment",
     "TimeRecord",
+    "bounds_from_rest",
     "datasets",
     "decimate",
     "detrend",
