@@ -20,6 +20,8 @@ from robustid.certify import (
     worst_case_over_poles,
 )
 from robustid.data import (
+    Delay,
+    DelayedModel,
     FrequencyResponse,
     RestNoise,
     TimeRecord,
@@ -27,12 +29,14 @@ from robustid.data import (
     datasets,
     decimate,
     detrend,
+    estimate_delay,
     estimate_frf,
     flexible_structure,
     load,
     record_problems,
     sample_time,
     save,
+    with_delay,
 )
 from robustid.errors import (
     DatasetNotFoundError,
@@ -68,6 +72,8 @@ from robustid.report import write_report
 __all__ = [
     "Channel",
     "DatasetNotFoundError",
+    "Delay",
+    "DelayedModel",
     "FileFormatError",
     "FrequencyResponse",
     "Identification",
@@ -104,6 +110,7 @@ __all__ = [
     "detrend",
     "diagnose",
     "diameter",
+    "estimate_delay",
     "estimate_frf",
     "fit_covariance",
     "fit_mfd",
@@ -130,6 +137,7 @@ __all__ = [
     "to_continuous",
     "uncertainty_weight",
     "validate",
+    "with_delay",
     "worst_case_error",
     "worst_case_over_poles",
     "write_report",

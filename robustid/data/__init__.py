@@ -2,6 +2,7 @@
 
 from robustid.data import datasets
 from robustid.data.conditioning import decimate, detrend, record_problems, sample_time
+from robustid.data.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.files import load, save
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.periodic import estimate_frf
@@ -10,6 +11,8 @@ from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.time_record import TimeRecord
 
 __all__ = [
+    "Delay",
+    "DelayedModel",
     "FrequencyResponse",
     "RestNoise",
     "SimulatedExperiment",
@@ -18,10 +21,12 @@ __all__ = [
     "datasets",
     "decimate",
     "detrend",
+    "estimate_delay",
     "estimate_frf",
     "flexible_structure",
     "load",
     "record_problems",
     "sample_time",
     "save",
+    "with_delay",
 ]

@@ -13,6 +13,7 @@ from robustid.data.frequency_response import as_bound_kind, channel_index
 from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")
+_WHOLE = 1e-6  # part of a sample, or of a spectrum, that is rounding
 PAST = ("known", "unknown", "periodic")
 
 
@@ -210,9 +211,62 @@ class TimeRecord(Frozen):
         cut = {name: array[samples] for name, array in arrays.items() if array is not None}
         return dataclasses.replace(self, **cut, **changes)
 
+    def without_delay(self, seconds: float) -> TimeRecord:
+        """The record of the same plant without its delay: the input (and the reference) moved later, the output as it is.
+
+        In periodic steady state any fraction of a sample, exactly, by the DFT of the known input: the bound stays what it
+        was. Else whole samples; the output of the first ones, which the input could not reach, is left out.
+
+        Raises
+        ------
+        InputError
+            A fraction of a sample where the record isn't periodic, or where its input has power at pi/dt; a delay
+            as long as the record.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> record = rid.TimeRecord([1, 2, 3, 4], [0, 0, 5, 10], dt=0.1)
+        >>> later = record.without_delay(0.2)
+        >>> later.u.ravel().tolist(), later.y.ravel().tolist()
+        ([1.0, 2.0], [5.0, 10.0])
+        """
+        samples = as_float("seconds", seconds) / self.dt
+        whole, total = round(samples), self.u.shape[0]
+        exact = abs(samples - whole) <= _WHOLE
+        if self.initial == "periodic":
+            moved = {"u": _later(self.u, whole if exact else samples)}
+            if self.reference is not None:
+                moved["reference"] = _later(self.reference, whole if exact else samples)
+            return dataclasses.replace(self, **moved)
+        if not exact:
+            raise InputError(
+                f"`seconds` = {seconds:g} is {samples:.6g} samples of {self.dt:g} s: a record that isn't periodic can be moved by"
+                " whole samples only. Take the whole ones, and the fraction out of the frequency response"
+            )
+        if not 0 <= whole < total:
+            raise InputError(f"`seconds` = {seconds:g} must be from 0 to less than the record's {total * self.dt:g} s")
+        late = self._cut(slice(whole, total), past_input_bound=self._past_of_cut())
+        early = self._cut(slice(0, total - whole))
+        return dataclasses.replace(late, u=early.u, reference=early.reference)
+
     def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
         """The same samples with a bound of your own, which takes the place of any that was estimated."""
         return dataclasses.replace(self, bound=bound, note=note, bound_kind="hard")
+
+
+def _later(signal: np.ndarray, samples: float) -> np.ndarray:
+    """A periodic signal (T, n) delayed by a number of samples."""
+    if isinstance(samples, int):
+        return np.roll(signal, samples, axis=0)
+    spectrum, total = np.fft.rfft(signal, axis=0), signal.shape[0]
+    if total % 2 == 0 and np.any(np.abs(spectrum[-1]) > _WHOLE * np.abs(spectrum).max(axis=0)):
+        raise InputError(
+            "`seconds` is no whole number of samples, and the input has power at pi/dt, where a fraction of a sample is"
+            " ambiguous; take the delay out of the frequency response"
+        )
+    turn = np.exp(-2j * np.pi * np.arange(len(spectrum)) * samples / total)
+    return np.fft.irfft(spectrum * turn[:, None], total, axis=0)
 
 
 def _signal(name: str, value: Any) -> np.ndarray:
