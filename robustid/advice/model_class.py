@@ -18,7 +18,7 @@ from robustid.bases import kautz
 from robustid.certify.pole_cells import PoleCell, box_of
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
-from robustid.identification import Identification, identify
+from robustid.identification import identify
 from robustid.identification.simulation import response
 from robustid.interpolation import MixedProblem, Prior
 

@@ -104,7 +104,7 @@ def estimate_frf(
     if method not in (None, *_METHODS):
         raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
     probability = as_probability(probability)
-    records = _checked_records(record)
+    records = checked_records(record)
     if method is None:
         steady = all(r.initial == "periodic" for r in records)
         method = "periodic" if period is not None or steady else "local"
@@ -140,7 +140,8 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> Freq
     )
 
 
-def _checked_records(record: Any) -> list[TimeRecord]:
+def checked_records(record: Any) -> list[TimeRecord]:
+    """Experiments with the same channels, sample time and length."""
     records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
     if not records or not all(isinstance(r, TimeRecord) for r in records):
         raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")
