@@ -2,7 +2,7 @@
 
 from robustid._arrays import Channel
 from robustid._version import __version__
-from robustid.advice import diagnose, sensitivity, suggest_kautz, suggest_next, suggest_prior
+from robustid.advice import diagnose, sensitivity, suggest_class, suggest_kautz, suggest_next, suggest_prior
 from robustid.bases import ParametricBasis, kautz
 from robustid.certify import (
     PoleBand,
@@ -21,16 +21,26 @@ from robustid.certify import (
     worst_case_over_poles,
 )
 from robustid.data import (
+    Delay,
+    DelayedModel,
     Excitation,
     FrequencyResponse,
+    RestNoise,
     TimeRecord,
+    bounds_from_rest,
     datasets,
+    decimate,
+    detrend,
+    estimate_delay,
     estimate_frf,
     flexible_structure,
     load,
     load_excitation,
     multisine,
+    record_problems,
+    sample_time,
     save,
+    with_delay,
 )
 from robustid.errors import (
     DatasetNotFoundError,
@@ -66,6 +76,8 @@ from robustid.report import write_report
 __all__ = [
     "Channel",
     "DatasetNotFoundError",
+    "Delay",
+    "DelayedModel",
     "Excitation",
     "FileFormatError",
     "FrequencyResponse",
@@ -81,6 +93,7 @@ __all__ = [
     "Prior",
     "Refutation",
     "ResponseTube",
+    "RestNoise",
     "RigidBody",
     "RobustIdError",
     "RollOff",
@@ -96,9 +109,13 @@ __all__ = [
     "ZeroEntries",
     "__version__",
     "balanced_truncation",
+    "bounds_from_rest",
     "datasets",
+    "decimate",
+    "detrend",
     "diagnose",
     "diameter",
+    "estimate_delay",
     "estimate_frf",
     "fit_covariance",
     "fit_mfd",
@@ -114,11 +131,14 @@ __all__ = [
     "modal_form",
     "mode_table",
     "multisine",
+    "record_problems",
     "reduce_within_bounds",
     "refute",
     "response_tube",
+    "sample_time",
     "save",
     "sensitivity",
+    "suggest_class",
     "suggest_kautz",
     "suggest_next",
     "suggest_order",
@@ -126,6 +146,7 @@ __all__ = [
     "to_continuous",
     "uncertainty_weight",
     "validate",
+    "with_delay",
     "worst_case_error",
     "worst_case_over_poles",
     "write_report",

@@ -261,7 +261,7 @@ def pair(second):
         (good(), {"lines": [2, 2]}, InputError, "`lines` must be all different"),
         (good(u=np.zeros(256)), {}, InputError, "no line is excited in every input"),
         (good(u=np.zeros(256)), {"lines": [3]}, InputError, "an input is zero at a line"),
-        (good(y=np.zeros(256)), {}, InputError, "an output is zero in every period"),
+        (good(y=np.full(256, 3.0)), {}, InputError, r"output y is constant \(3\): a sensor that is not connected"),
         ([], {}, InputTypeError, "`record` must be a TimeRecord or a sequence of them; got list"),
         ("record", {}, InputTypeError, "`record` must be a TimeRecord or a sequence of them; got str"),
         ([good(), good(dt=0.02)], {}, InputError, r"same sample time; got 0\.01 and 0\.02 \(number 1\)"),
@@ -280,3 +280,9 @@ def pair(second):
 def test_estimate_frf_refuses(record, options, error, sentence):
     with pytest.raises(error, match=sentence):
         estimate_frf(record, **{"period": PERIOD, **options})
+
+
+def test_a_saturated_output_is_said(caplog):
+    record = good()
+    estimate_frf(good(y=np.clip(record.y, -0.5 * record.y.max(), 0.5 * record.y.max())), period=PERIOD)
+    assert "looks saturated" in caplog.text

@@ -192,12 +192,7 @@ class TestMeasured:
         assert frf.freq_hz[np.argmax(gain)] == 77
         assert gain.max() == pytest.approx(0.026, rel=0.01)
         assert gain[0] == pytest.approx(0.001, rel=0.02)
-        assert "20 periods" in frf.note
-        # The first period holds a transient: without it the bound is less than half as wide.
-        settled = TimeRecord(torsion.u[2500:], torsion.y[2500:], dt=record.dt, initial="periodic")
-        after = estimate_frf(settled, period=2500)
-        assert np.median(after.bound / np.abs(after.values)) < 0.5 * np.median(frf.bound[:, 0, 0] / gain)
-        np.testing.assert_allclose(after.freq_hz, frf.freq_hz)
+        assert "left out (transient)" in frf.note
 
     @pytest.mark.parametrize("name", ["beam_ring/symexc_1.mat", "beam_ring/asymexc_1.mat"])
     def test_beam_records(self, name):

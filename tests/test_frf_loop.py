@@ -73,9 +73,9 @@ def test_calibrated(measure):
 def test_calibrated_on_200_seeds(measure, most):
     """Joint bound of 95 % in 90 to 99 % of the seeds, mean square of error over standard deviation 0.9 to 1.1.
 
-    The mean error of a line over its own deviation: 800 complex numbers that are normal stay below sqrt(log(800/0.001)) = 3.7 with a
-    probability of 0.999. In closed loop the local model itself errs by a third of the standard deviation of one estimate at the flank
-    of the lightest mode: less than a half.
+    The mean error of a line over its own deviation: 800 complex numbers that are normal stay below sqrt(log(800/0.001)) =
+    3.7 with a probability of 0.999. In closed loop the local model itself errs by a third of the standard deviation of one
+    estimate at the flank of the lightest mode: less than a half.
     """
     held, square, bias = calibration(measure, range(200))
     assert 0.9 <= square <= 1.1

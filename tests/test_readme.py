@@ -82,8 +82,23 @@ def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, 
 def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = {}
-    exec(compile(python_blocks()[2], "README.md", "exec"), names)
+    exec(compile(python_blocks()[3], "README.md", "exec"), names)
     assert names["fit"].status.converged
     assert names["fit"].model.nstates == 6
     assert capsys.readouterr().out.count("ModeRow") == 2
     assert Path("fit.html").stat().st_size > 0
+
+
+def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(compile(python_blocks()[2], "README.md", "exec"), names)
+    frf = names["frf"]
+    delay = np.exp(-1j * frf.omega * frf.dt)
+    truth = np.stack([[0.8 * delay, np.full(delay.shape, 0.1)], [0 * delay, np.full(delay.shape, 0.5)]]).transpose(
+        2, 0, 1
+    )
+    assert np.all(np.abs(frf.values - truth) <= frf.bound)
+    assert "joint 95 %" in capsys.readouterr().out
+    assert rid.load("frf.npz").dof == frf.dof
+    assert "Spectra of the records" in Path("frf.html").read_text(encoding="utf-8")

@@ -1,12 +1,16 @@
 """What to choose: modes and prior from the data, what to change where the data contradict the class, what to measure next."""
 
+from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
+from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.prior import PriorSuggestion, suggest_prior
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
 __all__ = [
+    "ClassCandidate",
+    "ClassSuggestion",
     "Diagnosis",
     "KautzSuggestion",
     "NextMeasurement",
@@ -16,6 +20,7 @@ __all__ = [
     "Variation",
     "diagnose",
     "sensitivity",
+    "suggest_class",
     "suggest_kautz",
     "suggest_next",
     "suggest_prior",

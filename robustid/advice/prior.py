@@ -40,6 +40,10 @@ class PriorSuggestion(Frozen):
         Ascending.
     gains : (R,) array
         Smallest K with which the data are consistent (to 0.1 %); 0 where the parametric part alone is, inf where none is.
+    errors : (R,) array
+        Median guaranteed error relative to the response with `priors`; NaN where it was not asked for.
+    priors : tuple of Prior or None
+        What would be recommended at each decay rate; None where no gain bound makes the data consistent.
     safety : float
         The gain bound of `prior` is this times the smallest one.
     reason : str
@@ -50,11 +54,16 @@ class PriorSuggestion(Frozen):
     decay_rates: np.ndarray
     gains: np.ndarray
     errors: np.ndarray
+    priors: tuple[Prior | None, ...]
     safety: float
     reason: str
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("decay_rates", "gains", "errors")})
+
+    def by_slope(self) -> list[Prior]:
+        """The consistent `priors`, that with the smallest slope bound K rho/(rho^2 - 1) first."""
+        return sorted((p for p in self.priors if p is not None), key=slope_bound)
 
     def summary(self) -> str:
         """The curve as a table, then the reason."""
@@ -132,20 +141,32 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
         if np.isinf(gains[k]):
             break  # a larger rho makes the class smaller still
+    floor = _sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
+    priors = tuple(
+        Prior(gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho)) if np.isfinite(gain) else None
+        for rho, gain in zip(rates, gains, strict=True)
+    )
     errors = np.full(rates.size, np.nan)
     if criterion == "error":
-        errors = _guaranteed_errors(problem, rates, gains)
-    prior, reason = _recommend(problem, rates, gains, errors)
-    return PriorSuggestion(prior=prior, decay_rates=rates, gains=gains, errors=errors, safety=SAFETY, reason=reason)
+        errors = _guaranteed_errors(problem, priors)
+    prior, reason = _recommend(problem, rates, gains, errors, priors)
+    return PriorSuggestion(
+        prior=prior, decay_rates=rates, gains=gains, errors=errors, priors=priors, safety=SAFETY, reason=reason
+    )
 
 
-def _guaranteed_errors(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> np.ndarray:
+def slope_bound(prior: Prior) -> float:
+    """K rho/(rho^2 - 1): how much G can change per radian, at most."""
+    return prior.gain_bound * _slope(prior.decay_rate)
+
+
+def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) -> np.ndarray:
     """Median guaranteed error at every decay rate, with the gain bound that would be recommended there."""
-    floor, errors = _sizes(problem)[1], np.full(rates.size, np.nan)
-    for k in np.flatnonzero(np.isfinite(gains)):
-        prior = {"gain_bound": SAFETY * max(float(gains[k]), floor), "decay_rate": float(rates[k])}
-        errors[k] = guaranteed(problem.with_prior(**prior), default_points(problem))[1]
-        _log.info("decay rate %.6g: median guaranteed error %.4g", rates[k], errors[k])
+    errors = np.full(len(priors), np.nan)
+    for k, prior in enumerate(priors):
+        if prior is not None:
+            errors[k] = guaranteed(dataclasses.replace(problem, prior=prior), default_points(problem))[1]
+            _log.info("decay rate %.6g: median guaranteed error %.4g", prior.decay_rate, errors[k])
     return errors
 
 
@@ -211,11 +232,17 @@ def _slope(rho: Any) -> Any:
 
 
 def _recommend(
-    problem: MixedProblem, rates: np.ndarray, gains: np.ndarray, errors: np.ndarray
+    problem: MixedProblem,
+    rates: np.ndarray,
+    gains: np.ndarray,
+    errors: np.ndarray,
+    priors: tuple[Prior | None, ...],
 ) -> tuple[Prior | None, str]:
-    usable = np.isfinite(gains)
-    largest, smallest = _sizes(problem)
-    if not usable.any():
+    largest, floor = _sizes(problem)
+    cost = np.array([np.inf if p is None else slope_bound(p) for p in priors])
+    k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
+    prior = priors[k]
+    if prior is None:
         ceiling = _CEILINGS[-1] * largest
         return None, (
             f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
@@ -223,10 +250,6 @@ def _recommend(
             + (" is wrong" if problem.parameter_bounds is None else " or an interval of its coefficients is wrong")
             + "; check them, or widen the bounds"
         )
-    floor = smallest  # a rest smaller than every bound can't be seen, hence not excluded either
-    cost = np.where(usable, np.maximum(gains, floor) * _slope(rates), np.inf)
-    k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
-    prior = Prior(gain_bound=SAFETY * max(float(gains[k]), floor), decay_rate=float(rates[k]))
     if gains[k] <= floor:
         what = "the parametric part alone" if gains[k] == 0 else f"a rest of {gains[k]:.3g}, below every bound,"
         reason = (

@@ -64,7 +64,7 @@ DATASETS = {
         {
             "fields": {"u": "iq_adx", "y": ["theta_mx", "theta_my"], "reference": "iq_refx"},
             "dt": 1 / 2500,
-            "initial": "periodic",
+            "initial": "free",  # periodic, but its first periods hold a transient
         },
     ),
     **{

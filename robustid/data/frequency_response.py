@@ -271,6 +271,22 @@ class FrequencyResponse(Frozen):
             probability=probability,
         )
 
+    def without_delay(self, seconds: float) -> FrequencyResponse:
+        """The response times exp(+j omega seconds): without a delay in front of the plant, of any fraction of a sample.
+
+        Bounds turn with their values: discs stay as they are, ellipses keep their size. See `estimate_delay`, `with_delay`.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0], [2 * np.exp(-0.3j)], bound=0.1)
+        >>> frf.without_delay(0.03).values.round(9).item()
+        (2+0j)
+        """
+        turn = np.exp(1j * self.omega * as_float("seconds", seconds))[:, None, None]
+        tilt = None if self.tilt is None else self.tilt * turn**2
+        return dataclasses.replace(self, values=self.values * turn, tilt=tilt)
+
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:
         """From `control.FrequencyResponseData` (whose arrays are (ny, nu, F)); `options` as for the class."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from robustid.data.conditioning import record_problems
 from robustid.data.frequency_response import FrequencyResponse, as_probability
 from robustid.data.frf_bounds import Estimate, bound
 from robustid.data.local import local
@@ -15,6 +17,7 @@ from robustid.data.time_record import TimeRecord
 from robustid.data.welch import welch
 from robustid.errors import InputError, InputTypeError
 
+_log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
 
 
@@ -104,7 +107,8 @@ def estimate_frf(
     if method not in (None, *_METHODS):
         raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
     probability = as_probability(probability)
-    records = _checked_records(record)
+    records = checked_records(record)
+    _check_signals(records)
     if method is None:
         steady = all(r.initial == "periodic" for r in records)
         method = "periodic" if period is not None or steady else "local"
@@ -120,8 +124,6 @@ def _other(method: str) -> Any:
 
 def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> FrequencyResponse:
     estimate, radius = bound(estimate, probability)
-    if not np.all(radius > 0):
-        raise InputError("`record`: an output is zero in every period; leave that channel out")
     return FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
@@ -140,7 +142,22 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> Freq
     )
 
 
-def _checked_records(record: Any) -> list[TimeRecord]:
+def _check_signals(records: list[TimeRecord]) -> None:
+    """Outputs that say nothing in any experiment are refused; what else is wrong with an output is said."""
+    for k, channel in enumerate(records[0].outputs):
+        if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
+            raise InputError(
+                f"`record`: output {channel.name} is constant ({records[0].y[0, k]:.6g}): a sensor that is not connected, or"
+                " saturated; leave that channel out"
+            )
+    for number, record in enumerate(records):
+        for sentence in record_problems(record):
+            if sentence.startswith("output"):
+                _log.warning("record %d: %s", number, sentence)
+
+
+def checked_records(record: Any) -> list[TimeRecord]:
+    """Experiments with the same channels, sample time and length."""
     records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
     if not records or not all(isinstance(r, TimeRecord) for r in records):
         raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")

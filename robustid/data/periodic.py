@@ -58,7 +58,7 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
                 "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
             )
     # (F, blocks, periods, channels, experiments)
-    u, y, *r = (_by_block(part[:, skipped:, index], nu) for part in spectra.values())
+    u, y, *r = (by_block(part[:, skipped:, index], nu) for part in spectra.values())
     return _estimate(records, index, period, u, y, r[0] if r else None, _skipped(skipped, steady))
 
 
@@ -67,13 +67,13 @@ def _estimate(records: Any, index: Any, period: int, u: Any, y: Any, r: Any, ski
     ny, nu, blocks, periods = y.shape[3], u.shape[3], u.shape[1], u.shape[2]
     if r is not None and r.shape[3] == nu and blocks > 1:
         # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
-        by_reference = _inverse(r.mean(axis=2), index, period, first.dt, "reference")
+        by_reference = inverse_spectra(r.mean(axis=2), index, period, first.dt, "reference")
         to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
-        inverse = by_reference @ _inverse(to_u, index, period, first.dt, "u")
+        inverse = by_reference @ inverse_spectra(to_u, index, period, first.dt, "u")
         values = (y.mean(axis=2) @ inverse).mean(axis=1)
         source = "by the reference, "
     else:
-        inverse = _inverse(u.mean(axis=2), index, period, first.dt, "u")
+        inverse = inverse_spectra(u.mean(axis=2), index, period, first.dt, "u")
         values = (y.mean(axis=2) @ inverse).mean(axis=1)
         source = ""
     error = (y - values[:, None, None] @ u) @ inverse[:, :, None]
@@ -151,12 +151,16 @@ def _checked_lines(lines: Any, period: int) -> np.ndarray:
 
 def _spectra(records: list[TimeRecord], name: str, period: int) -> np.ndarray:
     """(R, periods, period//2+1, n): amplitudes per period."""
-    signals = np.stack([getattr(r, name) for r in records])
+    return dft(np.stack([getattr(r, name) for r in records]), period)
+
+
+def dft(signals: np.ndarray, period: int) -> np.ndarray:
+    """(R, T, n) real -> (R, periods, period//2+1, n): amplitudes per period."""
     cut = signals.reshape(len(signals), -1, period, signals.shape[-1])
     return np.fft.rfft(cut, axis=2) / period
 
 
-def _by_block(spectra: np.ndarray, nu: int) -> np.ndarray:
+def by_block(spectra: np.ndarray, nu: int) -> np.ndarray:
     """(R, P, F, n) -> (F, blocks, P, n, nu): the experiments of a block side by side."""
     split = spectra.reshape(-1, nu, *spectra.shape[1:])
     return split.transpose(3, 0, 2, 4, 1)
@@ -174,7 +178,8 @@ def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
     return index
 
 
-def _inverse(u: np.ndarray, index: np.ndarray, period: int, dt: float, name: str) -> np.ndarray:
+def inverse_spectra(u: np.ndarray, index: np.ndarray, period: int, dt: float, name: str = "u") -> np.ndarray:
+    """U^{-1} at every line, (F, ..., nu, nu); or say which experiments are not independent where."""
     # Rows scaled to unit size first: the units of the inputs must not decide on independence.
     what = "inputs" if name == "u" else "references"
     size = np.abs(u).max(axis=(0, 1, 3), keepdims=True)

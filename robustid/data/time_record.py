@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from robustid.data.frequency_response import as_bound_kind, channel_index
 from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")
+_WHOLE = 1e-6  # part of a sample, or of a spectrum, that is rounding
+PAST = ("known", "unknown", "periodic")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -126,9 +129,144 @@ class TimeRecord(Frozen):
             outputs=(self.outputs[i],),
         )
 
+    def window(self, start: float = 0.0, stop: float | None = None, *, past: str = "known") -> TimeRecord:
+        """The samples with ``start <= t < stop``; what the input did before them is still used.
+
+        Parameters
+        ----------
+        start, stop : float, s
+            On the axis `time`; `stop` = None is the end of the record.
+        past : {"known", "unknown", "periodic"}
+            "known": the input outside the window stays in the record and the output there gets ``bound=inf``: not used
+            (nothing after the window, which can't act on it, except in periodic steady state). "unknown": the window
+            alone, from a free state, with the bound on |u| before it that the record gives. "periodic": the window
+            alone, which you know to be whole periods in steady state.
+
+        Raises
+        ------
+        InputError
+            A window outside the record, or without a used sample; a known past in a record without a bound, where nothing
+            says which samples are used.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> record = rid.TimeRecord(np.ones(5), np.arange(5.0), dt=0.1, bound=0.01)
+        >>> record.window(0.2, 0.4).bound.ravel().tolist()
+        [inf, inf, 0.01, 0.01]
+        >>> record.window(0.2, past="unknown")
+        <TimeRecord: 3 samples, 1x1, bound, free, dt=0.1 s>
+        """
+        if past not in PAST:
+            raise InputError(f"`past` must be one of {PAST}; got {past!r}")
+        total = self.u.shape[0]
+        first = self._sample("start", start)
+        end = total if stop is None else self._sample("stop", stop)
+        if not 0 <= first < end <= total:
+            raise InputError(
+                f"`start` = {start:g} s and `stop` = {stop if stop is None else format(stop, 'g')} must enclose samples of"
+                f" the record, which lasts from 0 to {total * self.dt:g} s"
+            )
+        if self.bound is not None and not np.any(np.isfinite(self.bound[first:end])):
+            raise InputError(f"no sample from `start` = {start:g} s on is used: their `bound` is infinite")
+        if past == "known":
+            return self._with_known_past(first, end)
+        before = np.concatenate([self.u[end:], self.u[:first]]) if self.initial == "periodic" else self.u[:first]
+        largest = float(np.abs(before).max(initial=0.0))
+        if self.initial == "free":
+            largest = max(largest, self.largest_past_input)
+        free = past == "unknown"
+        return self._cut(
+            slice(first, end), initial="free" if free else "periodic", past_input_bound=largest if free else None
+        )
+
+    @property
+    def largest_past_input(self) -> float:
+        """The bound on |u| before a record from an unknown state."""
+        return float(np.abs(self.u).max()) if self.past_input_bound is None else self.past_input_bound
+
+    def _sample(self, name: str, seconds: float) -> int:
+        """The first sample at or after an instant, which may miss it by rounding."""
+        return math.ceil(as_float(name, seconds) / self.dt - 1e-6)
+
+    def _with_known_past(self, first: int, end: int) -> TimeRecord:
+        kept = self if self.initial == "periodic" else self._cut(slice(0, end), past_input_bound=self._past_of_cut())
+        unused = np.ones(kept.u.shape[0], dtype=bool)
+        unused[first:end] = False
+        if not np.any(unused):
+            return kept
+        if kept.bound is None:
+            raise InputError(
+                "`window` keeps the input outside it and marks the output there as not used, by an infinite `bound`; this"
+                ' record has none: call with_bound(...) first, or take past="unknown" or past="periodic"'
+            )
+        return dataclasses.replace(kept, bound=np.where(unused[:, None], np.inf, kept.bound))
+
+    def _past_of_cut(self) -> float | None:
+        return self.largest_past_input if self.initial == "free" else None
+
+    def _cut(self, samples: slice, **changes: Any) -> TimeRecord:
+        """Some samples of everything that has one entry per sample."""
+        arrays = {name: getattr(self, name) for name in ("u", "y", "bound", "reference")}
+        cut = {name: array[samples] for name, array in arrays.items() if array is not None}
+        return dataclasses.replace(self, **cut, **changes)
+
+    def without_delay(self, seconds: float) -> TimeRecord:
+        """The record of the same plant without its delay: the input (and the reference) moved later, the output as it is.
+
+        In periodic steady state any fraction of a sample, exactly, by the DFT of the known input: the bound stays what it
+        was. Else whole samples; the output of the first ones, which the input could not reach, is left out.
+
+        Raises
+        ------
+        InputError
+            A fraction of a sample where the record isn't periodic, or where its input has power at pi/dt; a delay
+            as long as the record.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> record = rid.TimeRecord([1, 2, 3, 4], [0, 0, 5, 10], dt=0.1)
+        >>> later = record.without_delay(0.2)
+        >>> later.u.ravel().tolist(), later.y.ravel().tolist()
+        ([1.0, 2.0], [5.0, 10.0])
+        """
+        samples = as_float("seconds", seconds) / self.dt
+        whole, total = round(samples), self.u.shape[0]
+        exact = abs(samples - whole) <= _WHOLE
+        if self.initial == "periodic":
+            moved = {"u": _later(self.u, whole if exact else samples)}
+            if self.reference is not None:
+                moved["reference"] = _later(self.reference, whole if exact else samples)
+            return dataclasses.replace(self, **moved)
+        if not exact:
+            raise InputError(
+                f"`seconds` = {seconds:g} is {samples:.6g} samples of {self.dt:g} s: a record that isn't periodic can be moved by"
+                " whole samples only. Take the whole ones, and the fraction out of the frequency response"
+            )
+        if not 0 <= whole < total:
+            raise InputError(f"`seconds` = {seconds:g} must be from 0 to less than the record's {total * self.dt:g} s")
+        late = self._cut(slice(whole, total), past_input_bound=self._past_of_cut())
+        early = self._cut(slice(0, total - whole))
+        return dataclasses.replace(late, u=early.u, reference=early.reference)
+
     def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
         """The same samples with a bound of your own, which takes the place of any that was estimated."""
         return dataclasses.replace(self, bound=bound, note=note, bound_kind="hard")
+
+
+def _later(signal: np.ndarray, samples: float) -> np.ndarray:
+    """A periodic signal (T, n) delayed by a number of samples."""
+    if isinstance(samples, int):
+        return np.roll(signal, samples, axis=0)
+    spectrum, total = np.fft.rfft(signal, axis=0), signal.shape[0]
+    if total % 2 == 0 and np.any(np.abs(spectrum[-1]) > _WHOLE * np.abs(spectrum).max(axis=0)):
+        raise InputError(
+            "`seconds` is no whole number of samples, and the input has power at pi/dt, where a fraction of a sample is"
+            " ambiguous; take the delay out of the frequency response"
+        )
+    turn = np.exp(-2j * np.pi * np.arange(len(spectrum)) * samples / total)
+    return np.fft.irfft(spectrum * turn[:, None], total, axis=0)
 
 
 def _signal(name: str, value: Any) -> np.ndarray:

@@ -366,7 +366,7 @@ def _check_independent(problem: MixedProblem, P: np.ndarray, free: np.ndarray) -
     _, singular, directions = np.linalg.svd(stacked / np.linalg.norm(stacked, axis=0), full_matrices=False)
     rank = int(np.sum(singular > 1e-10 * singular[0])) if singular.size else 0
     if rank < P.shape[1]:
-        labels: Any = () if problem.parametric is None else problem.parametric.labels
+        labels: list[str] = [] if problem.parametric is None else list(problem.parametric.labels)
         involved = free[np.abs(directions[-1]) > 0.1]
         names = ", ".join(labels[i] for i in involved if i < len(labels))
         raise InputError(

@@ -189,7 +189,7 @@ def _draw_layer(ax: Axes, layer: charts.Layer) -> Any:
 
 def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, float]) -> None:
     """Titles, scales and ticks, as many as fit in this width and height in inches."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
+    from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
     ax.set_title(_plain(panel.title))
     room = size[0] / _LABEL, 2 * size[1] / _LABEL
@@ -200,7 +200,9 @@ def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, f
         if described.tick is not None:
             axis.set_major_locator(MultipleLocator(described.tick))
         elif not described.log:
-            axis.get_major_locator().set_params(nbins=max(3, min(9, int(labels))))
+            few = AutoLocator()
+            few.set_params(nbins=max(3, min(9, int(labels))))
+            axis.set_major_locator(few)
         if side == "y" or label_x:
             axis.set_label_text(_plain(described.label))
         if described.in_full and described.range is not None:

@@ -1,0 +1,240 @@
+"""suggest_class(): pairs, their multiplicity and the prior, chosen by the guaranteed error that results."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid._arrays import as_array, as_count
+from robustid.advice.class_table import ClassCandidate, ClassSuggestion, choice, rank
+from robustid.advice.kautz import KautzSuggestion, suggest_kautz
+from robustid.advice.prior import suggest_prior
+from robustid.advice.sensitivity import default_points
+from robustid.bases import kautz
+from robustid.certify.pole_cells import PoleCell, box_of
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, SizeError, SolverError
+from robustid.identification import identify
+from robustid.identification.simulation import response
+from robustid.interpolation import MixedProblem, Prior
+
+_log = logging.getLogger("robustid")
+
+_REPEATS = (1, 2, 3)  # a third term is the last that the expansion of a cell of poles has
+_PRIORS = 3  # pairs (K, rho) tried with the best parametric part
+_ANY = Prior(gain_bound=1.0, decay_rate=1.05)  # a placeholder
+
+
+def suggest_class(
+    *,
+    frequency: FrequencyResponse | Sequence[FrequencyResponse] | None = None,
+    time: TimeRecord | Sequence[TimeRecord] | None = None,
+    modes: Any = None,
+    delay: int | None = None,
+) -> ClassSuggestion:
+    """Choose the pairs, their multiplicity and (K, rho) by the guaranteed error that results.
+
+    Every candidate parametric part gets the consistent (K, rho) with the smallest slope bound (`suggest_prior`, K twice the
+    smallest that the data allow), is identified, and its worst case is bounded at the modes and at 7 frequencies over the
+    range of the lines; with the best part two further (K, rho) are tried. Seconds to minutes.
+
+    Parameters
+    ----------
+    frequency, time : one experiment or a sequence of them
+        At least one of the two, with bounds; of several responses the first proposes the modes.
+    modes : (M, 2) array, rad/s and 1, optional
+        Natural frequencies and damping ratios that are known: prior knowledge, so the errors are those at these poles. Default:
+        from the data (`suggest_kautz`), one mode fewer and one more, and the errors cover the box that the data leave to them.
+    delay : int, samples
+        Of the pairs; default what the data suggest, 1 where the modes are given.
+
+    Returns
+    -------
+    ClassSuggestion
+
+    Raises
+    ------
+    InputError
+        No frequency response to take the modes from; a time record that is not from rest (the box does not cover what it does
+        to the initial state); data without bounds, or of several channels.
+
+    Notes
+    -----
+    Never is a band at poles from the data compared: narrow bands at wrong poles pass every test of the data. Single pairs
+    (``repeat = 1``) are covered by `worst_case_over_poles`. A repeated pair at the middle a0 of the box covers it by the
+    expansion of 1/(1 - a z^-1) about a0: coefficients of the first `repeat` terms free, those up to the third in intervals,
+    the rest added to the bounds (`PoleCell`). Left out without an error: modes that the bounds of the lines contradict, and
+    further modes whose poles the lines do not determine.
+    Source: class of `inanc2001` section II.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> from robustid.advice import suggest_class
+    >>> data = rid.flexible_structure(lines=6, samples=2)
+    >>> found = suggest_class(frequency=data.frequency, modes=data.modes)
+    >>> found.recommended.repeat, rid.identify(found.problem).consistent
+    (1, True)
+    """
+    data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
+    wanted = None if delay is None else as_count("delay", delay)
+    if modes is None:
+        parts, resonances = _from_data(data, wanted)
+    else:
+        parts, resonances = _at_given_poles(data, modes, 1 if wanted is None else wanted)
+    omega = np.unique(np.append(default_points(data), resonances))
+    rows = _evaluated(parts, omega)
+    best = choice(rows)
+    line = None if best is None else float(omega[int(np.argmax(best.upper))])
+    return ClassSuggestion(omega=omega, candidates=tuple(rows), next_line=line)
+
+
+class _Part(NamedTuple):
+    """A parametric part: its problems with every consistent prior, that with the smallest slope bound first."""
+
+    pairs: int
+    repeat: int
+    modes: KautzSuggestion | None
+    cell: PoleCell | None
+    problems: tuple[MixedProblem, ...]
+    note: str = ""
+
+    def candidate(self, problem: MixedProblem | None, omega: np.ndarray, note: str) -> ClassCandidate:
+        """Evaluated, unless a note says why not."""
+        unknown = np.full(omega.size, np.nan)
+        found = ClassCandidate(
+            pairs=self.pairs,
+            repeat=self.repeat,
+            problem=problem,
+            modes=self.modes,
+            cell=self.cell,
+            margin=np.nan,
+            upper=unknown,
+            error=unknown,
+            note=note,
+        )
+        if note or problem is None:
+            return found
+        try:
+            result, upper = found.guaranteed(omega)
+        except SolverError as error:
+            return dataclasses.replace(found, note=str(error))
+        size = np.abs(response(result.model, omega * problem.dt))
+        found = dataclasses.replace(
+            found, margin=result.margin, upper=upper, error=upper / np.maximum(size, np.finfo(float).tiny)
+        )
+        _log.info("%s: mean guaranteed error %.4g", problem.prior, found.mean)
+        return found
+
+
+def _evaluated(parts: list[_Part], omega: np.ndarray) -> list[ClassCandidate]:
+    """Every part with its first prior, the best with further ones; smallest error first."""
+    rows = [part.candidate(part.problems[0] if part.problems else None, omega, part.note) for part in parts]
+    best = choice(rows)
+    if best is not None and np.all(np.isfinite(best.error)):
+        part = parts[next(k for k, row in enumerate(rows) if row is best)]
+        rows += [part.candidate(problem, omega, "") for problem in part.problems[1:_PRIORS]]
+    return sorted(rows, key=rank)
+
+
+def _with_priors(problem: MixedProblem) -> tuple[MixedProblem, ...]:
+    return tuple(dataclasses.replace(problem, prior=prior) for prior in suggest_prior(problem).by_slope())
+
+
+def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_Part], np.ndarray]:
+    modes = as_array("modes", modes, ndim=2)
+    if modes.shape[1] != 2:
+        raise InputError(f"`modes` must have one row (rad/s, damping ratio) per mode; got shape {modes.shape}")
+    omega, damping = modes.T
+    parts = []
+    for repeat in _REPEATS:
+        basis = kautz(omega, damping, dt=data.dt, repeat=repeat, delay=delay)
+        parts.append(_part(data, len(modes), repeat, lambda basis=basis: dataclasses.replace(data, parametric=basis)))
+    return parts, omega
+
+
+def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.ndarray]:
+    """The modes that the data show, one fewer and one more."""
+    if not data.frequency:
+        raise InputError("`frequency` is needed to take the modes from; or give the `modes` that you know")
+    for record in data.time:
+        if record.initial != "rest":
+            raise InputError(
+                f'`time` has a record with initial="{record.initial}": what poles in a box do to its initial state is not bounded;'
+                " leave it out here, or give the `modes` that you know"
+            )
+    frf = data.frequency[0]
+    found = suggest_kautz(frf, delay=delay)
+    parts = _box_parts(data, found, "")
+    for count in (found.omega.size - 1, found.omega.size + 1):
+        if count < 1:
+            continue
+        try:
+            other = suggest_kautz(frf, modes=count, delay=found.delay)
+        except InputError:  # more modes than the lines can tell
+            continue
+        parts += _box_parts(data, other, _why_not(other, found))
+    return parts, found.omega
+
+
+def _why_not(other: KautzSuggestion, found: KautzSuggestion) -> str:
+    """Why other numbers of modes than those found are left out; empty where they are worth a try."""
+    if other.omega.size < found.omega.size and np.any(other.level > 1) and np.all(found.level <= 1):
+        return f"the lines contradict so few modes: bounds times {other.level.max() / 2:.3g}"
+    if other.undetermined.sum() > found.undetermined.sum():
+        return "the lines do not determine the poles of so many modes"
+    return ""
+
+
+def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_Part]:
+    """The modes with every multiplicity, each covering the box."""
+    pairs = modes.omega.size
+    if note:
+        return [_Part(pairs, 1, modes, None, (), note)]
+    single = _part(data, pairs, 1, lambda: dataclasses.replace(data, parametric=modes.basis), modes)
+    if not pairs or not single.problems:
+        return [single]
+    try:
+        cell = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
+        relaxed = cell.relaxed(data)
+    except InputError as error:  # too few samples for the terms that cover it
+        return [single._replace(note=f"the box that the data leave can't be covered: {error}")]
+    if relaxed is None:
+        return [single]
+    ends = np.array(relaxed.parameter_bounds).reshape(pairs, -1, 2, 2)
+    parts = [single]
+    for repeat in _REPEATS[1:]:
+        free = ends.copy()
+        free[:, :repeat] = -np.inf, np.inf
+        parts.append(
+            _part(
+                data,
+                pairs,
+                repeat,
+                lambda free=free: dataclasses.replace(relaxed, parameter_bounds=free.reshape(-1, 2)),
+                modes,
+                cell,
+            )
+        )
+    return parts
+
+
+def _part(
+    data: MixedProblem,
+    pairs: int,
+    repeat: int,
+    make: Callable[[], MixedProblem],
+    modes: KautzSuggestion | None = None,
+    cell: PoleCell | None = None,
+) -> _Part:
+    try:
+        problems = _with_priors(make())
+    except SizeError:
+        raise
+    except InputError as error:  # functions that the samples can't tell apart
+        return _Part(pairs, repeat, modes, cell, (), str(error))
+    return _Part(pairs, repeat, modes, cell, problems, "" if problems else "no gain bound makes the data consistent")

@@ -1,0 +1,225 @@
+"""Least squares over a delay, common poles and the residues of all entries: what `estimate_delay` minimises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.data.frequency_response import FrequencyResponse
+from robustid.errors import InputError
+
+_RELOCATIONS, _MORE = 4, 12  # at every delay of a search; before a minimum is refined
+_INSIDE = 1 - 1e-9
+_DAMPING = 0.02  # of the first poles
+_SMALLEST = 1e-9  # part of the largest |G| below which a relative weight makes no sense
+_STEP = 1e-6  # of the differences, in units of 1/omega and of the unit circle
+_TIGHT = 1e-11
+_NEAR, _FAR, _WIDER = 1e-3, 10.0, 1.5  # how far a delay is moved for its deviation, times the largest omega
+
+
+class Refined(NamedTuple):
+    """A minimum over poles, and over the delay unless it is held: the delay in s, the weighted sum of squares."""
+
+    delay: float
+    poles: np.ndarray
+    cost: float
+
+
+class PoleFit:
+    """A delayed sum of partial fractions r_i/(x - a_i) [+ d] against the entries of a response, weighted.
+
+    x = 1j omega over the largest omega, or exp(1j omega dt) with a zero-order hold. Poles are complex numbers with
+    Im >= 0: one of a pair, or real. Real rows hold the real parts of all lines, then the imaginary parts.
+    """
+
+    def __init__(self, frf: FrequencyResponse, *, feedthrough: bool) -> None:
+        self.omega, self.dt, self.feedthrough = frf.omega, frf.dt, feedthrough
+        self.x = 1j * frf.omega / frf.omega[-1] if frf.dt is None else np.exp(1j * frf.omega * frf.dt)
+        self.values = frf.values.swapaxes(1, 2).reshape(self.omega.size, -1)  # vec: columns stacked
+        if not np.any(self.values):
+            raise InputError("`frf` is zero at every line: it has no delay")
+        size = np.maximum(np.abs(self.values), _SMALLEST * np.abs(self.values).max())
+        if frf.covariance is not None:
+            deviation = np.sqrt(np.maximum(np.einsum("fii->fi", frf.covariance).real, 0))
+            size = np.maximum(deviation, np.finfo(float).eps * size)
+        self.weight = 1 / size
+
+    @property
+    def samples(self) -> int:
+        """Complex numbers that are fitted."""
+        return self.values.size
+
+    def unknowns(self, poles: int) -> int:
+        """Real unknowns: poles, residues and the delay."""
+        return 1 + poles + self.values.shape[1] * (poles + self.feedthrough)
+
+    def search(self, order: int, delays: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Sum of squares and poles at each delay, by relocating poles."""
+        costs, found = [], []
+        for delay in delays:
+            ahead, poles, best = self._ahead(delay), self._first(order), (np.inf, np.zeros(0, complex))
+            for _ in range(_RELOCATIONS):
+                poles = self._relocated(ahead, poles)
+                cost = sum(float(rest @ rest) for *_, rest in self._entries(ahead, self._functions(0.0, poles)))
+                best = min(best, (cost, poles), key=lambda item: item[0])
+            costs.append(best[0])
+            found.append(best[1])
+        return np.array(costs), found
+
+    def refine(self, delay: float, poles: np.ndarray, *, held: bool = False) -> Refined:
+        """The minimum near a start: variable projection with Kaufman's Jacobian (`golub1973`); over poles alone if `held`."""
+        import scipy.optimize
+
+        for _ in range(0 if held else _MORE):
+            poles = self._relocated(self._ahead(delay), poles)
+        pair, unit = np.imag(poles) > 0, 1 / self.omega[-1]
+        start = np.concatenate([[delay / unit], np.real(poles), np.imag(poles[pair])])
+        moves = np.eye(start.size)[1 if held else 0 :]
+
+        def unpack(z: np.ndarray) -> tuple[float, np.ndarray]:
+            z = start + z @ moves
+            moved = z[1 : 1 + pair.size].astype(complex)
+            moved[pair] += 1j * z[1 + pair.size :]
+            return float(z[0] * unit), moved
+
+        def residual(z: np.ndarray) -> np.ndarray:
+            return np.concatenate([rest for *_, rest in self._entries(self.values, self._functions(*unpack(z)))])
+
+        def slopes(z: np.ndarray) -> np.ndarray:
+            ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in _STEP * np.eye(z.size)]
+            changes = [(up - down) / (2 * _STEP) for up, down in ends]
+            rows = []
+            entries = self._entries(self.values, self._functions(*unpack(z)))
+            for weight, (Q, c, _) in zip(self.weight.T, entries, strict=True):
+                change = _real(weight[:, None] * np.stack([each @ c for each in changes], axis=1))
+                rows.append(Q @ (Q.T @ change) - change)
+            return np.concatenate(rows)
+
+        least_squares: Any = scipy.optimize.least_squares
+        tight = {"ftol": _TIGHT, "xtol": _TIGHT, "gtol": _TIGHT}
+        found = least_squares(residual, np.zeros(len(moves)), slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
+        return Refined(*unpack(found.x), 2 * float(found.cost))
+
+    def deviation(self, best: Refined) -> float:
+        """How far the delay goes, the poles following, before the cost has risen as much as one standard deviation costs.
+
+        Not from the curvature at the minimum: within a sample the cost of a held plant can be as flat as a fourth power.
+        """
+        rise = best.cost / max(
+            2 * self.samples - self.unknowns(best.poles.size + int(np.sum(np.imag(best.poles) > 0))), 1
+        )
+        return max(self._reach(best, side, rise) for side in (-1.0, 1.0))
+
+    def _reach(self, best: Refined, side: float, rise: float) -> float:
+        far, poles = _NEAR / self.omega[-1], best.poles
+        while far * self.omega[-1] < _FAR:
+            moved = self.refine(best.delay + side * far, poles, held=True)
+            if moved.cost > best.cost + rise:
+                return far * float(np.sqrt(rise / (moved.cost - best.cost)))
+            far, poles = far * _WIDER, moved.poles
+        return np.inf
+
+    def _ahead(self, delay: float) -> np.ndarray:
+        """The values with a delay taken out."""
+        return self.values * np.exp(1j * self.omega * delay)[:, None]
+
+    def _functions(self, delay: float, poles: np.ndarray) -> np.ndarray:
+        """The delayed functions of the poles, and of the constant, (F, n).
+
+        Behind a hold 1/(z - p) with a delay of d + f samples, 0 <= f < 1, is z^-d (B0 + B1/z)/(z - p), where
+        B0 = (p^(1-f) - 1)/(p - 1) and B1 = 1 - B0: the modified z-transform of the mode, scaled.
+        """
+        if self.dt is None:
+            turn, f = np.exp(-1j * self.omega * delay)[:, None], 0.0
+        else:
+            whole = np.floor(delay / self.dt)
+            turn, f = np.exp(-1j * self.omega * self.dt * whole)[:, None], delay / self.dt - whole
+        functions = turn * _fractions(self.x, poles, f)
+        # A constant jumps by a whole sample as f leaves 0; the line between the two lets the minimum be sought.
+        return np.hstack([functions, turn * (1 - f + f / self.x[:, None])]) if self.feedthrough else functions
+
+    def _entries(
+        self, values: np.ndarray, functions: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """For every entry: an orthonormal basis of the weighted functions, their coefficients, what is left of the values."""
+        for weight, value in zip(self.weight.T, values.T, strict=True):
+            Q, R = np.linalg.qr(_real(weight[:, None] * functions))
+            right = _real(weight * value)
+            part = Q.T @ right
+            yield Q, np.linalg.lstsq(R, part, rcond=None)[0], right - Q @ part
+
+    def _relocated(self, values: np.ndarray, poles: np.ndarray) -> np.ndarray:
+        """The zeros of sigma in values*sigma = N, sigma = 1 + sum c_i/(x - a_i) and N of the same poles (`gustavsen2006`)."""
+        functions = _fractions(self.x, poles)
+        rows, rights = [], []
+        entries = self._entries(values, self._functions(0.0, poles))
+        for weight, value, (Q, _, rest) in zip(self.weight.T, values.T, entries, strict=True):
+            columns = _real((weight * value)[:, None] * functions)
+            rows.append(Q @ (Q.T @ columns) - columns)
+            rights.append(rest)
+        stacked = np.vstack(rows)
+        scale = np.linalg.norm(stacked, axis=0)
+        scale[scale == 0] = 1.0
+        c = np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0] / scale
+        zeros = np.linalg.eigvals(_companion(poles, c))
+        if self.dt is None:
+            zeros = -np.abs(np.real(zeros)) + 1j * np.imag(zeros)
+        else:
+            out = np.abs(zeros) > 1
+            zeros[out] = _INSIDE / np.conj(zeros[out])
+        return zeros[np.imag(zeros) >= 0]
+
+    def _first(self, order: int) -> np.ndarray:
+        """Lightly damped pairs over the band, and a real pole where the order is odd."""
+        low, high = max(self.omega[0], self.omega[-1] / 50), self.omega[-1]
+        pairs = np.linspace(low, high, order // 2 + 2)[1:-1] * (1j - _DAMPING)
+        s = np.concatenate([pairs, [complex(-np.sqrt(low * high))] * (order % 2)])
+        return s / self.omega[-1] if self.dt is None else np.exp(s * self.dt)
+
+
+def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
+    """Functions of real poles, the sum and j times the difference of those of pairs, (F, order): real coefficients."""
+    pair = np.imag(poles) != 0
+    ahead = _ahead_of_hold(poles, f)
+    first = np.cumsum(1 + pair) - 1 - pair  # column of every pole's first function
+    columns = np.empty((x.size, int(np.sum(1 + pair))), complex)
+    x = x[:, None]
+    one = (ahead + (1 - ahead) / x) / (x - poles)
+    conj = np.conj(ahead[pair])
+    other = (conj + (1 - conj) / x) / (x - np.conj(poles[pair]))
+    columns[:, first] = one
+    columns[:, first[pair]] += other
+    columns[:, first[pair] + 1] = 1j * (one[:, pair] - other)
+    return columns
+
+
+def _ahead_of_hold(poles: np.ndarray, f: float) -> np.ndarray:
+    """B0 of `PoleFit._functions`: the part of a mode's step that a fraction f of a sample leaves in the same sample."""
+    ahead = np.ones(poles.size, complex)
+    sampled = (np.imag(poles) != 0) | (np.real(poles) > 0)  # no sampled mode has another pole
+    if f and np.any(sampled):
+        log = np.log(poles[sampled])
+        still = log == 0
+        log[still] = 1.0
+        ahead[sampled] = np.where(still, 1 - f, np.expm1((1 - f) * log) / np.expm1(log))
+    return ahead
+
+
+def _companion(poles: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """A real matrix whose eigenvalues are the zeros of 1 + sum c_i phi_i."""
+    matrix, push, i = np.zeros((c.size, c.size)), np.zeros(c.size), 0
+    for pole in poles:
+        if pole.imag == 0:
+            matrix[i, i], push[i] = pole.real, 1.0
+            i += 1
+        else:
+            matrix[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+            push[i] = 2.0
+            i += 2
+    return matrix - np.outer(push, c)
+
+
+def _real(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(values), np.imag(values)])
