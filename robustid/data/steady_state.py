@@ -41,11 +41,14 @@ def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool
         m = later.shape[1]
         if m < 2:
             return p, True
-        spread = later.var(axis=1, ddof=1) * (1 + 1 / m) + floor[:, 0]
-        spread = np.where(spread > 0, spread, 1)  # a channel of zeros
-        ratio = np.maximum(np.abs(band[:, p] - later.mean(axis=1)) ** 2 / spread, np.finfo(float).tiny)
+        scatter = later.var(axis=1, ddof=1) * (1 + 1 / m)
+        away = np.abs(band[:, p] - later.mean(axis=1)) ** 2
+        # Signals that repeat up to rounding, as an ideal input does, say nothing either way.
+        alive = np.maximum(scatter, away) > floor[:, 0]
+        ratio = np.where(alive, away, 1) / np.where(alive, scatter + floor[:, 0], 1)
         mean, variance = psi(1) - psi(m - 1) + np.log(m - 1), polygamma(1, 1) + polygamma(1, m - 1)
-        each = (np.log(ratio) - mean).sum(axis=(0, 2))  # (K,): all records and channels
+        log = np.log(np.maximum(ratio, np.finfo(float).tiny)) - mean
+        each = np.where(alive, log, 0).sum(axis=(0, 2))  # (K,): all records and channels
         width = min(_BAND, each.size)
         local = np.convolve(each, np.ones(width), mode="valid").max() / np.sqrt(variance * channels * width)
         whole = each.sum() / np.sqrt(variance * channels * each.size)
