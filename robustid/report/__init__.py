@@ -2,6 +2,7 @@
 
 from robustid.report.frf_plots import plot_frf
 from robustid.report.html import write_report
+from robustid.report.margin_by_order import plot_margins
 from robustid.report.mfd_plots import plot_convergence, plot_fit, plot_fit_poles, plot_orders, plot_stabilisation
 from robustid.report.plots import (
     plot_frequency_response,
@@ -22,6 +23,7 @@ __all__ = [
     "plot_frequency_response",
     "plot_frf",
     "plot_hankel",
+    "plot_margins",
     "plot_nyquist",
     "plot_orders",
     "plot_poles",
