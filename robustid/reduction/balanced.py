@@ -5,25 +5,33 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg as sla
 
 from robustid._arrays import Frozen, as_count, as_float, freeze
 from robustid.errors import InputError
-from robustid.identification.validation import check_model, describe_poles
+from robustid.identification.validation import check_model
+from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, scaled, split
 
 if TYPE_CHECKING:
     import control
+
+__all__ = [  # with what other rooms take from here
+    "Reduction",
+    "ReductionStatus",
+    "balanced_truncation",
+    "balanced_truncations",
+    "doubtful_distance",
+    "hankel_singular_values",
+    "scaled",
+]
 
 _EPS = np.finfo(float).eps
 
 # Two Hankel singular values count as one in the bound only if they agree to rounding.
 _EQUAL = 1e-12
-
-# A double integrator, rounded in any coordinates, moves by about the square root of eps.
-_MOST_DOUBT = 1e-7
 
 # Relative bound of the default: far below any measurement, far above the rounding of the Gramians.
 _DEFAULT_TOL = 1e-8
@@ -149,7 +157,7 @@ def balanced_truncation(
     tol = _DEFAULT_TOL if tol is None else as_float("tol", tol)
     if tol < 0:
         raise InputError(f"`tol` must be >= 0: a bound relative to the largest Hankel value; got {tol:g}")
-    stable, kept = _split(system, unstable)
+    stable, kept = split(system, unstable)
     held = kept.a.shape[0]
     if order is not None and order < held:
         raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
@@ -163,8 +171,8 @@ class _Balanced:
     def __init__(self, system: Any, stable: Parts, kept: Parts):
         self.system, self.stable, self.kept = system, stable, kept
         self.held = kept.a.shape[0]
-        self.left, self.right = _gramian_factors(stable, discrete=system.dt != 0)
-        self.rotate_left, self.hankel, self.rotate_right = sla.svd(self.left.T @ self.right, lapack_driver="gesvd")
+        self.left, self.right = gramian_factors(stable, discrete=system.dt != 0)
+        self.rotate_left, self.hankel, self.rotate_right = sla.svd(self.left.T @ self.right)
         self.bounds = np.concatenate([np.full(self.held, np.inf), _error_bounds(self.hankel)])
 
     def truncate(self, order: int | None, tol: float = _DEFAULT_TOL) -> Reduction:
@@ -196,7 +204,7 @@ class _Balanced:
 def balanced_truncations(model: control.StateSpace) -> Callable[[int], Reduction]:
     """Order to balanced truncation of `model`, unstable states kept: Gramians are computed once for all orders."""
     system = check_model("model", model)
-    return _Balanced(system, *_split(system, "keep")).truncate
+    return _Balanced(system, *split(system, "keep")).truncate
 
 
 def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
@@ -220,129 +228,8 @@ def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
     array([2.])
     """
     system = check_model("model", model)
-    left, right = _gramian_factors(_split(system, "refuse")[0], discrete=system.dt != 0)
+    left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
     return np.asarray(sla.svdvals(left.T @ right))
-
-
-class Parts(NamedTuple):
-    """A, B and C of a part of a model."""
-
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-
-
-def _split(model: Any, unstable: str) -> tuple[Parts, Parts]:
-    """Stable and unstable part, in coordinates of balanced scales; the feedthrough belongs to neither."""
-    parts = scaled(model.A, model.B, model.C)
-    poles, doubt = doubtful_distance(parts.a)
-    distance = -np.real(poles) if model.dt == 0 else 1 - np.abs(poles)
-    stable = distance > doubt
-    if np.all(stable):
-        return parts, Parts(np.zeros((0, 0)), np.zeros((0, model.ninputs)), np.zeros((model.noutputs, 0)))
-    if unstable == "refuse":
-        raise InputError(
-            f"`model` must be stable to be reduced; it has {describe_poles(poles[~stable], model.dt)} on or"
-            ' beyond the stability boundary. Pass unstable="keep" to keep those states and reduce the rest'
-        )
-
-    # LAPACK reorders with slightly different poles: each is judged as the nearest of those judged above.
-    def leads(real: float, imag: float = 0.0) -> bool:
-        return bool(stable[np.argmin(np.abs(poles - complex(real, imag)))])
-
-    ordered: Any = sla.schur(parts.a, output="real", sort=leads)
-    schur, basis, first = ordered
-    b, c = basis.T @ parts.b, parts.c @ basis
-    a, coupling, rest = schur[:first, :first], schur[:first, first:], schur[first:, first:]
-    x = sla.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
-    kept = Parts(rest, b[first:], c[:, first:] + c[:, :first] @ x)
-    return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
-
-
-def scaled(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Parts:
-    """Powers of two between the states, from A alone: exact, whatever the units of the channels."""
-    if a.size == 0:
-        return Parts(a, b, c)
-    with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        balanced, (scale, _) = sla.matrix_balance(a, permute=False, separate=True)
-    return Parts(balanced, b / scale[:, None], c * scale)
-
-
-def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poles, and how far rounding may have moved each: the pair of a rigid body far, a simple pole hardly.
-
-    First-order perturbation, n eps |A| over the cosine between left and right eigenvector, capped where the
-    first order fails (defective poles: their distance grows with a root of eps only).
-    """
-    if a.size == 0:
-        return np.zeros(0, dtype=complex), np.zeros(0)
-    solved: Any = sla.eig(a, left=True, right=True)
-    poles, left, right = solved
-    cosine = np.abs(np.sum(left.conj() * right, axis=0))
-    move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), _MOST_DOUBT)
-    return poles, move * np.linalg.norm(a, 2)
-
-
-def _gramian_factors(parts: Parts, *, discrete: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Real factors: observability Gramian = left left', controllability Gramian = right right'."""
-    if parts.a.size == 0:
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    triangular: Any = sla.schur(parts.a, output="complex")
-    schur, basis = triangular
-    factor = _hammarling_discrete if discrete else _hammarling_continuous
-    right = basis @ factor(schur, basis.conj().T @ parts.b)
-    # The dual equation has A^H; reversing the order of the states makes it upper triangular again.
-    dual = factor(schur.conj().T[::-1, ::-1], (parts.c @ basis).conj().T[::-1])
-    return _real_factor(basis @ dual[::-1]), _real_factor(right)
-
-
-def _real_factor(factor: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.qr(np.hstack([np.real(factor), np.imag(factor)]).T, mode="r")).T
-
-
-def _hammarling_continuous(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Upper triangular U with A U U^H + U U^H A^H + B B^H = 0, A upper triangular, Re diag(A) < 0."""
-    a, b = np.asarray(a), b.astype(complex)
-    u = np.zeros_like(a, dtype=complex)
-    for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
-        if norm == 0:
-            continue  # the state is not reached: its row and column of the Gramian are zero
-        direction = b[j] / norm
-        alpha = np.sqrt(-2 * pole.real)
-        u[j, j] = norm / alpha
-        right = -a[:j, j] * u[j, j] - alpha * (b[:j] @ direction.conj())
-        u[:j, j] = _solve_shifted(a[:j, :j], pole.conjugate(), 1.0, right)
-        b[:j] -= alpha * np.outer(u[:j, j], direction)
-    return u
-
-
-def _hammarling_discrete(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Upper triangular U with A U U^H A^H - U U^H + B B^H = 0, A upper triangular, |diag(A)| < 1."""
-    a, b = np.asarray(a), b.astype(complex)
-    u = np.zeros_like(a, dtype=complex)
-    for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
-        if norm == 0:
-            continue
-        direction = b[j] / norm
-        beta = np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
-        u[j, j] = norm / beta
-        along = b[:j] @ direction.conj()
-        right = pole.conjugate() * a[:j, j] * u[j, j] + beta * along
-        u[:j, j] = _solve_shifted(a[:j, :j], 1.0, -pole.conjugate(), right)
-        ahead = a[:j, :j] @ u[:j, j] + a[:j, j] * u[j, j]
-        b[:j] += np.outer(beta * ahead - pole * along - along, direction)
-    return u
-
-
-def _solve_shifted(a: np.ndarray, shift: complex, factor: complex, right: np.ndarray) -> np.ndarray:
-    """Solve (shift I + factor A) x = right, A upper triangular."""
-    if right.size == 0:
-        return right
-    matrix = factor * a
-    matrix[np.diag_indices_from(matrix)] += shift
-    return sla.solve_triangular(matrix, right, check_finite=False)
 
 
 def _error_bounds(hankel: np.ndarray) -> np.ndarray:
