@@ -19,6 +19,9 @@ _MOST_DOUBT = 1e-7
 _BLOCK = 96
 
 
+Factors = tuple[np.ndarray, np.ndarray]
+
+
 class Parts(NamedTuple):
     """A, B and C of a part of a model."""
 
@@ -30,9 +33,7 @@ class Parts(NamedTuple):
 def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     """Stable and unstable part, in coordinates of balanced scales; the feedthrough belongs to neither."""
     parts = scaled(model.A, model.B, model.C)
-    poles, doubt = doubtful_distance(parts.a)
-    distance = -np.real(poles) if model.dt == 0 else 1 - np.abs(poles)
-    stable = distance > doubt
+    poles, stable = is_stable(parts.a, model.dt)
     if np.all(stable):
         return parts, Parts(np.zeros((0, 0)), np.zeros((0, model.ninputs)), np.zeros((model.noutputs, 0)))
     if unstable == "refuse":
@@ -52,6 +53,13 @@ def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     x = sla.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
     kept = Parts(rest, b[first:], c[:, first:] + c[:, :first] @ x)
     return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
+
+
+def is_stable(a: np.ndarray, dt: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Poles, and which of them lie inside the stability boundary by more than rounding."""
+    poles, doubt = doubtful_distance(a)
+    distance = -np.real(poles) if dt == 0 else 1 - np.abs(poles)
+    return poles, distance > doubt
 
 
 def scaled(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Parts:
@@ -78,7 +86,7 @@ def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return poles, move * np.linalg.norm(a, 2)
 
 
-def gramian_factors(parts: Parts, *, discrete: bool) -> tuple[np.ndarray, np.ndarray]:
+def gramian_factors(parts: Parts, *, discrete: bool) -> Factors:
     """Real factors: observability Gramian = left left', controllability Gramian = right right'."""
     if parts.a.size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0))
