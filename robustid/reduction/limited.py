@@ -63,8 +63,8 @@ def _below(a: np.ndarray, omega: float, step: float) -> np.ndarray:
     if np.isinf(omega) or (step and omega * step >= np.pi):
         return eye / 2
     if step:
-        return omega * step / (2 * np.pi) * eye + sla.logm(eye - np.exp(-1j * omega * step) * a).imag / np.pi
-    return sla.logm(1j * omega * eye - a).imag / np.pi
+        return omega * step / (2 * np.pi) * eye + np.imag(sla.logm(eye - np.exp(-1j * omega * step) * a)) / np.pi
+    return np.imag(sla.logm(1j * omega * eye - a)) / np.pi
 
 
 def _horizon_share(model: Any, horizon: Any) -> Share:
