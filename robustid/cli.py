@@ -12,8 +12,9 @@ from robustid._cli_certify import bounds, verify
 from robustid._cli_excite import excite
 from robustid._cli_fit import fit
 from robustid._cli_frf import frf
+from robustid._cli_reduce import reduce
 from robustid._cli_report import report
-from robustid._cli_steps import EXIT, finish, identified, say_written, size_in_options, sources
+from robustid._cli_steps import EXIT, finish, identified, size_in_options
 from robustid._terminal import plain, step
 from robustid._version import __version__
 from robustid.data._roles import FREQUENCY, TIME
@@ -223,58 +224,5 @@ app.command()(frf)
 app.command()(fit)
 app.command()(bounds)
 app.command()(verify)
-
-
-@app.command()
-def reduce(
-    source: Annotated[
-        Path, typer.Argument(help="A saved identification, or a model: .npz or .mat with A, B, C, D, dt.")
-    ],
-    order: Annotated[int | None, typer.Option(help="Number of states to keep.")] = None,
-    tol: Annotated[
-        float | None, typer.Option(help="Error bound, relative to the largest Hankel singular value.")
-    ] = None,
-    keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path(
-        "reduced.npz"
-    ),
-    force: Force = False,
-) -> None:
-    """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
-
-    A saved identification without --order and --tol is searched for its smallest order inside the bounds; anything else
-    is truncated, with the a-priori error bound.
-    """
-    from robustid.reduction import balanced_truncation, reduce_within_bounds
-    from robustid.reduction.model_files import load_model, save_model
-
-    if output.suffix.lower() not in (".npz", ".mat"):
-        raise InputError(f"--output {output} must end in .npz or .mat")
-    terminal.check_outputs([output], sources(source), force)
-    console = terminal.console()
-    identification = _load_identification(source)
-    if identification is not None and order is None and tol is None:
-        with step(console, "searching for the smallest order"):
-            reduction = reduce_within_bounds(identification)
-        for tried, margin in reduction.tried:
-            console.print(f"order {tried:3d}: largest |residual|/bound {margin:.4g}", highlight=False)
-        console.print(f"order {reduction.order}: {reduction.status.value}", highlight=False)
-    else:
-        model = load_model(source) if identification is None else identification.model
-        unstable = "keep" if keep_unstable or identification is not None else "refuse"
-        reduction = balanced_truncation(model, order=order, tol=tol, unstable=unstable)
-        console.print(f"order {reduction.order} of {model.nstates}: {reduction.status.value}", highlight=False)
-        console.print(f"error at most {reduction.bound:.6g}, in units of the response", highlight=False)
-    save_model(reduction.model, output)
-    say_written(console, output)
-
-
+app.command()(reduce)
 app.command()(report)
-
-
-def _load_identification(path: Path) -> Any:
-    """The saved identification at `path`; None where the file is a plain model."""
-    from robustid.identification import load_identification
-    from robustid.identification.storage import paths
-
-    return load_identification(path) if paths(path)[1].exists() else None

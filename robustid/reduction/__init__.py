@@ -7,15 +7,18 @@ from robustid.reduction.balanced import (
     hankel_singular_values,
 )
 from robustid.reduction.continuous import ContinuousModel, to_continuous
+from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 
 __all__ = [
     "ContinuousModel",
+    "PeakError",
     "Reduction",
     "ReductionStatus",
     "SearchStatus",
     "balanced_truncation",
     "hankel_singular_values",
+    "hinf_error",
     "reduce_within_bounds",
     "to_continuous",
 ]

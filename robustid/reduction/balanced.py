@@ -5,25 +5,34 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg as sla
 
 from robustid._arrays import Frozen, as_count, as_float, freeze
 from robustid.errors import InputError
-from robustid.identification.validation import check_model, describe_poles
+from robustid.identification.validation import check_model
+from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, scaled, split
+from robustid.reduction.limited import limited
 
 if TYPE_CHECKING:
     import control
+
+__all__ = [  # with what other rooms take from here
+    "Reduction",
+    "ReductionStatus",
+    "balanced_truncation",
+    "balanced_truncations",
+    "doubtful_distance",
+    "hankel_singular_values",
+    "scaled",
+]
 
 _EPS = np.finfo(float).eps
 
 # Two Hankel singular values count as one in the bound only if they agree to rounding.
 _EQUAL = 1e-12
-
-# A double integrator, rounded in any coordinates, moves by about the square root of eps.
-_MOST_DOUBT = 1e-7
 
 # Relative bound of the default: far below any measurement, far above the rounding of the Gramians.
 _DEFAULT_TOL = 1e-8
@@ -34,6 +43,8 @@ class ReductionStatus(enum.Enum):
 
     REDUCED = "reduced: the error stays within `bound`"
     FEWER = "reduced further than asked: the states above `order` are rounding noise of the model itself"
+    UNBOUNDED = "reduced, and stable; no a-priori bound of the error holds for a band, a horizon or a weight"
+    UNSTABLE = "reduced, but to an unstable model, as a band or a horizon can: take another order, or widen it"
     UNREDUCED = "not reduced: no lower order was asked for or meets the tolerance; the model is the one given"
 
 
@@ -48,14 +59,16 @@ class Reduction(Frozen):
     order : int
         Its number of states.
     hankel : (n,) array
-        Hankel singular values of the stable part, descending, in output units per input unit.
+        Hankel singular values of the stable part, descending, in output units per input unit; those of the band, the
+        horizon or with the weight where one was given.
     bound : float
         Of the distance to the model that was reduced: ``bounds[order]``, unless a search took another kind of candidate or
         started from another model (then inf: unknown).
     bounds : (N + 1,) array
         For every order 0..N: twice the sum of the distinct truncated Hankel singular values, a bound of
         max over frequency of the largest singular value of the error. ``inf`` below the number of unstable
-        states, which can't be truncated. The last is 0: there nothing is truncated.
+        states, which can't be truncated, and for a band, a horizon or a weight, for which no bound is known. The last
+        is 0: there nothing is truncated.
     status : enum.Enum
         What happened; its value is a sentence.
     margin : float or None
@@ -79,14 +92,22 @@ class Reduction(Frozen):
 
 
 def balanced_truncation(
-    model: control.StateSpace, *, order: int | None = None, tol: float | None = None, unstable: str = "refuse"
+    model: control.StateSpace,
+    *,
+    order: int | None = None,
+    tol: float | None = None,
+    unstable: str = "refuse",
+    band_hz: tuple[float, float] | None = None,
+    horizon: float | None = None,
+    weight: control.StateSpace | None = None,
+    match: str | None = None,
 ) -> Reduction:
     r"""Truncate the states that matter least between input and output, with an error bound for every order.
 
     .. math:: \max_\omega \bar\sigma(G - G_r) \le 2 \sum_{k > r} \sigma_k \quad\text{(distinct } \sigma_k)
 
     where σ are the Hankel singular values. Holds in continuous and in discrete time; the feedthrough D is
-    kept, so order 0 is the static gain D.
+    kept, so order 0 is the static gain D, unless `match` says otherwise.
 
     Parameters
     ----------
@@ -102,6 +123,15 @@ def balanced_truncation(
         Poles on or outside the stability boundary, integrators included: refuse them, or split them off
         exactly, reduce the stable rest, and put them back. A pole counts as unstable if rounding can't tell
         it from the boundary.
+    band_hz : (low, high), optional
+        Only these frequencies in Hz count: Gramians over the band. ``high`` may be inf.
+    horizon : float, optional
+        Only the first so many seconds of the impulse response count.
+    weight : control.StateSpace, optional
+        Stable W: W (G - G_r) is to be small, not G - G_r. One channel, or as many inputs as `model` has outputs.
+    match : {None, "static gain"}
+        "static gain": the states that go take their steady state instead of zero, so that the stable part keeps
+        its gain at frequency zero exactly, with the same bound.
 
     Returns
     -------
@@ -113,7 +143,8 @@ def balanced_truncation(
     ------
     InputError, InputTypeError
         If `model` isn't a finite StateSpace with known time base, has unstable poles that are to be refused,
-        or if `order` or `tol` is out of range or both are given.
+        or if `order` or `tol` is out of range or both are given; for more than one of `band_hz`, `horizon` and
+        `weight`, or one of them without `order`.
 
     Notes
     -----
@@ -124,10 +155,17 @@ def balanced_truncation(
     boundary) of its peak; below that (1e-9 in mechanical benchmarks of 300 states) no bound can be seen in
     numbers. States below n·eps·hankel[0] are never kept in a truncated model.
 
+    For a band, a horizon or a weight no a-priori bound is known: `order` must be given; `hinf_error` tells the
+    error. The weight stands at the outputs only (Enns's method, one side weighted): the controllability Gramian
+    is then the ordinary one and the truncated model is stable, as weights on both sides don't guarantee. Bands and
+    horizons don't either: the poles are looked at, and `status` tells.
+
     References
     ----------
-    Enns 1984 and Glover 1984 (continuous), Hinrichsen and Pritchard 1990 (discrete) for the bound; Tombs and
-    Postlethwaite 1987 for the square-root method; Hammarling 1982, in the form of Sorensen and Zhou 2003.
+    Enns 1984 (`enns1984`; weights too) and Glover 1984 (continuous), Hinrichsen and Pritchard 1990 (discrete) for
+    the bound; Tombs and Postlethwaite 1987 for the square-root method; Hammarling 1982, in the form of Sorensen and
+    Zhou 2003; Gawronski and Juang 1990 (`gawronski1990`) for bands and horizons; Liu and Anderson 1989 (`liu1989`)
+    for the static gain.
 
     Examples
     --------
@@ -136,43 +174,63 @@ def balanced_truncation(
     >>> reduction = rid.balanced_truncation(model, order=1)
     >>> reduction.order, bool(reduction.bound < 0.03 * reduction.hankel[0])
     (1, True)
+    >>> exact = rid.balanced_truncation(model, order=1, match="static gain").model
+    >>> bool(abs(exact.dcgain() - model.dcgain()) < 1e-12)
+    True
     """
     system = check_model("model", model)
-    if unstable not in ("refuse", "keep"):
-        raise InputError(f'`unstable` must be "refuse" or "keep"; got {unstable!r}')
+    for name, value, known in (("unstable", unstable, ("refuse", "keep")), ("match", match, (None, "static gain"))):
+        if value not in known:
+            raise InputError(f"`{name}` must be {' or '.join(map(_quoted, known))}; got {value!r}")
     if order is not None and tol is not None:
         raise InputError(f"give `order` or `tol`, not both; got order={order!r} and tol={tol!r}")
     if order is not None:
         order = as_count("order", order)
         if order > system.nstates:
             raise InputError(f"`order` must be at most the order of the model, {system.nstates}; got {order}")
+    limits = {"band_hz": band_hz, "horizon": horizon, "weight": weight}
+    given = [f"`{name}`" for name, value in limits.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"give one of `band_hz`, `horizon` and `weight`; got {' and '.join(given)}")
+    if given and order is None:
+        raise InputError(f"`order` is needed with {given[0]}: there is no a-priori bound to hold a tolerance against")
     tol = _DEFAULT_TOL if tol is None else as_float("tol", tol)
     if tol < 0:
         raise InputError(f"`tol` must be >= 0: a bound relative to the largest Hankel value; got {tol:g}")
-    stable, kept = _split(system, unstable)
+    stable, kept = split(system, unstable)
     held = kept.a.shape[0]
     if order is not None and order < held:
         raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
+    factors = limited(system, stable, **limits) if given else None
+    return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
 
-    return _Balanced(system, stable, kept).truncate(order, tol)
+
+def _quoted(word: str | None) -> str:
+    return "None" if word is None else f'"{word}"'
 
 
 class _Balanced:
     """Balanced coordinates of one model, computed once for every order."""
 
-    def __init__(self, system: Any, stable: Parts, kept: Parts):
-        self.system, self.stable, self.kept = system, stable, kept
-        self.held = kept.a.shape[0]
-        self.left, self.right = _gramian_factors(stable, discrete=system.dt != 0)
-        self.rotate_left, self.hankel, self.rotate_right = sla.svd(self.left.T @ self.right, lapack_driver="gesvd")
-        self.bounds = np.concatenate([np.full(self.held, np.inf), _error_bounds(self.hankel)])
+    def __init__(
+        self, system: Any, stable: Parts, kept: Parts, factors: Factors | None = None, match: str | None = None
+    ):
+        self.system, self.stable, self.kept, self.match = system, stable, kept, match
+        self.held, self.bounded, states = kept.a.shape[0], factors is None, stable.a.shape[0]
+        self.left, self.right = factors or gramian_factors(stable, discrete=system.dt != 0)
+        self.rotate_left, hankel, self.rotate_right = sla.svd(self.left.T @ self.right)
+        self.hankel = np.concatenate([hankel, np.zeros(states - hankel.size)])
+        bounds = _error_bounds(self.hankel)
+        if not self.bounded:
+            bounds[:-1] = np.inf
+        self.bounds = np.concatenate([np.full(self.held, np.inf), bounds])
 
     def truncate(self, order: int | None, tol: float = _DEFAULT_TOL) -> Reduction:
         """The model of one order, or of the smallest order that meets a relative bound."""
         hankel, largest = self.hankel, np.max(self.hankel, initial=0.0)
         significant = self.held + int(np.sum(hankel > hankel.size * _EPS * largest))
         full = self.system.nstates
-        status = ReductionStatus.REDUCED
+        status = ReductionStatus.REDUCED if self.bounded else ReductionStatus.UNBOUNDED
         if order is None:
             chosen = int(np.argmax(self.bounds <= tol * largest))  # the last bound, 0, always meets it
             if chosen > significant:
@@ -184,19 +242,41 @@ class _Balanced:
         if chosen == full:
             reduced, status = self.system, ReductionStatus.UNREDUCED
         else:
-            keep = chosen - self.held
-            into = self.right @ self.rotate_right[:keep].T / np.sqrt(hankel[:keep])
-            onto = (self.left @ self.rotate_left[:, :keep] / np.sqrt(hankel[:keep])).T
-            small = Parts(onto @ self.stable.a @ into, onto @ self.stable.b, self.stable.c @ into)
-            reduced = _assemble(self.system, self.kept, small)
+            reduced, stable = self._model(chosen - self.held)
+            status = status if stable else ReductionStatus.UNSTABLE
         bound = float(self.bounds[chosen])
         return Reduction(reduced, order=chosen, hankel=hankel, bound=bound, bounds=self.bounds, status=status)
+
+    def _model(self, keep: int) -> tuple[control.StateSpace, bool]:
+        """The model with so many states of the stable part, and whether those are stable."""
+        root, feedthrough, discrete = np.sqrt(self.hankel[:keep]), self.system.D, self.system.dt != 0
+        into = self.right @ self.rotate_right[:keep].T / root
+        onto = (self.left @ self.rotate_left[:, :keep] / root).T
+        if self.match is None:
+            small = Parts(onto @ self.stable.a @ into, onto @ self.stable.b, self.stable.c @ into)
+        else:
+            small, feedthrough = _at_rest(self.stable, feedthrough, into, onto, discrete=discrete)
+        poles = np.linalg.eigvals(small.a)
+        stable = bool(np.all(np.abs(poles) < 1 if discrete else poles.real < 0))
+        return _assemble(self.system, self.kept, small, feedthrough), stable
+
+
+def _at_rest(
+    parts: Parts, feedthrough: np.ndarray, into: np.ndarray, onto: np.ndarray, *, discrete: bool
+) -> tuple[Parts, np.ndarray]:
+    """The states that go take their steady state `liu1989`: truncation of G(1/s), with z - 1 for s in discrete time."""
+    solved = np.linalg.solve(parts.a - discrete * np.eye(len(parts.a)), np.hstack([into, parts.b]))
+    states, drive = np.hsplit(solved, [into.shape[1]])
+    a = np.linalg.inv(onto @ states)
+    b, c = a @ (onto @ drive), parts.c @ states @ a
+    feedthrough = feedthrough - parts.c @ drive + parts.c @ states @ b
+    return Parts(a + discrete * np.eye(len(a)), b, c), feedthrough
 
 
 def balanced_truncations(model: control.StateSpace) -> Callable[[int], Reduction]:
     """Order to balanced truncation of `model`, unstable states kept: Gramians are computed once for all orders."""
     system = check_model("model", model)
-    return _Balanced(system, *_split(system, "keep")).truncate
+    return _Balanced(system, *split(system, "keep")).truncate
 
 
 def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
@@ -220,129 +300,8 @@ def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
     array([2.])
     """
     system = check_model("model", model)
-    left, right = _gramian_factors(_split(system, "refuse")[0], discrete=system.dt != 0)
+    left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
     return np.asarray(sla.svdvals(left.T @ right))
-
-
-class Parts(NamedTuple):
-    """A, B and C of a part of a model."""
-
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-
-
-def _split(model: Any, unstable: str) -> tuple[Parts, Parts]:
-    """Stable and unstable part, in coordinates of balanced scales; the feedthrough belongs to neither."""
-    parts = scaled(model.A, model.B, model.C)
-    poles, doubt = doubtful_distance(parts.a)
-    distance = -np.real(poles) if model.dt == 0 else 1 - np.abs(poles)
-    stable = distance > doubt
-    if np.all(stable):
-        return parts, Parts(np.zeros((0, 0)), np.zeros((0, model.ninputs)), np.zeros((model.noutputs, 0)))
-    if unstable == "refuse":
-        raise InputError(
-            f"`model` must be stable to be reduced; it has {describe_poles(poles[~stable], model.dt)} on or"
-            ' beyond the stability boundary. Pass unstable="keep" to keep those states and reduce the rest'
-        )
-
-    # LAPACK reorders with slightly different poles: each is judged as the nearest of those judged above.
-    def leads(real: float, imag: float = 0.0) -> bool:
-        return bool(stable[np.argmin(np.abs(poles - complex(real, imag)))])
-
-    ordered: Any = sla.schur(parts.a, output="real", sort=leads)
-    schur, basis, first = ordered
-    b, c = basis.T @ parts.b, parts.c @ basis
-    a, coupling, rest = schur[:first, :first], schur[:first, first:], schur[first:, first:]
-    x = sla.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
-    kept = Parts(rest, b[first:], c[:, first:] + c[:, :first] @ x)
-    return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
-
-
-def scaled(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Parts:
-    """Powers of two between the states, from A alone: exact, whatever the units of the channels."""
-    if a.size == 0:
-        return Parts(a, b, c)
-    with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        balanced, (scale, _) = sla.matrix_balance(a, permute=False, separate=True)
-    return Parts(balanced, b / scale[:, None], c * scale)
-
-
-def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poles, and how far rounding may have moved each: the pair of a rigid body far, a simple pole hardly.
-
-    First-order perturbation, n eps |A| over the cosine between left and right eigenvector, capped where the
-    first order fails (defective poles: their distance grows with a root of eps only).
-    """
-    if a.size == 0:
-        return np.zeros(0, dtype=complex), np.zeros(0)
-    solved: Any = sla.eig(a, left=True, right=True)
-    poles, left, right = solved
-    cosine = np.abs(np.sum(left.conj() * right, axis=0))
-    move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), _MOST_DOUBT)
-    return poles, move * np.linalg.norm(a, 2)
-
-
-def _gramian_factors(parts: Parts, *, discrete: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Real factors: observability Gramian = left left', controllability Gramian = right right'."""
-    if parts.a.size == 0:
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    triangular: Any = sla.schur(parts.a, output="complex")
-    schur, basis = triangular
-    factor = _hammarling_discrete if discrete else _hammarling_continuous
-    right = basis @ factor(schur, basis.conj().T @ parts.b)
-    # The dual equation has A^H; reversing the order of the states makes it upper triangular again.
-    dual = factor(schur.conj().T[::-1, ::-1], (parts.c @ basis).conj().T[::-1])
-    return _real_factor(basis @ dual[::-1]), _real_factor(right)
-
-
-def _real_factor(factor: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.qr(np.hstack([np.real(factor), np.imag(factor)]).T, mode="r")).T
-
-
-def _hammarling_continuous(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Upper triangular U with A U U^H + U U^H A^H + B B^H = 0, A upper triangular, Re diag(A) < 0."""
-    a, b = np.asarray(a), b.astype(complex)
-    u = np.zeros_like(a, dtype=complex)
-    for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
-        if norm == 0:
-            continue  # the state is not reached: its row and column of the Gramian are zero
-        direction = b[j] / norm
-        alpha = np.sqrt(-2 * pole.real)
-        u[j, j] = norm / alpha
-        right = -a[:j, j] * u[j, j] - alpha * (b[:j] @ direction.conj())
-        u[:j, j] = _solve_shifted(a[:j, :j], pole.conjugate(), 1.0, right)
-        b[:j] -= alpha * np.outer(u[:j, j], direction)
-    return u
-
-
-def _hammarling_discrete(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Upper triangular U with A U U^H A^H - U U^H + B B^H = 0, A upper triangular, |diag(A)| < 1."""
-    a, b = np.asarray(a), b.astype(complex)
-    u = np.zeros_like(a, dtype=complex)
-    for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
-        if norm == 0:
-            continue
-        direction = b[j] / norm
-        beta = np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
-        u[j, j] = norm / beta
-        along = b[:j] @ direction.conj()
-        right = pole.conjugate() * a[:j, j] * u[j, j] + beta * along
-        u[:j, j] = _solve_shifted(a[:j, :j], 1.0, -pole.conjugate(), right)
-        ahead = a[:j, :j] @ u[:j, j] + a[:j, j] * u[j, j]
-        b[:j] += np.outer(beta * ahead - pole * along - along, direction)
-    return u
-
-
-def _solve_shifted(a: np.ndarray, shift: complex, factor: complex, right: np.ndarray) -> np.ndarray:
-    """Solve (shift I + factor A) x = right, A upper triangular."""
-    if right.size == 0:
-        return right
-    matrix = factor * a
-    matrix[np.diag_indices_from(matrix)] += shift
-    return sla.solve_triangular(matrix, right, check_finite=False)
 
 
 def _error_bounds(hankel: np.ndarray) -> np.ndarray:
@@ -354,14 +313,14 @@ def _error_bounds(hankel: np.ndarray) -> np.ndarray:
     return bounds
 
 
-def _assemble(model: Any, kept: Parts, small: Parts) -> control.StateSpace:
+def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: np.ndarray) -> control.StateSpace:
     import control
 
     return control.StateSpace(
         sla.block_diag(kept.a, small.a),
         np.vstack([kept.b, small.b]),
         np.hstack([kept.c, small.c]),
-        model.D,
+        feedthrough,
         model.dt,
         inputs=model.input_labels,
         outputs=model.output_labels,

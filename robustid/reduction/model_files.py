@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from robustid._arrays import as_array, as_float
 from robustid._files import atomic_write
-from robustid.errors import FileFormatError, InputError
+from robustid.data._readers import read_table
+from robustid.data._table import said
+from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
 def save_model(model: Any, path: str | os.PathLike[str]) -> None:
@@ -39,30 +42,64 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> Any:
     Raises
     ------
     FileFormatError
-        The file is missing, foreign, or lacks a matrix.
+        The file is missing, foreign, or lacks a matrix; or its matrices aren't finite numbers of sizes that belong together.
     """
     import control
-    import scipy.io
 
     path = pathlib.Path(path)
     if not path.is_file():
         raise FileFormatError(f"`path`: there is no file {path}")
+    numbers = _numbers(path)
+    missing = [name for name in "ABC" if name not in numbers]
+    if missing:
+        names = ", ".join(sorted(numbers)) or "nothing"
+        raise FileFormatError(f"{path.name} has no matrix {missing[0]}: a model needs A, B, C; it holds {names}")
+    A, B, C = (_matrix(path, name, numbers[name]) for name in "ABC")
+    D = _matrix(path, "D", numbers["D"]) if "D" in numbers else np.zeros((C.shape[0], B.shape[1]))
+    for name, matrix, shape in (
+        ("A", A, (A.shape[0], A.shape[0])),
+        ("B", B, (A.shape[0], B.shape[1])),
+        ("C", C, (C.shape[0], A.shape[0])),
+        ("D", D, (C.shape[0], B.shape[1])),
+    ):
+        if matrix.shape != shape:
+            raise FileFormatError(
+                f"matrix {name} of {path.name} must be {shape[0]} x {shape[1]}; got {matrix.shape[0]} x {matrix.shape[1]}"
+            )
+    return control.ss(A, B, C, D, _step(path, numbers) if dt is None else dt)
+
+
+def _numbers(path: pathlib.Path) -> dict[str, Any]:
+    """The named matrices of a file."""
+    import scipy.io
+
+    if path.suffix.lower() not in (".npz", ".mat"):
+        raise FileFormatError(
+            f"{path.name} must be a model in .npz or .mat, with matrices A, B, C and, optionally, D and dt"
+        )
+    if path.suffix.lower() == ".mat":
+        try:
+            content = scipy.io.loadmat(str(path))
+            return {name: value for name, value in content.items() if not name.startswith("__")}
+        except NotImplementedError:  # v7.3
+            pass
+        except Exception as error:  # scipy has many for damaged bytes
+            raise FileFormatError(f"{path.name} can't be read as .mat ({said(error)}); is the file damaged?") from None
+    return dict(read_table(path).columns)
+
+
+def _matrix(path: pathlib.Path, name: str, value: Any) -> np.ndarray:
     try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                numbers = {name: archive[name] for name in archive.files}
-        else:
-            numbers = scipy.io.loadmat(path)
-        matrices = [_dense(numbers[name]) for name in "ABC"]
-        D = _dense(numbers["D"]) if "D" in numbers else np.zeros((matrices[2].shape[0], matrices[1].shape[1]))
-        step = float(np.ravel(numbers.get("dt", 0.0))[0]) if dt is None else dt
-        return control.ss(*matrices, D, step)
-    except KeyError as error:
-        names = sorted(name for name in numbers if not name.startswith("__"))
-        raise FileFormatError(f"`path`: {path} has no matrix {error}; it holds {names}") from None
-    except Exception as error:  # readers of foreign files raise anything
-        raise FileFormatError(f"`path`: {path} is not a model in .npz or .mat ({error})") from None
+        return as_array(name, value.toarray() if hasattr(value, "toarray") else value, ndim=2)
+    except (InputError, InputTypeError) as error:
+        raise FileFormatError(f"{path.name} is no model: {error}") from None
 
 
-def _dense(matrix: Any) -> np.ndarray:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=float)
+def _step(path: pathlib.Path, numbers: dict[str, Any]) -> float:
+    try:
+        step = as_float("dt", numbers.get("dt", 0.0))
+    except (InputError, InputTypeError) as error:
+        raise FileFormatError(f"{path.name} is no model: {error}") from None
+    if step < 0:
+        raise FileFormatError(f"{path.name} is no model: `dt` must be >= 0; got {step:g}")
+    return step
