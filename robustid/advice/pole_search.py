@@ -163,8 +163,8 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     >>> wrong = rid.kautz(data.modes[:, 0] * [1, 1.01], data.modes[:, 1], dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> found = rid.improve_kautz(rid.MixedProblem(frequency=data.frequency, parametric=wrong, prior=prior))
-    >>> found.trials[0].margin > 100, found.margin < 1, np.round(found.omega / (2 * np.pi), 2)
-    (True, True, array([ 9.  , 17.67]))
+    >>> found.trials[0].margin > 100, found.margin < 1, np.round(found.omega[1] / (2 * np.pi), 2)
+    (True, True, np.float64(17.67))
     """
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
