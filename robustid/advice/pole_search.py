@@ -28,7 +28,8 @@ _MOST_STEPS = 40
 # Trust region, in the units of `moving_pairs.units`: at the start; where it is given up; what a step must keep of what it promised
 # to be taken, and to widen the region.
 _RADIUS, _SMALLEST, _TAKEN, _GOOD = 1.0, 1e-4, 0.1, 0.7
-_WORTH = 0.01  # part of the margin that a step must promise
+# Part of the margin that a step must promise: twice what margins are known to. Not more: in a small region good steps promise little.
+_WORTH = 2e-3
 
 
 class PoleTrial(NamedTuple):
@@ -229,7 +230,10 @@ class _Search:
             try:
                 d, promised = _linearised(at.posed, D, radius)
                 if promised > (1 - _WORTH) * at.margin:
-                    return at, f"no step of at most {radius:.2g} half-widths promises more than {100 * _WORTH:g} %"
+                    return (
+                        at,
+                        f"no step of up to {radius:.2g} half-widths promises to make it smaller by {100 * _WORTH:g} %",
+                    )
                 new = self._at(at.pairs, at.pairs.inside(at.poles + unit * d.reshape(-1, 2)))
             except (InputError, SolverError) as error:  # poles that meet, or that the samples don't feel
                 _log.info("step %d: shortened (%s)", step, error)
