@@ -2,7 +2,15 @@
 
 from robustid._arrays import Channel
 from robustid._version import __version__
-from robustid.advice import diagnose, sensitivity, suggest_class, suggest_kautz, suggest_next, suggest_prior
+from robustid.advice import (
+    diagnose,
+    improve_kautz,
+    sensitivity,
+    suggest_class,
+    suggest_kautz,
+    suggest_next,
+    suggest_prior,
+)
 from robustid.bases import ParametricBasis, kautz
 from robustid.certify import (
     PoleBand,
@@ -122,6 +130,7 @@ __all__ = [
     "flexible_structure",
     "guaranteed_margin",
     "identify",
+    "improve_kautz",
     "kautz",
     "load",
     "load_excitation",

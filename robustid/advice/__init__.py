@@ -5,6 +5,7 @@ from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
+from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, suggest_prior
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
@@ -12,13 +13,16 @@ __all__ = [
     "ClassCandidate",
     "ClassSuggestion",
     "Diagnosis",
+    "KautzImprovement",
     "KautzSuggestion",
     "NextMeasurement",
+    "PoleTrial",
     "PriorSuggestion",
     "Sensitivity",
     "Trial",
     "Variation",
     "diagnose",
+    "improve_kautz",
     "sensitivity",
     "suggest_class",
     "suggest_kautz",

@@ -10,11 +10,12 @@ import numpy as np
 
 from robustid._arrays import Frozen
 from robustid.advice.kautz import further_mode
+from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification import Identification
-from robustid.identification.forms import pose, sections_of
+from robustid.identification.forms import QUICK_EXACT, pose, sections_of
 from robustid.interpolation import MixedProblem
 from robustid.solve import margin_path
 
@@ -79,6 +80,11 @@ class Diagnosis(Frozen):
             "More pairs add assumptions that the data can test; a larger K or a smaller rho only asks less, and its guarantee"
             " between the samples is weaker."
         )
+        if not consistent:
+            lines.append(
+                "Poles that were moved to suit the data are no prior knowledge: improve_kautz says which intervals the lines leave"
+                " to them."
+            )
         return "\n".join(lines)
 
 
@@ -87,7 +93,8 @@ def diagnose(identification: Identification) -> Diagnosis:
 
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
     k a^k, which absorb errors of the poles to first order), one more pair where the frequency lines show what the others lack most,
-    the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out.
+    the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out. Inconsistent
+    data with up to 100 coefficients: also the poles of the pairs moved (`improve_kautz`).
 
     Parameters
     ----------
@@ -137,11 +144,25 @@ def diagnose(identification: Identification) -> Diagnosis:
             trials.append(Trial(text, _reachable_margin(changed), changed))
         except InputError as error:  # functions that the samples can't tell apart
             _log.info("%s: left out (%s)", text, error)
+    if not identification.consistent and problem.coefficients <= QUICK_EXACT:
+        trials += _moved_poles(problem)
     return Diagnosis(
         inflation=identification.margin,
         limiting=tuple(identification.conflicting_samples()),
         trials=tuple(trials),
     )
+
+
+def _moved_poles(problem: MixedProblem) -> list[Trial]:
+    """The trial with the poles of the pairs moved, where there are pairs and that helps."""
+    try:
+        found = improve_kautz(problem, repeat=False)
+    except (InputError, SolverError) as error:
+        _log.info("poles moved: left out (%s)", error)
+        return []
+    poles = zip(found.omega / (2 * np.pi), found.damping, strict=True)
+    places = ", ".join(f"{hz:.5g} Hz with damping {damping:.3g}" for hz, damping in poles)
+    return [Trial(f"poles moved, to {places}", found.margin, found.problem)] if found.moved else []
 
 
 def _effect(margin: float, before: float) -> str:

@@ -1,0 +1,163 @@
+"""Parametric bases whose Kautz pairs can move, and what a move does to the samples."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.bases import ParametricBasis, Sections, kautz, stack_bases
+from robustid.errors import InputError
+from robustid.identification.forms import Posed
+from robustid.interpolation import MixedProblem, measurement_rows
+
+_SAME = 1e-6  # relative: a block that agrees with `kautz` so far was made by it
+_STEP = 1e-4  # of a difference quotient, in the units of `MovingPairs.units`
+_LIGHTEST, _HEAVIEST = 1e-6, 0.99  # damping ratios that poles may move to
+_HIGHEST = 0.999  # of the Nyquist frequency
+
+
+@dataclasses.dataclass(frozen=True)
+class _Pair:
+    """One `kautz` mode: its place among the poles, and its form."""
+
+    mode: int
+    repeat: int
+    delay: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MovingPairs(Frozen):
+    """A parametric basis taken apart: Kautz pairs, which can move, and blocks that stay as they are.
+
+    Attributes
+    ----------
+    parts : tuple of ParametricBasis or _Pair
+    start : (M, 2) array
+        log of natural frequency [rad/s] and log of damping ratio of every pair.
+    dt : float, s
+    """
+
+    parts: tuple[ParametricBasis | _Pair, ...]
+    start: np.ndarray
+    dt: float
+
+    def __post_init__(self) -> None:
+        self._set(start=freeze(np.asarray(self.start, float).reshape(-1, 2)))
+
+    @property
+    def pairs(self) -> list[_Pair]:
+        """Those that can move, in their order."""
+        return [part for part in self.parts if isinstance(part, _Pair)]
+
+    def repeated(self) -> MovingPairs:
+        """Each pair once more."""
+        parts = (dataclasses.replace(p, repeat=p.repeat + 1) if isinstance(p, _Pair) else p for p in self.parts)
+        return dataclasses.replace(self, parts=tuple(parts))
+
+    def at(self, poles: np.ndarray) -> ParametricBasis:
+        """The basis with its pairs at these poles."""
+        made = []
+        for part in self.parts:
+            if isinstance(part, _Pair):
+                omega, damping = np.exp(poles[part.mode])
+                part = kautz(omega, damping, dt=self.dt, repeat=part.repeat, delay=part.delay)
+            made.append(part)
+        return stack_bases(made)
+
+    def inside(self, poles: np.ndarray) -> np.ndarray:
+        """The same with dampings and frequencies that are possible: inside the circle, below the Nyquist frequency."""
+        damping = np.clip(poles[:, 1], np.log(_LIGHTEST), np.log(_HEAVIEST))
+        turn = np.log(_HIGHEST * np.pi / self.dt) - 0.5 * np.log1p(-np.exp(2 * damping))
+        return np.stack([np.minimum(poles[:, 0], turn), damping], axis=1)
+
+
+def units(poles: np.ndarray) -> np.ndarray:
+    """What a pole feels as a step of one size: half-widths of its resonance in frequency, factors e in damping, (M, 2)."""
+    return np.stack([np.exp(poles[:, 1]), np.ones(len(poles))], axis=1)
+
+
+def taken_apart(basis: ParametricBasis) -> MovingPairs:
+    """Find the pairs that `kautz` made in a basis."""
+    from scipy.sparse.csgraph import connected_components
+
+    n = basis.states
+    links = np.zeros((n + basis.size,) * 2, bool)
+    links[:n, :n], links[n:, :n] = basis.A != 0, basis.C != 0
+    label = connected_components(links, directed=False)[1]
+    parts, start = [], []
+    for number in dict.fromkeys(label[n:].tolist()):
+        part = _block(basis, *(np.flatnonzero(which == number) for which in (label[:n], label[n:])))
+        found = _mode_of(part)
+        if found is not None:
+            pole, repeat, delay = found
+            part = _Pair(len(start), repeat, delay)
+            start.append(pole)
+        parts.append(part)
+    return MovingPairs(tuple(parts), np.array(start), basis.dt)
+
+
+def _block(basis: ParametricBasis, states: np.ndarray, functions: np.ndarray) -> ParametricBasis:
+    """Some functions with the states that they need, and the poles as they are known."""
+    A, labels = basis.A[np.ix_(states, states)], tuple(basis.labels[i] for i in functions)
+    computed = np.linalg.eigvals(A) if states.size else np.zeros(0)
+    poles = basis.poles[np.abs(computed[:, None] - basis.poles).argmin(axis=1)] if states.size else computed
+    C = basis.C[np.ix_(functions, states)]
+    return ParametricBasis(A, basis.B[states], C, basis.D[functions], basis.dt, labels, poles)
+
+
+def _mode_of(part: ParametricBasis) -> tuple[np.ndarray, int, int] | None:
+    """Logs of frequency and damping, multiplicity and delay of what `kautz` made; None of anything else."""
+    n, m = part.states, part.size
+    if m < 2 or m % 2 or n < m:
+        return None
+    a = complex(part.A[0, 0], part.A[1, 0])
+    if not (a.imag > 0 and abs(a) < 1):
+        return None
+    size = abs(np.log(a))
+    damping, delay = -np.log(abs(a)) / size, 0 if part.D.any() else n - m + 1
+    made = kautz(size / part.dt, damping, dt=part.dt, repeat=m // 2, delay=delay)
+    for name in "ABCD":
+        own, other = getattr(part, name), getattr(made, name)
+        if own.shape != other.shape or not np.allclose(own, other, rtol=_SAME, atol=_SAME * np.abs(other).max()):
+            return None
+    return np.log([size / part.dt, damping]), m // 2, delay
+
+
+def moved_samples(pairs: MovingPairs, posed: Posed, p: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """Derivatives of what the parametric part gives at the samples, to the logs of the poles, (N, 2 M), in units of the bounds.
+
+    Of P(theta) q(theta) with the q nearest to P p: the projection of P p on the span at theta. So the scale of the functions,
+    and which basis of the free transients was taken, do not matter.
+    """
+    problem, rows = posed.problem, posed.data.rows
+    given, step = rows.P @ p, (_STEP * units(poles)).ravel()
+
+    def projected(which: int, sign: int) -> np.ndarray:
+        moved = poles.ravel().copy()
+        moved[which] += sign * step[which]
+        P = _columns(dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2))))
+        return P @ np.linalg.lstsq(rows.real(P), rows.real(given), rcond=None)[0]
+
+    return np.stack([(projected(i, 1) - projected(i, -1)) / (2 * step[i]) for i in range(step.size)], axis=1)
+
+
+def _columns(problem: MixedProblem) -> np.ndarray:
+    """The columns of the parameters at the samples; those of the rest are left out but for one."""
+    return measurement_rows(problem, Sections.shift(1)).P
+
+
+def pairs_of(problem: MixedProblem) -> MovingPairs:
+    """The pairs of a problem that can move; refused where there is nothing to move, or a move changes what was stated."""
+    if problem.parameter_bounds is not None:
+        raise InputError(
+            "`problem` has `parameter_bounds`: intervals of coefficients mean other functions once poles move; leave them out"
+        )
+    pairs = None if problem.parametric is None else taken_apart(problem.parametric)
+    if pairs is None or not pairs.start.size:
+        raise InputError(
+            "`problem` must have pairs made by `kautz` in its parametric part; got none, hence no poles to move. Take them"
+            " from `suggest_kautz`"
+        )
+    return pairs
