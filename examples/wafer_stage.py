@@ -10,6 +10,7 @@ import argparse
 import itertools
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -33,31 +34,72 @@ def bending(points, numbers):
     return deflection, deflection * np.sum(waves**2, axis=1)
 
 
-def stage(modes):
-    """The plant as a function of omega (F,) to (F, 4, 4), micrometres and microstrain per newton and volt."""
+def modal(modes, piezo=True):
+    """Modes of the plant, the rigid ones first: frequency (rad/s) and damping (m,), inputs and outputs (4, m), divided by kg.
+
+    The gauge sees bending only. So does the piezo; without it the fourth input is one more force in its place.
+    """
     pairs = np.array([(p, q) for p in range(12) for q in range(12) if p + q > 1 or p * q], dtype=float)
     stiffness = np.sum((pairs / SIDES) ** 2, axis=1)
-    chosen = np.argsort(stiffness)[:modes]
-    frequency = 2 * np.pi * 100 * stiffness[chosen] / stiffness[chosen[0]]
+    pairs = pairs[np.argsort(stiffness)[:modes]]
+    stiffness = np.sort(stiffness)[:modes]
+    frequency = 2 * np.pi * 100 * stiffness / stiffness[0]
     damping = np.random.default_rng(0).uniform(0.005, 0.01, modes)
-    drive = np.vstack([bending(FORCES, pairs[chosen])[0], 2e-3 * bending(PIEZO, pairs[chosen])[1]])
-    look = np.vstack([bending(SENSORS, pairs[chosen])[0], 2e-3 * bending(GAUGE, pairs[chosen])[1]])
-    arms = [np.column_stack([np.ones(3), points / (SIDES / np.sqrt(12))]) for points in (FORCES, SENSORS)]
-    rigid_drive, rigid_look = (np.vstack([each, np.zeros(3)]) for each in arms)  # radii of gyration make masses equal
+
+    def rigid(points):  # radii of gyration make masses equal
+        return np.column_stack([np.ones(len(points)), points / (SIDES / np.sqrt(12))])
+
+    forces = FORCES if piezo else np.vstack([FORCES, PIEZO])
+    drive = np.hstack([rigid(forces), bending(forces, pairs)[0]])
+    look = np.hstack([rigid(SENSORS), bending(SENSORS, pairs)[0]])
+    if piezo:
+        drive = np.vstack([drive, np.hstack([np.zeros((1, 3)), 2e-3 * bending(PIEZO, pairs)[1]])])
+    look = np.vstack([look, np.hstack([np.zeros((1, 3)), 2e-3 * bending(GAUGE, pairs)[1]])])
+    return np.append(np.zeros(3), frequency), np.append(np.zeros(3), damping), drive, 1e6 / MASS * look
+
+
+def stage(modes, piezo=True):
+    """The plant as a function of omega (F,) to (F, 4, 4), micrometres and microstrain per newton and volt."""
+    frequency, damping, drive, look = modal(modes, piezo)
 
     def plant(omega):
         s = 1j * omega[:, None]
-        modal = 1 / (s**2 + 2 * damping * frequency * s + frequency**2)
-        rigid = rigid_look @ rigid_drive.T / s[:, :, None] ** 2
-        return 1e6 / MASS * ((look * modal[:, None]) @ drive.T + rigid)
+        return (look * (1 / (s**2 + 2 * damping * frequency * s + frequency**2))[:, None]) @ drive.T
 
-    return plant, frequency
+    return plant, frequency[3:]
 
 
 def measure(truth, sigma, seed):
     """The response with circular noise of standard deviation sigma per entry."""
     rng = np.random.default_rng(seed)
     return truth + sigma * (rng.standard_normal(truth.shape) + 1j * rng.standard_normal(truth.shape)) / np.sqrt(2)
+
+
+class Experiment(NamedTuple):
+    """What a fit is given, and the truth."""
+
+    frf: rid.FrequencyResponse
+    weight: rid.Weight
+    truth: np.ndarray
+    frequency: np.ndarray
+    bands: np.ndarray
+
+
+def experiment(modes, lines, piezo=True):
+    """Measured lines from 0.5 Hz to 4 kHz with the weight of the paper."""
+    plant, frequency = stage(modes, piezo)
+    omega = 2 * np.pi * np.geomspace(EDGES[0], EDGES[-1], lines)
+    truth = plant(omega)
+    # 1 %, and more where the loop suppresses the excitation (inverse sensitivity); repeated periods tell it.
+    sigma = 0.01 * np.sqrt(1 + (2 * np.pi * 5 / omega[:, None, None]) ** 4) * np.abs(truth)
+    variance = sigma.transpose(0, 2, 1).reshape(lines, 16)[:, :, None] ** 2 * np.eye(16)  # of vec: columns stacked
+    inputs = [*INPUTS[:3], INPUTS[3] if piezo else "force 4 [N]"]
+    frf = rid.FrequencyResponse(
+        omega, measure(truth, sigma, seed=0), covariance=variance, inputs=inputs, outputs=OUTPUTS
+    )
+    bands = 2 * np.pi * np.array(list(itertools.pairwise(EDGES)))
+    weight = rid.Weight(1 / sigma).banded(omega, [(*bands[2], 10), (*bands[-1], 0.01)])
+    return Experiment(frf, weight, truth, frequency, bands)
 
 
 def errors(response, truth, omega, bands):
@@ -95,17 +137,9 @@ def main(argv=None):
     out.mkdir(parents=True, exist_ok=True)
 
     modes, lines = (38, 5000) if arguments.full else (9, 600)
-    plant, frequency = stage(modes)
-    omega, order = 2 * np.pi * np.geomspace(EDGES[0], EDGES[-1], lines), 2 * modes + 6
-    truth = plant(omega)
-    # 1 %, and more where the loop suppresses the excitation (inverse sensitivity); repeated periods tell it.
-    sigma = 0.01 * np.sqrt(1 + (2 * np.pi * 5 / omega[:, None, None]) ** 4) * np.abs(truth)
-    variance = sigma.transpose(0, 2, 1).reshape(lines, 16)[:, :, None] ** 2 * np.eye(16)  # of vec: columns stacked
-    frf = rid.FrequencyResponse(
-        omega, measure(truth, sigma, seed=0), covariance=variance, inputs=INPUTS, outputs=OUTPUTS
-    )
-    bands = 2 * np.pi * np.array(list(itertools.pairwise(EDGES)))
-    weight = rid.Weight(1 / sigma).banded(omega, [(*bands[2], 10), (*bands[-1], 0.01)])  # as in the paper
+    order = 2 * modes + 6
+    frf, weight, truth, frequency, bands = experiment(modes, lines)
+    omega = frf.omega
     low, high = frequency[[0, -1]] / (2 * np.pi)
     print(
         f"{modes} flexible modes from {low:.0f} to {high:.0f} Hz and 3 rigid-body modes: order {order}, {lines} lines"
