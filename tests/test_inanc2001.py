@@ -71,7 +71,7 @@ def test_every_method_uses_as_much_and_the_truth_is_in_its_class():
         k = np.arange(1, 12000)
         pulses = weights[0][:, None] * (a**k - a ** (k - 1)).real + weights[1][:, None] * (a**k - a ** (k - 1)).imag
         rest = np.delete(pulses, list(method.modes), axis=0).sum(axis=0) * rho**k if largest else np.zeros(1)
-        assert largest == pytest.approx(np.abs(np.fft.rfft(rest, 2**17)).max(), rel=1e-4)
+        assert largest == pytest.approx(np.abs(np.fft.rfft(rest, 2**18)).max(), rel=1e-4)
 
 
 def test_the_guaranteed_error_holds_for_the_truth(monkeypatch):
