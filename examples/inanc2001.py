@@ -199,24 +199,38 @@ def print_paper_table(measured, outcomes):
         )
 
 
-def print_worth_table(measured, outcomes):
+def print_guarantees(measured, outcomes):
+    print(f"   {'':<33}{'':>4}{'guaranteed error of the model:':>36}{'':>8}{'its error against the truth':>30}")
     print(
-        f"   {'':<33}{'':>4}{'smallest':>9}{'':>8}{'guaranteed error':>18}{'error against truth':>21}"
-        f"{'unused: step':>15}{'lines':>7}"
-    )
-    print(
-        f"   {'method':<33}{'out':>4}{'order':>9}{'margin':>8}{'median':>9}{'17.67':>9}{'central':>12}{'small':>9}"
-        f"{'rms |e|/bound':>17}"
+        f"   {'method':<33}{'out':>4}{'central, median':>18}{'17.67 Hz':>10}{'small, median':>16}{'17.67 Hz':>10}"
+        f"{'central':>12}{'small':>9}"
     )
     for o in outcomes:
-        m, data = o.method, measured[o.method.output]
-        upper = o.error.upper.ravel()
+        data = measured[o.method.output]
         peak = int(np.argmin(np.abs(o.error.omega - data.modes[1, 0])))
+        central, small = (e.upper.ravel() for e in (o.error, o.error.with_model(o.small.model)))
         off = [error_in_band(model, data) for model in (o.identification.model, o.small.model)]
-        step, lines = (np.sqrt(np.mean(e**2)) for e in unused_errors(data, m, o.small.model))
         print(
-            f"   {m.name:<33}{m.output:>4}{o.small.order:9d}{o.small.margin:8.3f}{np.median(upper):9.3g}{upper[peak]:9.3g}"
-            f"{off[0]:12.3g}{off[1]:9.3g}{step:15.3g}{lines:7.3g}"
+            f"   {o.method.name:<33}{o.method.output:>4}{np.median(central):18.3g}{central[peak]:10.3g}"
+            f"{np.median(small):16.3g}{small[peak]:10.3g}{off[0]:12.3g}{off[1]:9.3g}"
+        )
+
+
+def print_small(measured, outcomes):
+    print(f"   {'':<33}{'':>4}{'smallest':>9}{'':>8}{'rms |e|/bound, not used:':>26}")
+    print(
+        f"   {'method':<33}{'out':>4}{'order':>9}{'margin':>8}{'truncated: step':>18}{'lines':>8}{'small: step':>14}{'lines':>8}"
+    )
+    for o in outcomes:
+        data = measured[o.method.output]
+        rms = [
+            np.sqrt(np.mean(e**2))
+            for model in (o.truncated.model, o.small.model)
+            for e in unused_errors(data, o.method, model)
+        ]
+        print(
+            f"   {o.method.name:<33}{o.method.output:>4}{o.small.order:9d}{o.small.margin:8.3f}"
+            f"{rms[0]:18.3g}{rms[1]:8.3g}{rms[2]:14.3g}{rms[3]:8.3g}"
         )
 
 
@@ -268,6 +282,7 @@ def draw(measured, outcomes):
             row[1].set_title(f"order {orders}")
             row[0].set_ylabel("step response")
             row[1].set_ylabel("|frequency response|")
+            row[1].yaxis.set_major_formatter("{x:g}")
             row[0].set_ylim(*limits(data.time.y))
             row[1].set_ylim(0.5 * np.abs(data.frequency.values).min(), 3 * np.abs(data.frequency.values).max())
         axes[-1, 0].set_xlabel("time [s]")
@@ -301,6 +316,7 @@ def draw_worth(data, outcomes):
             ax.semilogy(hz, off, color=colour, marker=marker, ms=5, mfc="none", ls=":", lw=0.8)
         ax.axhline(BOUND, color=FAINT, lw=1.0, ls="--")
         ax.annotate("bound of the samples", (0.01, BOUND), xycoords=("axes fraction", "data"), va="bottom", fontsize=8)
+        ax.yaxis.set_major_formatter("{x:g}")
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("error of the central model")
         ax.set_title("filled: guaranteed for every consistent system; open, dotted: against the truth")
@@ -319,12 +335,31 @@ def main(argv=None):
     measured = {output: measure(arguments.seed, output) for output in ("y1", "y2")}
     outcomes = [run(measured[method.output], method) for method in METHODS]
     print(
-        "1. The columns of Table II: N_t + 2 N_f = 42 in every line, all samples inside their bounds before and after"
+        "1. The columns of Table II: N_t + 2 N_f = 42 in every line. Reduced: the smallest balanced truncation of the central\n"
+        "   model that keeps every used sample. Beside K the smallest one that the samples allow, and that of the truth"
     )
     print_paper_table(measured, outcomes)
-    print("\n2. What each is worth")
-    print_worth_table(measured, outcomes)
-    print("\n3. The 2 Hz square wave in steady state")
+    print(
+        "   The paper's structure was measured: its noise, and the damping at 9 Hz, aren't those of this simulation, so that its\n"
+        "   orders stand beside ours for the order of the methods, not number by number. The truth has order 4 here (y1: all\n"
+        "   but the last 0.06 of it, order 2)."
+    )
+    print(
+        "\n2. The smallest order whose model keeps every used sample, and what the models say about the other samples"
+    )
+    print_small(measured, outcomes)
+    print(
+        f"\n3. Guaranteed for every system that is consistent, at {WORST_HZ.size} frequencies, and known of this truth from 1 to 21 Hz"
+    )
+    print_guarantees(measured, outcomes)
+    print(
+        "   The samples leave the light mode's poles open: a small model takes any that keep the samples. Who knows the poles says\n"
+        "   so in the parametric part, and has the central model, or its truncation, for it."
+    )
+    print(
+        "\n4. The 2 Hz square wave in steady state. At each edge nine tenths of the light mode are still there from the edge before:\n"
+        "   read as a step from rest, the record is another plant's. Only a class that says enough can notice."
+    )
     of_y2 = [o for o in outcomes if o.method.output == "y2"]
     mixed = [o for o in of_y2 if o.method.samples and o.method.lines and o.method.relax == 1]
     print_square_wave(measured["y2"], mixed[0].method, mixed)
