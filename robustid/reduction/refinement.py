@@ -137,14 +137,14 @@ def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS) 
     return fit
 
 
-def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float) -> Fit:
+def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int) -> Fit:
     """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region.
 
     Ends where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
     """
     trust, gain = _FIRST_RADIUS, np.inf
     fit = fixed_poles_levelled(samples, fit)
-    for step in range(_STEPS):
+    for step in range(steps):
         n, worst = fit.c.size, fit.worst
         if not n or worst < 0.5 * limit:
             return fit

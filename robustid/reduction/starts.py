@@ -20,7 +20,7 @@ _SK_STEPS = 10
 RICH = 24  # states of the truncated model that stands for the data of SK steps
 _MOST_LINES = 1500  # of a subspace estimate: beyond, every so many lines
 _DAMPINGS = (0.003, 0.03, 0.3)
-_ANGLES = 24
+_ANGLES = 48
 
 Family = Callable[[int], "np.ndarray | None"]
 
@@ -124,23 +124,22 @@ def reflected(poles: np.ndarray) -> np.ndarray:
 
 
 def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[np.ndarray]:
-    """The poles of a fit with the further pair (the real pole) that helps least squares most, and with the second best."""
+    """The poles of a fit with the further pair that helps least squares most, one of each damping; or with a real pole."""
     missing = count - fit.c.size
     low, high = samples.band
     if missing == 2:
         angles = np.geomspace(low / 2, min(high, 3.1), _ANGLES)
-        candidates = [np.exp((-z + 1j * np.sqrt(1 - z * z)) * w) for w in angles for z in _DAMPINGS]
+        kinds = [np.exp((-z + 1j * np.sqrt(1 - z * z)) * angles) for z in _DAMPINGS]
     else:
-        candidates = [complex(np.exp(-w)) for w in np.geomspace(low / 10, 3.0, _ANGLES)]
+        kinds = [np.exp(-np.geomspace(low / 10, 3.0, _ANGLES)).astype(complex)]
     A, c, _ = pole_functions(fit.poles)
     base = np.hstack([samples.columns(A, c, samples.signals()), samples.fixed])
     U, _ = orthonormal_columns(samples.real(base))
     rest = samples.real(samples.y)
     rest = rest - U @ (U.T @ rest)
-    gains = [_gain(samples, U, rest, pole) for pole in candidates]
-    for k in np.argsort(gains)[::-1][:2]:
-        more = [candidates[k], candidates[k].conjugate()][:missing]
-        yield np.concatenate([fit.poles, more])
+    for candidates in kinds:
+        best = max(candidates, key=lambda pole: _gain(samples, U, rest, pole))
+        yield np.concatenate([fit.poles, [best, best.conjugate()][:missing]])
 
 
 def _gain(samples: SampleMap, U: np.ndarray, rest: np.ndarray, pole: complex) -> float:

@@ -15,7 +15,7 @@ from robustid.identification.residuals import largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
-from robustid.reduction.refinement import Fit, descended, fixed_poles_levelled, inside, least_squares, levelled
+from robustid.reduction.refinement import Fit, descended, inside, least_squares, levelled
 from robustid.reduction.sample_map import SampleMap, sample_map
 
 _log = logging.getLogger("robustid")
@@ -23,8 +23,10 @@ _log = logging.getLogger("robustid")
 _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
 _REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
 _QUICK, _KEPT = 6, 3  # steps of the first look at every start; starts that are followed to their end
+_NEAR = 1.5  # times the limit: where further starts are followed too
+_STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
-_CLOSER = 10  # times nearer the circle than any pole of the identified model: what a pole may be
+_CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
 _ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
 
 
@@ -191,30 +193,36 @@ class _Search:
                 yield from starts.grown(self.samples, below, n)
 
     def _best(self, poles: Iterable[np.ndarray | None], n: int) -> Fit | None:
-        """The best fit from these starts: all are looked at, few followed."""
+        """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
         samples, radius = self.samples, self.radius
         usable = [inside(starts.reflected(p), radius) for p in poles if p is not None and p.size == n]
-        fits = [fit for p in usable if (fit := _quiet(lambda p=p: least_squares(samples, p))) is not None]
+        fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= _REFINED:
-            fits = [_quiet(lambda f=f: descended(samples, f, radius, _QUICK)) or f for f in fits]
-            fits = sorted(fits, key=lambda fit: fit.cost)[:_KEPT]
-            fits = [_quiet(lambda f=f: descended(samples, f, radius)) or f for f in fits]
-        fits = sorted(fits, key=lambda fit: fit.cost)
+            fits = [_quiet(lambda f=f: descended(samples, f, radius, _QUICK)) for f in fits if f is not None]
+        ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
         best = None
-        for fit in fits:
-            # No model with the largest ratio s has a root mean square above s.
-            hopeful = fit.cost <= self.limit and n <= _REFINED
-            found = _quiet(lambda f=fit, h=hopeful: self._levelled(f, h))
-            if found is not None and (best is None or found.worst < best.worst):
-                best = found
-            if best is not None and (best.worst <= self.limit or not hopeful):
+        for group in (ranked[:_KEPT], ranked[_KEPT:]):
+            for found in self._followed(group, n):
+                best = found if best is None or found.worst < best.worst else best
+            if best is None or not self.limit < best.worst < _NEAR * self.limit:
                 break
         return best
 
-    def _levelled(self, fit: Fit, hopeful: bool) -> Fit:
-        if hopeful:
-            return levelled(self.samples, fit, self.radius, self.limit)
-        return fixed_poles_levelled(self.samples, fit)
+    def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
+        """These fits at their least squares, then minimax, the first that is within the limit last."""
+        samples, radius = self.samples, self.radius
+        if n <= _REFINED:
+            ends = [_quiet(lambda f=f: descended(samples, f, radius)) for f in fits]
+            fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
+        for fit in fits:
+            # No model with the largest ratio s has a root mean square above s: no hope near this one.
+            hopeful = fit.cost <= self.limit and n <= _REFINED
+            steps = _STEPS if hopeful else _FEW * (n <= _REFINED)
+            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s))
+            if found is not None:
+                yield found
+            if not hopeful or (found is not None and found.worst <= self.limit):
+                return
 
     def _result(self, order: int) -> Reduction:
         identification = self.identification
