@@ -315,7 +315,14 @@ def draw_worth(data, outcomes):
             off = np.abs(response(data.truth, o.error.omega * data.frequency.dt) - o.error.nominal)
             ax.semilogy(hz, off, color=colour, marker=marker, ms=5, mfc="none", ls=":", lw=0.8)
         ax.axhline(BOUND, color=FAINT, lw=1.0, ls="--")
-        ax.annotate("bound of the samples", (0.01, BOUND), xycoords=("axes fraction", "data"), va="bottom", fontsize=8)
+        ax.annotate(
+            "bound of the samples",
+            (0.5, BOUND),
+            xycoords=("axes fraction", "data"),
+            ha="center",
+            va="bottom",
+            fontsize=8,
+        )
         ax.yaxis.set_major_formatter("{x:g}")
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("error of the central model")
@@ -340,24 +347,23 @@ def main(argv=None):
     )
     print_paper_table(measured, outcomes)
     print(
-        "   The paper's structure was measured: its noise, and the damping at 9 Hz, aren't those of this simulation, so that its\n"
-        "   orders stand beside ours for the order of the methods, not number by number. The truth has order 4 here (y1: all\n"
-        "   but the last 0.06 of it, order 2)."
+        "   The paper's structure was measured; its noise and its damping at 9 Hz are not those of this simulation: compare the\n"
+        "   methods, not the numbers. The truth has order 4 here (y1: order 2, but for a peak of 0.06 at the light mode)."
     )
     print(
         "\n2. The smallest order whose model keeps every used sample, and what the models say about the other samples"
     )
     print_small(measured, outcomes)
     print(
-        f"\n3. Guaranteed for every system that is consistent, at {WORST_HZ.size} frequencies, and known of this truth from 1 to 21 Hz"
+        f"\n3. Guaranteed for every consistent system at {WORST_HZ.size} frequencies; known of this truth from 1 to 21 Hz"
     )
     print_guarantees(measured, outcomes)
     print(
-        "   The samples leave the light mode's poles open: a small model takes any that keep the samples. Who knows the poles says\n"
-        "   so in the parametric part, and has the central model, or its truncation, for it."
+        "   The samples leave the light mode's poles open: a small model takes any poles that keep the samples. Who knows them\n"
+        "   names them in the parametric part, and has the central model, or its truncation, for it."
     )
     print(
-        "\n4. The 2 Hz square wave in steady state. At each edge nine tenths of the light mode are still there from the edge before:\n"
+        "\n4. The 2 Hz square wave in steady state. At each edge nine tenths of the light mode are left from the edge before:\n"
         "   read as a step from rest, the record is another plant's. Only a class that says enough can notice."
     )
     of_y2 = [o for o in outcomes if o.method.output == "y2"]
