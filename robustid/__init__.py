@@ -70,6 +70,7 @@ from robustid.mfd import (
     mode_table,
     suggest_order,
 )
+from robustid.pipeline import IdentifiedReduced, identify_reduced, run
 from robustid.reduction import balanced_truncation, reduce_within_bounds, to_continuous
 from robustid.report import write_report
 
@@ -82,6 +83,7 @@ __all__ = [
     "FileFormatError",
     "FrequencyResponse",
     "Identification",
+    "IdentifiedReduced",
     "InconsistentDataError",
     "InputError",
     "InputTypeError",
@@ -122,6 +124,7 @@ __all__ = [
     "flexible_structure",
     "guaranteed_margin",
     "identify",
+    "identify_reduced",
     "kautz",
     "load",
     "load_excitation",
@@ -135,6 +138,7 @@ __all__ = [
     "reduce_within_bounds",
     "refute",
     "response_tube",
+    "run",
     "sample_time",
     "save",
     "sensitivity",

@@ -1,4 +1,4 @@
-"""The command line: robustid identify, fit, bounds, verify, reduce, report, demo."""
+"""The command line: robustid run, identify, fit, bounds, verify, reduce, report, demo."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from robustid._cli_certify import bounds, verify
 from robustid._cli_excite import excite
 from robustid._cli_fit import fit
 from robustid._cli_report import report
+from robustid._cli_run import run
 from robustid._cli_steps import EXIT, finish, identified, say_written, size_in_options, sources
 from robustid._terminal import plain, step
 from robustid._version import __version__
@@ -216,6 +217,7 @@ def identify(
     raise typer.Exit(EXIT[result.status])
 
 
+app.command()(run)
 app.command()(excite)
 app.command()(fit)
 app.command()(bounds)

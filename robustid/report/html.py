@@ -7,7 +7,7 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid._files import atomic_write
@@ -49,6 +49,8 @@ def write_report(
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
@@ -82,6 +84,10 @@ def write_report(
         What the matrix fraction was fitted to: names of the channels, and the noise.
     order_sweep : OrderSweep, optional
         From `suggest_order`, with a MatrixFraction.
+    findings : sequence of str
+        What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
+    run_file : str, optional
+        The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
 
     Raises
     ------
@@ -112,6 +118,8 @@ def write_report(
         sensitivity=sensitivity,
         data=data,
         order_sweep=order_sweep,
+        findings=findings,
+        run_file=run_file,
     )
     with atomic_write(path) as file:
         file.write(text)
@@ -129,6 +137,8 @@ def render_report(
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
 ) -> str:
     """The page of `write_report` as text."""
     fitted = isinstance(identification, MatrixFraction)
@@ -140,7 +150,7 @@ def render_report(
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
     guarantees = {"worst_case": worst_case, "tube": tube, "over_poles": over_poles, "sensitivity": sensitivity}
     foreign = (
-        {"reduction": reduction, "models": models, **guarantees}
+        {"reduction": reduction, "models": models, "findings": findings or None, "run_file": run_file, **guarantees}
         if fitted
         else {"data": data, "order_sweep": order_sweep}
     )
@@ -168,6 +178,8 @@ def render_report(
         facts=facts,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
+        findings=findings,
+        run_file=run_file,
         **context,
     )
 
