@@ -36,34 +36,32 @@ def run(
     What the file does not say, the program chooses; FOLDER/run.toml then says everything, with reasons, and gives the same again.
     A run file names data and, where you want it otherwise, choices:
 
-    \b
         title = "Motor bench"
-        channel = ["angle", "current"]   # [output, input]; one entry a run
+        channel = ["angle", "current"]   # \[output, input]; one entry a run
 
-        [[record]]                       # once for each: a file, or a dataset
+        [\[record]]                       # once for each: a file, or a dataset
         file = "bench.csv"
         use = "response"                 # or "samples", or "rest"
         start = 1.0                      # s
 
-        [[frequency]]                    # a response measured elsewhere
+        [\[frequency]]                    # a response measured elsewhere
         file = "frf.csv"
         bound = 0.01
 
-    \b
-        [estimate]                       # records to a response
+        \[estimate]                       # records to a response
         period = 2500
-        [lines]
+        \[lines]
         band_hz = [5.0, 200.0]
         every = 2                        # the others test the result
-        [modes]
+        \[modes]
         hz = [17.67]
         damping = [0.004]
-        [prior]
+        \[prior]
         gain_bound = 0.2
         decay_rate = 1.1
-        [identify]
+        \[identify]
         inflate = "auto"                 # or a number; 1 without it
-        [worst_case]
+        \[worst_case]
         over_poles = true
 
     Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,

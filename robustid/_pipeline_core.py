@@ -21,6 +21,7 @@ from robustid.identification import Identification, validate
 from robustid.identification.consistency import identify
 from robustid.interpolation import MixedProblem, Prior
 from robustid.reduction import Reduction, reduce_within_bounds
+from robustid.report.worst_case_facts import at_most
 
 
 def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: Any) -> IdentifiedReduced:
@@ -144,12 +145,12 @@ def _error_words(error: WorstCaseError) -> str:
     upper, size = error.upper.ravel(), np.abs(error.nominal)
     k = int(np.argmax(upper))
     text = (
-        f"Every consistent system is within {upper[k]:.4g} of the small model at {upper.size} frequencies (largest at"
+        f"Every consistent system is within {at_most(upper[k])} of the small model at {upper.size} frequencies (largest at"
         f" {error.omega[k] / (2 * np.pi):.5g} Hz), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the"
         " response."
     )
     circle = error.__dict__.get("circle")
-    return text + ("" if circle is None else f" At all frequencies: within {circle.largest:.4g}.")
+    return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
 
 def _over_poles(
@@ -164,7 +165,7 @@ def _over_poles(
             result,
             2 * np.pi * np.array(modes.hz_interval),
             np.array(modes.damping_interval),
-            delay=1 if modes.delay is None else modes.delay,
+            delay=modes.delay or 0,
             model=reduction.model,
             executor=executor,
             progress=lambda done, count: say(words, done, count),
@@ -174,5 +175,5 @@ def _over_poles(
         return None, f"The guarantee with the poles anywhere in their box could not be computed: {error}"
     return (
         band,
-        f"With the poles anywhere in their box: within {band.upper.max():.4g} of the small model at {band.omega.size} frequencies.",
+        f"With the poles anywhere in their box: within {at_most(band.upper.max())} of the small model at {band.omega.size} frequencies.",
     )

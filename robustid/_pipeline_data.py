@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid._pipeline_file import RecordSource, RunFile
+from robustid._pipeline_file import DELAY_NOTE, RecordSource, RunFile
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -43,7 +43,8 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
         raw = _named(f"[[record]] {k}, {name}", lambda source=source: _read_record(source, folder))
         made = _named(f"[[record]] {k}, {name}", lambda source=source, raw=raw: [_prepared(r, source) for r in raw])
         say(f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}")
-        found.append(_with_digest(source, raw, f"[[record]] {k}, {name}"))
+        explicit = _with_past(source, raw[0])
+        found.append(_with_digest(explicit, raw, f"[[record]] {k}, {name}"))
         records.append((source.use, made))
     responses, sources = [], []
     for k, source in enumerate(run.frequency, start=1):
@@ -56,6 +57,7 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
         sources.append(_with_digest(source, [frf], place))
         responses.append(_sampled(frf, place))
     run = dataclasses.replace(run, record=tuple(found), frequency=tuple(sources))
+    run = _with_method(run, records)
     estimated, samples = _bounded(run, records)
     responses = [_one_channel(frf, run.channel) for frf in [*estimated, *responses]]
     samples = [_one_channel(record, run.channel) for record in samples]
@@ -111,13 +113,18 @@ def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
     if source.combine is not None:
         record = _combined(record, source.combine)
     if source.start is not None or source.stop is not None:
-        usual = "known" if source.use == "samples" else "periodic" if record.initial == "periodic" else "unknown"
-        record = record.window(source.start or 0.0, source.stop, past=source.past or usual)
-    elif source.past is not None:
-        raise InputError("past belongs to a part of the record: give start or stop too")
+        record = record.window(source.start or 0.0, source.stop, past=str(_with_past(source, record).past))
     if source.detrend is not None:
         record = detrend(record, kind=source.detrend, until=source.until)
     return record if source.decimate is None else decimate(record, source.decimate)
+
+
+def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:
+    """What is known of the input outside the part of the record that is used, said."""
+    if source.past is not None or (source.start is None and source.stop is None):
+        return source
+    usual = "known" if source.use == "samples" else "periodic" if record.initial == "periodic" else "unknown"
+    return dataclasses.replace(source, past=usual)
 
 
 def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
@@ -143,6 +150,15 @@ def _sampled(frf: FrequencyResponse, place: str) -> FrequencyResponse:
             f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every line)"
         )
     return frf
+
+
+def _with_method(run: RunFile, records: list) -> RunFile:
+    """The method that `estimate_frf` takes by itself, said."""
+    excited = [record for use, made in records if use == "response" for record in made]
+    if run.estimate.method is not None or not excited:
+        return run
+    periodic = run.estimate.period is not None or all(record.initial == "periodic" for record in excited)
+    return run.changed("estimate", method="periodic" if periodic else "local")
 
 
 def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list[TimeRecord]]:
@@ -188,12 +204,12 @@ def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
         whole = any(record.initial != "periodic" for record in data.records)
         seconds = round(found.seconds / dt) * dt if whole else found.seconds
         note = (
-            f"Delay of {seconds:.6g} s taken out of all data, estimated from the response: {found.seconds:.6g} s with standard"
+            f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, estimated from the response: {found.seconds:.6g} s with standard"
             f" deviation {found.deviation:.2g} s" + (", rounded to whole samples for the records" if whole else "")
         )
     if not seconds:
         return run.changed("delay", seconds=0.0), data
-    note = note or f"Delay of {seconds:.6g} s taken out of all data, as stated"
+    note = note or f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, as stated"
     if "with_delay" not in note:
         note += "; the models are those of the plant without it, with_delay(model, seconds) puts it back"
     kept = Measured(

@@ -29,6 +29,10 @@ from robustid.data.time_record import INITIAL, PAST
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.consistency import FORMS, OBJECTIVES
 
+MODES_NOTE = "Modes taken from the frequency response:\n"
+PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
+BOUNDS_NOTE = "Bounds: "
+DELAY_NOTE = "Delay of "
 USES = ("response", "samples", "rest")
 _positive, _channel = number(above=0), either(whole(), text())
 _fields = table(either(text(), several(either(text(), several(text())))))
@@ -159,6 +163,7 @@ class RunFile(Frozen):
 
     def __post_init__(self) -> None:
         _check_modes(self)
+        _check_notes(self)
         for one, other in (("gain_bound", "decay_rate"), ("decay_rate", "gain_bound")):
             if getattr(self.prior, one) is not None and getattr(self.prior, other) is None:
                 raise InputError(f"[prior] {one} is given without {other}; give both, or neither to have them chosen")
@@ -185,7 +190,10 @@ class RunFile(Frozen):
     def text(self) -> str:
         """As TOML; `read_run_file` gives back the same."""
         content = {name: value for name, value in dataclasses.asdict(self).items() if value != ()}
-        return f"# Run file of robustid {__version__}: robustid run FILE -o FOLDER\n\n" + write_toml(content)
+        head = f"# Run file of robustid {__version__}: robustid run FILE -o FOLDER\n"
+        if not self.record and not self.frequency:
+            head += "# The data were given in Python: name their files in [[frequency]] and [[record]] to run it.\n"
+        return head + "\n" + write_toml(content)
 
     def moved(self, old: Path, new: Path) -> RunFile:
         """With the names of files as seen from another folder."""
@@ -254,6 +262,26 @@ def _check_modes(run: RunFile) -> None:
         )
 
 
+def _check_notes(run: RunFile) -> None:
+    """A note of the program about other numbers than those that stand there: somebody has changed them."""
+    delay, modes, prior, how = run.delay, run.modes, run.prior, run.identify
+    for place, note, start, numbers in (
+        ("[delay] note", delay.note, DELAY_NOTE, [f"{delay.seconds:.6g}"] if delay.seconds != "auto" else []),
+        ("[modes] note", modes.note, MODES_NOTE, [f"{hz:.5g} Hz" for hz in modes.hz or ()]),
+        ("[prior] note", prior.note, PRIOR_NOTE, [f"{prior.gain_bound or 0:.4g}", f"{prior.decay_rate or 0:.5g}"]),
+        (
+            "[identify] inflate_note",
+            how.inflate_note,
+            BOUNDS_NOTE,
+            [f"{how.inflate:.4g}"] if how.inflate not in (1, "auto") else [],
+        ),
+    ):
+        if note is not None and note.startswith(start) and (other := [n for n in numbers if n not in note]):
+            raise InputError(
+                f"{place} tells how other numbers were chosen, not {other[0]}: leave the note out, or write your own"
+            )
+
+
 def read_run_file(source: Any, place: str = "the run file", *, sources: bool = True) -> RunFile:
     """A `RunFile` from the content of a TOML file: every key known, every value of its type, no contradiction.
 
@@ -307,6 +335,8 @@ def _check_sources(run: RunFile) -> None:
             raise InputError(
                 f"[[record]] {k}: combine leaves one output, number 0; channel asks for {run.channel[0]!r}"
             )
+        if source.past is not None and source.start is None and source.stop is None:
+            raise InputError(f"[[record]] {k}: past belongs to a part of the record: give start or stop too")
         if source.until is not None and source.detrend is None:
             raise InputError(f"[[record]] {k}: until belongs to detrend, which is missing")
         if source.start is not None and source.stop is not None and source.start >= source.stop:
@@ -315,7 +345,7 @@ def _check_sources(run: RunFile) -> None:
         if source.file is None:
             raise InputError(f"[[frequency]] {k} needs file")
     uses = [source.use for source in run.record]
-    if run.estimate != Estimate(rest_factor=run.estimate.rest_factor) and "response" not in uses:
+    if (run.estimate.method or run.estimate.period) and "response" not in uses:
         raise InputError(
             '[estimate] is about records that become a response; there is no [[record]] with use = "response"'
         )

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from robustid._pipeline_data import Measured
-from robustid._pipeline_file import Modes, PriorChoice, RunFile
+from robustid._pipeline_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, Modes, PriorChoice, RunFile
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.advice.prior import _possible_rates, _sizes
 from robustid.bases import ParametricBasis, kautz
@@ -20,8 +20,6 @@ from robustid.identification.residuals import model_residuals
 from robustid.identification.validation import Validation
 from robustid.interpolation import MixedProblem, Prior
 
-MODES_NOTE = "Modes taken from the frequency response:\n"
-PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 _MOST_NAMED = 6
 
@@ -36,10 +34,10 @@ class Say(Protocol):
 def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
-        return run
+        return run if run.modes.delay is not None else run.changed("modes", delay=1)
     if not data.responses:
         note = "No parametric part: there is no frequency response to take modes from."
-        return run.changed("modes", hz=(), damping=(), note=note)
+        return run.changed("modes", hz=(), damping=(), delay=1, note=note)
     say("looking for modes in the frequency response")
     chosen = run.modes
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
@@ -69,8 +67,7 @@ def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
     if not modes.hz:
         return None
     omega = 2 * np.pi * np.array(modes.hz)
-    damping, delay = np.array(modes.damping), 1 if modes.delay is None else modes.delay
-    return kautz(omega, damping, dt=dt, repeat=modes.repeat, delay=delay)
+    return kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0)
 
 
 def chosen_lines(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
@@ -91,7 +88,7 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
     margin = identify(problem.with_prior(**dataclasses.asdict(reference))).margin
     factor = max(1.0, SPARE * float(margin))
     note = (
-        f"Bounds: {what} (|G| <= {reference.gain_bound:.4g} in |z| < {reference.decay_rate:.5g}) needs them"
+        f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in |z| < {reference.decay_rate:.5g}) needs them"
         f" {margin:.4g} times as large. "
         + (
             "They are left as they are."

@@ -13,9 +13,9 @@ import numpy as np
 from robustid._arrays import Frozen
 from robustid._pipeline_core import from_data, from_problem
 from robustid._pipeline_data import Measured, measured
-from robustid._pipeline_file import read_run_file
+from robustid._pipeline_file import MODES_NOTE, PRIOR_NOTE, read_run_file
 from robustid._pipeline_result import IdentifiedReduced, Store
-from robustid._pipeline_steps import MODES_NOTE, PRIOR_NOTE, Say
+from robustid._pipeline_steps import Say
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.bases import kautz
 from robustid.data import FrequencyResponse, TimeRecord
