@@ -173,7 +173,5 @@ def _over_poles(
         )
     except (InputError, InconsistentDataError) as error:
         return None, f"The guarantee with the poles anywhere in their box could not be computed: {error}"
-    return (
-        band,
-        f"With the poles anywhere in their box: within {at_most(band.upper.max())} of the small model at {band.omega.size} frequencies.",
-    )
+    text = f"With the poles anywhere in their box: within {at_most(band.upper.max())} of the small model"
+    return band, f"{text} at {band.omega.size} frequencies."
