@@ -1,58 +1,80 @@
-"""The smallest truncated model that still keeps every sample within its bound."""
+"""The smallest model that keeps every sample within its bound."""
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import numpy as np
-import scipy.linalg
 
-from robustid.errors import InputTypeError, SizeError, SolverError
-from robustid.identification import Identification, identify
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification
 from robustid.identification.residuals import largest_ratio
+from robustid.mfd import RigidBody
+from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
+from robustid.reduction.refinement import Fit, descended, inside, least_squares, levelled
+from robustid.reduction.sample_map import SampleMap, sample_map
 
 _log = logging.getLogger("robustid")
 
-# The nuclear norm goes to a general semidefinite solver: two seconds at this size, half a minute at 64.
-_LARGEST_NUCLEAR = 44
+_ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
+_REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
+_QUICK, _KEPT = 6, 3  # steps of the first look at every start; starts that are followed to their end
+_NEAR = 1.5  # times the limit: where further starts are followed too
+_STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
+_AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
+_CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
+_ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
 
 
 class SearchStatus(enum.Enum):
     """What the search found; the value is the user's sentence."""
 
     WITHIN = "every sample stays within its bound"
+    OUTSIDE = "every sample stays within its bound, but the data contradict the class: the model is none of it"
     INFLATED = "every sample stays within its bound times the margin of the data, which contradict the class"
-    UNREDUCED = "no truncated model keeps every sample within its bound; the model is the one identified"
+    UNREDUCED = "no smaller model that keeps every sample within its bound was found; the model is the one identified"
 
 
-def reduce_within_bounds(identification: Identification) -> Reduction:
-    """The smallest order r for which a truncated model keeps every |residual| within its bound.
+def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBody | None = None) -> Reduction:
+    r"""The smallest order r for which a stable model with every \|residual\| within its bound was found.
 
-    Candidates of every order, from the smallest: the parametric part as it is with the non-parametric part G truncated, and the
-    whole model truncated; of this identification and, since the centre of the consistent set is rarely the easiest model to
-    reduce, of those with the objectives "gain" and "order" too. G is truncated in the scaled variable, ``phi(zeta)`` in place of
-    ``G(z) = K phi(z/rho)``, which keeps the poles inside 1/rho. Each candidate is evaluated at every sample. The bound is the one
-    that the identified model keeps: max(1, margin) times the bound of the data.
+    .. math:: \min_{\deg G = r} \; \max_k |y_k - (G u)_k| / \epsilon_k \le 1
+
+    at all frequency and time samples together, order by order. At each order, starts from balanced truncation (of the whole
+    model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the order below; refined by
+    least squares over the poles; then made minimax by a sequence of second-order cone programs. The model is judged anew, by
+    responses and simulations, at every sample.
 
     Parameters
     ----------
     identification : Identification
+        Its model is the start, its margin what the bounds are multiplied by where the data contradict the class.
+    rigid_body : RigidBody, optional
+        ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact. Integrators of the parametric part are always kept.
 
     Returns
     -------
     Reduction
-        ``margin`` is the largest |residual|/bound of the model, ``tried`` the pairs (order, smallest such ratio found at that
+        ``margin`` is the largest \|residual\|/bound of the model, ``tried`` the pairs (order, smallest such ratio found at that
         order); `hankel` are the Hankel singular values of the identified model's stable part, `bounds` their a-priori error
-        bounds, `bound` the one between the identified and the reduced model (inf where it came from another objective).
+        bounds; `bound` is inf, as the model isn't a truncated one: `worst_case_error(...).with_model(model)` bounds its error.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        No Identification; a rigid-body mode with a line at omega = 0 or with a periodic record.
 
     Notes
     -----
-    Truncation alone: no refinement of what it gives, so that a still smaller model may exist. Objective "order" is left out above
-    44 coefficients, and the search ends when nothing but the parametric part is left.
+    A model that was found is a proof that its order suffices; that a smaller one was not found is none that there is none: the
+    problem isn't convex in the poles. Poles stay inside the circle, at most ten times nearer to it than those of the identified
+    model. Gain bound, decay rate and intervals of parameters are asked of the identified model, not of the small one.
+
+    Source: `lawson1961` for the question, theory of orthonormal rational bases for the coordinates.
 
     Examples
     --------
@@ -67,112 +89,175 @@ def reduce_within_bounds(identification: Identification) -> Reduction:
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be the result of identify(); got {type(identification).__name__}")
-    basis = identification.problem.parametric
-    least = 0 if basis is None else basis.states
-    best = _smallest(identification, identification.order)
-    for objective in _objectives(identification):
-        if best.order <= least:
-            break
-        other = _of_objective(identification, objective)
-        if other is None:
-            continue
-        found = _smallest(other, best.order - 1)
-        merged = _merge(best.tried, found.tried)
-        if found.status is not SearchStatus.UNREDUCED and found.order < best.order:
-            # Held against the identified model: its Hankel singular values, and no a-priori bound between the two.
-            best = dataclasses.replace(found, hankel=best.hankel, bounds=best.bounds, bound=np.inf)
-        best = dataclasses.replace(best, tried=tuple(pair for pair in merged if pair[0] <= best.order))
-    return best
+    return _Search(identification, _integrators(identification, rigid_body)).reduction()
 
 
-def _objectives(identification: Identification) -> list[str]:
-    quick = identification.problem.coefficients <= _LARGEST_NUCLEAR
-    return [name for name in ("gain", "order") if name != identification.objective and (quick or name != "order")]
-
-
-def _of_objective(identification: Identification, objective: str) -> Identification | None:
-    """The same problem identified with another objective; None where no solver manages."""
-    _log.info("looking for a smaller model: objective %s", objective)
-    try:
-        return identify(identification.problem, objective=objective, accuracy=identification.accuracy)
-    except (SizeError, SolverError) as failure:
-        _log.warning("objective %s: %s", objective, failure)
-        return None
-
-
-def _merge(first: tuple, second: tuple) -> list[tuple[int, float]]:
-    smallest: dict[int, float] = {}
-    for order, margin in (*first, *second):
-        smallest[order] = min(margin, smallest.get(order, np.inf))
-    return sorted(smallest.items())
-
-
-def _smallest(identification: Identification, largest: int) -> Reduction:
-    """The smallest order up to `largest` within the bounds, of one identification."""
-    full, problem = identification.model, identification.problem
-    limit = max(1.0, identification.margin) * (1 + 1e-5)
-    families = _families(identification)
-    whole = balanced_truncations(full)(full.nstates)
-    status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
-    tried = []
-    for order in range(min(largest + 1, full.nstates)):
-        candidates = [family(order) for family in families]
-        pairs = [(largest_ratio(problem, r.model), r) for r in candidates if r is not None]
-        if not pairs:
-            continue
-        margin, found = min(pairs, key=lambda pair: pair[0])
-        tried.append((order, margin))
-        if margin <= limit:
-            break
-    else:
-        # Its own free responses, not refitted ones: the residuals that identify verified.
-        margin, found, status = (
-            max(float(r.ratio.max()) for r in identification.residuals),
-            whole,
-            SearchStatus.UNREDUCED,
+def _integrators(identification: Identification, rigid_body: Any) -> int:
+    """Number of poles at z = 1."""
+    problem = identification.problem
+    basis = problem.parametric
+    held = 0 if basis is None else int(np.sum(np.abs(basis.poles - 1) <= _AT_ONE))
+    if rigid_body is None:
+        return held
+    if not isinstance(rigid_body, RigidBody):
+        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(1); got {type(rigid_body).__name__}")
+    if rigid_body.count > 1:
+        raise InputError(
+            f"`rigid_body` must be RigidBody(1) for one input and one output; got {rigid_body.count} modes"
         )
-        tried.append((full.nstates, margin))
-    return dataclasses.replace(
-        found,
-        order=found.model.nstates,
-        hankel=whole.hankel,
-        bounds=whole.bounds,
-        status=status,
-        margin=margin,
-        tried=tuple(tried),
-    )
+    if np.any(problem.angles == 0) or any(record.initial == "periodic" for record in problem.time):
+        raise InputError(
+            "`rigid_body`: a line at omega = 0, or a record in periodic steady state, leaves no finite response of a rigid body;"
+            " identify without that line, or with the lines of the record"
+        )
+    return max(held, 2)
 
 
-def _families(identification: Identification) -> list[Callable[[int], Reduction | None]]:
-    """Order to candidate, None where there is none: the whole model, and G alone, truncated."""
-    full, basis = identification.model, identification.problem.parametric
-    whole = balanced_truncations(full)
-    held = 0 if basis is None or not basis.has_integrator else int(np.sum(np.isinf(whole(full.nstates).bounds)))
-    families: list[Callable[[int], Reduction | None]] = [lambda order: whole(order) if order >= held else None]
-    if basis is not None:
-        families.append(_parametric_kept(identification))
-    return families
+class _Search:
+    """Orders tried, with the best fit of each."""
+
+    def __init__(self, identification: Identification, integrators: int):
+        self.identification, self.integrators = identification, integrators
+        self.samples: SampleMap = sample_map(identification.problem, integrators)
+        self.families = starts.truncations(identification, integrators)
+        poles = starts.without_integrators(identification.model.poles(), integrators)
+        self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
+        self.limit = 1.0
+        self.fits: dict[int, Fit] = {}
+        self.found: dict[int, tuple[float, Any]] = {}
+        self.target = self._target()
+
+    def reduction(self) -> Reduction:
+        """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
+        if not self.identification.consistent:
+            last = min(self.identification.order, _ONE_BY_ONE + self.integrators)
+            first = next((k for k in range(self.integrators, last) if self.suffices(k)), None)
+            if first is not None:
+                return self._result(self._downwards(first))
+            self.limit = self.identification.margin * (1 + _ROUNDING)
+        return self._result(self._smallest())
+
+    def _smallest(self) -> int:
+        """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap; then down."""
+        full, low, high = self.identification.order, self.integrators - 1, self.integrators
+        while high < full and not self.suffices(high):
+            low, high = high, high + max(1, (high - _ONE_BY_ONE) // 6)
+        high = min(high, full)
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self.suffices(middle) else (middle, high)
+        return self._downwards(high)
+
+    def _downwards(self, order: int) -> int:
+        """As far as the model of one order, truncated, leads to one of the order below."""
+        while order in self.fits and order > self.integrators:
+            self._try(order - 1, [starts.truncated(self.fits[order], order - 1 - self.integrators)])
+            if not self.suffices(order - 1):
+                break
+            order -= 1
+        return order
+
+    def suffices(self, order: int) -> bool:
+        """Whether a model of this order was found that keeps the limit."""
+        if order not in self.found:
+            self._try(order, self._starts(order - self.integrators))
+        return order in self.found and self.found[order][0] <= self.limit
+
+    def _try(self, order: int, poles: Iterable[np.ndarray | None]) -> None:
+        """Refine these starts; the best model of the order is kept, judged anew at every sample."""
+        fit = self._best(poles, order - self.integrators)
+        if fit is None:
+            return
+        model = starts.statespace(fit, self.integrators, self.identification.model)
+        margin = largest_ratio(self.identification.problem, model)
+        if order not in self.found or margin < self.found[order][0]:
+            self.found[order], self.fits[order] = (margin, model), fit
+        _log.info("order %d: margin %.4g", order, self.found[order][0])
+
+    def _target(self) -> Fit:
+        """A rich model in the coordinates of the samples."""
+        most = min(starts.RICH, self.identification.order - self.integrators)
+        poles = next(p for n in range(most, -1, -1) if (p := self.families[0](n)) is not None)
+        return least_squares(self.samples, inside(poles, self.radius))
+
+    def _starts(self, n: int) -> Iterator[np.ndarray | None]:
+        """Poles to start from, for n of them."""
+        yield from (family(n) for family in self.families)
+        if n > _REFINED:
+            return
+        yield starts.from_lines(self.identification, n)
+        yield starts.sanathanan_koerner(self.samples, self.target, n)
+        for step in (1, 2):
+            below = self.fits.get(n + self.integrators - step)
+            if below is not None:
+                yield from starts.grown(self.samples, below, n)
+
+    def _best(self, poles: Iterable[np.ndarray | None], n: int) -> Fit | None:
+        """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
+        samples, radius = self.samples, self.radius
+        usable = [inside(starts.reflected(p), radius) for p in poles if p is not None and p.size == n]
+        fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
+        if n <= _REFINED:
+            fits = [_quiet(lambda f=f: descended(samples, f, radius, _QUICK)) for f in fits if f is not None]
+        ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
+        best = None
+        for group in (ranked[:_KEPT], ranked[_KEPT:]):
+            for found in self._followed(group, n):
+                best = found if best is None or found.worst < best.worst else best
+            if best is None or not self.limit < best.worst < _NEAR * self.limit:
+                break
+        return best
+
+    def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
+        """These fits at their least squares, then minimax, the first that is within the limit last."""
+        samples, radius = self.samples, self.radius
+        if n <= _REFINED:
+            ends = [_quiet(lambda f=f: descended(samples, f, radius)) for f in fits]
+            fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
+        for fit in fits:
+            # No model with the largest ratio s has a root mean square above s: no hope near this one.
+            hopeful = fit.cost <= self.limit and n <= _REFINED
+            steps = _STEPS if hopeful else _FEW * (n <= _REFINED)
+            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s))
+            if found is not None:
+                yield found
+            if not hopeful or (found is not None and found.worst <= self.limit):
+                return
+
+    def _result(self, order: int) -> Reduction:
+        identification = self.identification
+        whole = balanced_truncations(identification.model)(identification.order)
+        tried = {k: margin for k, (margin, _) in self.found.items()}
+        if order in self.found and self.found[order][0] <= self.limit:
+            margin, model = self.found[order]
+            status, bound = self._status(margin), np.inf
+        else:
+            # Its own free responses, not refitted ones: the residuals that identify verified.
+            margin, model = max(float(r.ratio.max()) for r in identification.residuals), identification.model
+            order, status, bound = identification.order, SearchStatus.UNREDUCED, 0.0
+            tried[order] = margin
+        return Reduction(
+            model,
+            order=order,
+            hankel=whole.hankel,
+            bound=bound,
+            bounds=whole.bounds,
+            status=status,
+            margin=margin,
+            tried=tuple(sorted(tried.items())),
+        )
+
+    def _status(self, margin: float) -> SearchStatus:
+        if self.identification.consistent:
+            return SearchStatus.WITHIN
+        return SearchStatus.OUTSIDE if margin <= 1 else SearchStatus.INFLATED
 
 
-def _parametric_kept(identification: Identification) -> Callable[[int], Reduction | None]:
-    """The parametric part with G truncated to the remaining states in the scaled variable, where its error bound holds too."""
-    import control
-
-    full, rho = identification.model, identification.prior.decay_rate
-    kept = identification.problem.parametric.states
-    n = full.nstates - kept
-    truncate = balanced_truncations(
-        control.StateSpace(full.A[:n, :n] * rho, full.B[:n], full.C[:, :n] * rho, full.D, full.dt)
-    )
-
-    def candidate(order: int) -> Reduction | None:
-        if order < kept:
-            return None
-        small = truncate(order - kept)
-        a, b, c = (np.asarray(getattr(small.model, name)) for name in "ABC")
-        A = scipy.linalg.block_diag(a / rho, full.A[n:, n:])
-        B, C = np.vstack([b, full.B[n:]]), np.hstack([c / rho, full.C[:, n:]])
-        labels = {"inputs": full.input_labels, "outputs": full.output_labels, "name": "reduced"}
-        return dataclasses.replace(small, model=control.ss(A, B, C, full.D, full.dt, **labels))
-
-    return candidate
+def _quiet(attempt: Callable[[], Fit]) -> Fit | None:
+    """The fit, None where numbers overflow on the way or a factorisation fails: that start leads nowhere."""
+    try:
+        with np.errstate(all="ignore"):
+            fit = attempt()
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return fit if np.isfinite(fit.cost) else None

@@ -1,0 +1,66 @@
+"""Smallest largest residual over linear unknowns: a second-order cone program in orthonormal coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.solve.ball import DenseBall
+from robustid.solve.design import DenseDesign
+from robustid.solve.structured import Limits, Program, path, start
+
+_RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
+_GAP = 1e-4  # relative, of the maximum
+
+
+def orthonormal_columns(stacked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U with orthonormal columns and V such that U = stacked V; columns of any size, of any rank."""
+    norms = np.linalg.norm(stacked, axis=0)
+    norms[norms == 0] = 1.0
+    U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
+    kept = s > _RANK * s.max(initial=0.0)
+    return U[:, kept], Vt[kept].T / s[kept] / norms[:, None]
+
+
+def smallest_maximum(
+    G: np.ndarray, y: np.ndarray, discs: int, first: np.ndarray, reach: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j, and that maximum.
+
+    Parameters
+    ----------
+    G, y : (N, m), (N,) complex arrays
+        The first `discs` samples are complex, the imaginary parts of the others zero.
+    first : (m,) array
+        Where to start; |first_j| < reach_j.
+    reach : (m,) array
+        inf where v is free.
+    """
+    count, stacked = y.size, np.concatenate([np.real(G), np.imag(G[:discs])])
+    U, V = orthonormal_columns(stacked)
+    complex_rows = U[:count].astype(complex)
+    complex_rows[:discs] += 1j * U[count:]
+    held = np.isfinite(reach)
+    rows = np.vstack([complex_rows, V[held] / reach[held, None]])
+    q = U.T @ (stacked @ first)
+    worst = float(np.abs(y - complex_rows @ q).max(initial=0.0))
+    floor = 1e3 * np.finfo(float).eps * max(1.0, float(np.abs(y).max(initial=0.0)))
+    if worst <= floor or not q.size:
+        return first, worst
+    ones, zeros = np.ones(count), np.zeros(count)
+    limits = np.concatenate([zeros, np.ones(held.sum())]), np.concatenate([ones, np.zeros(held.sum())])
+    program = Program(
+        DenseBall(np.zeros((0, 0, 0))),
+        DenseDesign(rows, discs),
+        np.concatenate([y, np.zeros(held.sum())]),
+        Limits((1.0, 0.0), limits),
+        1.0,
+        np.zeros(q.size),
+    )
+    best, value = q, worst
+    for at in path(program, start(program, q, 1.2 * worst)):
+        reached = float(np.abs(y - complex_rows @ at.v).max())
+        if reached < value:
+            best, value = at.v, reached
+        if at.estimate < _GAP * at.t or at.t <= floor:
+            break
+    return V @ best, value
