@@ -20,6 +20,7 @@ from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification import Identification, validate
 from robustid.identification.consistency import identify
 from robustid.interpolation import MixedProblem, Prior
+from robustid.mfd import RigidBody
 from robustid.reduction import Reduction, reduce_within_bounds
 from robustid.report.worst_case_facts import at_most
 
@@ -79,7 +80,8 @@ def _decided(
     else:
         say("margin and model: taken from the unfinished run")
     say("searching for the smallest order")
-    reduction = reduce_within_bounds(result)
+    bodies = run.small_model.rigid_body
+    reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
     findings = [*_about_class(run, result, say), steps.sample_words(result, reduction.model, reduction.order)]
     findings += [steps.unused_words(validate(reduction.model, lines)) for lines in unused]
     error = small = band = None

@@ -134,6 +134,13 @@ class Identify:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class SmallModel:
+    """What the small model must have."""
+
+    rigid_body: int | None = key(whole(1))  # modes: two poles at z = 1 each
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class WorstCase:
     """What is bounded of all consistent systems."""
 
@@ -159,6 +166,7 @@ class RunFile(Frozen):
     modes: Modes = Modes()
     prior: PriorChoice = PriorChoice()
     identify: Identify = Identify()
+    small_model: SmallModel = SmallModel()
     worst_case: WorstCase = WorstCase()
 
     def __post_init__(self) -> None:
@@ -236,6 +244,7 @@ _ONE = {
     "modes": Modes,
     "prior": PriorChoice,
     "identify": Identify,
+    "small_model": SmallModel,
     "worst_case": WorstCase,
 }
 _MANY = {"record": RecordSource, "frequency": ResponseSource}

@@ -103,6 +103,7 @@ def identify_reduced(
     solver: str = "auto",
     accuracy: float = 1e-4,
     form: str = "auto",
+    rigid_body: int | None = None,
     worst_case: bool = True,
     omega: Any = None,
     directions: int = 16,
@@ -130,6 +131,8 @@ def identify_reduced(
         rest as large as the median response, at the middle decay rate) is consistent, and 10 % more; 1 where it is without.
     objective, solver, accuracy, form : optional
         As in `identify`.
+    rigid_body : int, optional
+        Rigid-body modes of the small model, as in `reduce_within_bounds`.
     worst_case : bool
         Whether the worst-case error is bounded, the longest part.
     omega, directions, rtol, executor : optional
@@ -166,6 +169,7 @@ def identify_reduced(
     content: dict[str, Any] = {
         "modes": {"repeat": repeat} | ({} if delay is None else {"delay": delay}),
         "identify": {"objective": objective, "solver": solver, "accuracy": accuracy, "form": form, "inflate": inflate},
+        "small_model": {} if rigid_body is None else {"rigid_body": rigid_body},
         "worst_case": {"compute": worst_case, "directions": directions, "rtol": rtol}
         | ({} if hz is None else {"at_hz": hz}),
     }

@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
 def unreduced(monkeypatch):
     """For tests of other steps: the identified model in place of a search for a smaller one."""
 
-    def whole(identification):
+    def whole(identification, rigid_body):
         return rid.balanced_truncation(identification.model, order=identification.order)
 
     monkeypatch.setattr(_pipeline_core, "reduce_within_bounds", whole)
@@ -116,6 +116,7 @@ FULL = {
     },
     "prior": {"gain_bound": 1.0, "decay_rate": 1.1},
     "identify": {"inflate": "auto", "objective": "gain"},
+    "small_model": {"rigid_body": 2},
     "worst_case": {"circle": True, "over_poles": True, "at_hz": [1.25]},
 }
 
@@ -634,6 +635,19 @@ def torsion(tmp_path, **changes):
     assert max(r.ratio.max() for r in residuals) <= 1 + 1e-5
     assert result.reduction.order <= 10
     return result
+
+
+def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
+    asked = []
+
+    def whole(identification, rigid_body):
+        asked.append(rigid_body.count)
+        return rid.balanced_truncation(identification.model, order=identification.order)
+
+    monkeypatch.setattr(_pipeline_core, "reduce_within_bounds", whole)
+    result = rid.run(ask(folder, DATA, CLASS, QUICK, {"small_model": {"rigid_body": 1}}), "out")
+    assert asked == [1]
+    assert result.run_file.small_model.rigid_body == 1
 
 
 @pytest.mark.realdata
