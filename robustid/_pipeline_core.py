@@ -30,6 +30,7 @@ def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: An
     # Refuses what lacks a sample time, a bound or a single channel, before anything is computed from it.
     placeholder = Prior(gain_bound=1.0, decay_rate=1.05)
     dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
+    _check_frequencies(run, dt)
     store.responses(data.responses)
     run = steps.with_modes(run, data, say)
     parts = [steps.chosen_lines(run, frf) for frf in data.responses]
@@ -45,6 +46,15 @@ def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: An
     return _decided(run, dataclasses.replace(problem, prior=prior), unused, say, store, executor)
 
 
+def _check_frequencies(run: RunFile, dt: float) -> None:
+    """What is stated in Hz, against the sample time of the data."""
+    for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
+        if stated and max(stated) > 0.5 / dt * (1 + 1e-9):
+            raise InputError(
+                f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
+            )
+
+
 def from_problem(run: RunFile, problem: MixedProblem, say: Say, executor: Any) -> IdentifiedReduced:
     """The class as the problem states it."""
     run = dataclasses.replace(
@@ -52,6 +62,7 @@ def from_problem(run: RunFile, problem: MixedProblem, say: Say, executor: Any) -
         prior=PriorChoice(**dataclasses.asdict(problem.prior)),
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
+    _check_frequencies(run, problem.dt)
     run = steps.with_inflation(run, problem, say)
     return _decided(run, _inflated(problem, run), [], say, Store(), executor)
 
@@ -125,7 +136,7 @@ def _bounded(
     if asked.at_hz is None:
         run = run.changed("worst_case", at_hz=tuple((default_grid(result) / (2 * np.pi)).tolist()))
         store.choices(run)
-    omega = np.minimum(2 * np.pi * np.array(run.worst_case.at_hz), np.pi / result.problem.dt)
+    omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     words = "bounding the error at every frequency"
     spread = {"executor": executor, "resume": store.unfinished}
     error = worst_case_error(

@@ -25,9 +25,11 @@ from robustid._pipeline_toml import (
     write_toml,
 )
 from robustid._version import __version__
+from robustid.certify.worst_case import LEAST, MOST
 from robustid.data.time_record import INITIAL, PAST
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.consistency import FORMS, OBJECTIVES
+from robustid.solve import solver_name
 
 MODES_NOTE = "Modes taken from the frequency response:\n"
 PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
@@ -146,7 +148,7 @@ class WorstCase:
 
     compute: bool = key(flag, True)
     at_hz: tuple[float, ...] | None = key(several(number(least=0)))
-    directions: int = key(whole(3), 16)
+    directions: int = key(whole(LEAST), 16)
     rtol: float = key(_positive, 0.05)
     circle: bool = key(flag, False)
     over_poles: bool = key(flag, False)
@@ -182,6 +184,10 @@ class RunFile(Frozen):
         wanted = [name for name in ("circle", "over_poles") if getattr(self.worst_case, name)]
         if wanted and not self.worst_case.compute:
             raise InputError(f"[worst_case] {wanted[0]} = true contradicts compute = false")
+        if self.worst_case.directions > MOST:
+            raise InputError(f"[worst_case] directions must be at most {MOST}; got {self.worst_case.directions}")
+        if self.identify.solver not in ("auto", "structured"):
+            solver_name(self.identify.solver)  # refuses what isn't installed
         if self.worst_case.at_hz == ():
             raise InputError("[worst_case] at_hz is empty; leave it out, or say compute = false")
 

@@ -346,6 +346,8 @@ MISUSE = {
         "tells how other numbers were chosen, not 0.3",
     ),
     "digest": ({"frequency": [{"file": "frf.csv", "digest": "0" * 64}]}, "aren't the data that the run file was made with"),
+    "solver": ({"identify": {"solver": "MAGIC"}}, "MAGIC"),
+    "directions": ({"worst_case": {"directions": 400}}, "directions must be at most 360; got 400"),
     "dataset": ({"record": [{"dataset": "three_mass"}]}, "three_mass"),
 }  # fmt: skip
 
@@ -368,6 +370,15 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, capsys, monk
     assert err.count("\n") == 1
     assert "--dt" not in err
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "change", [{"modes": {"hz": [60.0], "damping": [0.1]}}, {"worst_case": {"at_hz": [60.0]}, "modes": CLASS["modes"]}]
+)
+def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatch, change):
+    monkeypatch.setattr(_pipeline_steps, "suggest_prior", None)
+    with pytest.raises(rid.InputError, match="60 Hz, above the Nyquist frequency of 50 Hz"):
+        rid.run(ask(folder, DATA, change), "out")
 
 
 @pytest.mark.parametrize(
