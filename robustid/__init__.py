@@ -78,6 +78,7 @@ from robustid.mfd import (
     mode_table,
     suggest_order,
 )
+from robustid.pipeline import IdentifiedReduced, identify_reduced, run
 from robustid.reduction import balanced_truncation, reduce_within_bounds, to_continuous
 from robustid.report import write_report
 
@@ -90,6 +91,7 @@ __all__ = [
     "FileFormatError",
     "FrequencyResponse",
     "Identification",
+    "IdentifiedReduced",
     "InconsistentDataError",
     "InputError",
     "InputTypeError",
@@ -130,6 +132,7 @@ __all__ = [
     "flexible_structure",
     "guaranteed_margin",
     "identify",
+    "identify_reduced",
     "improve_kautz",
     "kautz",
     "load",
@@ -144,6 +147,7 @@ __all__ = [
     "reduce_within_bounds",
     "refute",
     "response_tube",
+    "run",
     "sample_time",
     "save",
     "sensitivity",

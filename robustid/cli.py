@@ -1,4 +1,4 @@
-"""The command line: robustid excite, frf, identify, fit, bounds, verify, reduce, report, demo."""
+"""The command line: robustid run, excite, frf, identify, fit, bounds, verify, reduce, report, demo."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from robustid._cli_fit import fit
 from robustid._cli_frf import frf
 from robustid._cli_reduce import reduce
 from robustid._cli_report import report
+from robustid._cli_run import run
 from robustid._cli_steps import EXIT, finish, identified, size_in_options
 from robustid._terminal import plain, step
 from robustid._version import __version__
@@ -219,6 +220,7 @@ def identify(
     raise typer.Exit(EXIT[result.status])
 
 
+app.command()(run)
 app.command()(excite)
 app.command()(frf)
 app.command()(fit)

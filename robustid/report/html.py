@@ -52,6 +52,8 @@ def write_report(
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
     records: TimeRecord | Sequence[TimeRecord] | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
@@ -88,6 +90,10 @@ def write_report(
         From `suggest_order`, with a MatrixFraction.
     records : TimeRecord or sequence of TimeRecord, optional
         What the frequency response was estimated from.
+    findings : sequence of str
+        What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
+    run_file : str, optional
+        The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
 
     Raises
     ------
@@ -119,6 +125,8 @@ def write_report(
         data=data,
         order_sweep=order_sweep,
         records=records,
+        findings=findings,
+        run_file=run_file,
     )
     with atomic_write(path) as file:
         file.write(text)
@@ -137,11 +145,19 @@ def render_report(
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
     records: TimeRecord | Sequence[TimeRecord] | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
 ) -> str:
     """The page of `write_report` as text."""
     guarantees = {"worst_case": worst_case, "tube": tube, "over_poles": over_poles, "sensitivity": sensitivity}
     belongs = {
-        Identification: {"reduction": reduction, "models": models, **guarantees},
+        Identification: {
+            "reduction": reduction,
+            "models": models,
+            "findings": findings or None,
+            "run_file": run_file,
+            **guarantees,
+        },
         MatrixFraction: {"data": data, "order_sweep": order_sweep},
         FrequencyResponse: {"records": records},
     }
@@ -184,6 +200,8 @@ def render_report(
         facts=facts,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
+        findings=findings,
+        run_file=run_file,
         **context,
     )
 
