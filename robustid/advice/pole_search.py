@@ -28,7 +28,7 @@ _MOST_STEPS = 40
 # Trust region, in the units of `moving_pairs.units`: at the start; where it is given up; what a step must keep of what it promised
 # to be taken, and to widen the region.
 _RADIUS, _SMALLEST, _TAKEN, _GOOD = 1.0, 1e-4, 0.1, 0.7
-# Part of the margin that a step must promise: twice what margins are known to. No more: in a small region good steps promise little.
+# Part of the margin that a step must promise: twice what margins are known to; good steps in a small region promise little.
 _WORTH = 2e-3
 
 
