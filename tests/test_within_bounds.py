@@ -204,6 +204,17 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
         assert judged_again(problem, reduction.model) <= 1
 
 
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+    """The true poles stay, and the model is near the truth between the samples, where moved poles are not."""
+    truth, problem = rid.flexible_structure().truth, structure(0)
+    known = rid.reduce_within_bounds(rid.identify(problem)).model
+    assert np.sort_complex(known.poles()) == pytest.approx(np.sort_complex(problem.parametric.poles), abs=1e-9)
+    moved_ones = rid.reduce_within_bounds(rid.identify(structure(0, parametric=False))).model
+    angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
+    near, far = (np.abs(response(model, angles) - response(truth, angles)).max() for model in (known, moved_ones))
+    assert near < 0.1 < 0.5 < far
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("parametric", "least"), [(True, 19), (False, 18)])
 def test_plant_of_order_four_at_twenty_seeds(parametric, least):
