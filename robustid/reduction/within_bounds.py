@@ -15,7 +15,7 @@ from robustid.identification.residuals import largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
-from robustid.reduction.refinement import Fit, descended, fixed_poles_levelled, inside, least_squares, levelled
+from robustid.reduction.refinement import Fit, descended, inside, least_squares, levelled
 from robustid.reduction.sample_map import SampleMap, sample_map
 
 _log = logging.getLogger("robustid")
@@ -123,6 +123,8 @@ class _Search:
         self.identification, self.integrators = identification, integrators
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.families = starts.truncations(identification, integrators)
+        basis = identification.problem.parametric
+        self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
         poles = starts.without_integrators(identification.model.poles(), integrators)
         self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
@@ -181,11 +183,23 @@ class _Search:
         _log.info("order %d: margin %.4g", order, self.found[order][0])
 
     def _parametric_kept(self, n: int) -> Fit | None:
-        """The poles of the parametric part with those of a truncated rest, the numerators minimax."""
-        poles = next((family(n) for family in self.families[1:]), None)
-        if poles is None or np.abs(poles).max(initial=0.0) > self.radius:
+        """The best fit with the poles of the parametric part, those of a short rest refined, the numerators minimax."""
+        samples, held, best = self.samples, self.held, None
+        if not held.size or not held.size <= n <= _REFINED:
             return None
-        return _quiet(lambda: fixed_poles_levelled(self.samples, least_squares(self.samples, poles)))
+        rest = n - held.size
+        for poles in (*(family(n) for family in self.families[1:]), np.append(held, starts.spread(samples, rest))):
+            if poles is not None:
+                moving = inside(poles[held.size :], self.radius)
+                fit = _quiet(lambda p=moving: self._rest_refined(p))
+                best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
+        return best
+
+    def _rest_refined(self, moving: np.ndarray) -> Fit:
+        samples, radius, held = self.samples, self.radius, self.held
+        fit = descended(samples, least_squares(samples, np.concatenate([held, moving])), radius, held=held)
+        steps = _STEPS if fit.cost <= self.limit else 0
+        return levelled(samples, fit, radius, self.limit, steps, held)
 
     def _target(self) -> Fit:
         """A rich model in the coordinates of the samples."""
