@@ -204,6 +204,24 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
         assert judged_again(problem, reduction.model) <= 1
 
 
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+    """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
+    data, problem = rid.flexible_structure(), structure(0)
+    light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
+    wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
+    angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
+    errors = []
+    for changes in ({}, {"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
+        one = dataclasses.replace(problem, **changes)
+        reduction = rid.reduce_within_bounds(rid.identify(one))
+        assert reduction.order == 4
+        assert judged_again(one, reduction.model) <= 1
+        for pole in one.parametric.poles if one.parametric else ():
+            assert np.abs(reduction.model.poles() - pole).min() < 1e-9
+        errors.append(np.abs(response(reduction.model, angles) - response(data.truth, angles)).max())
+    assert max(errors[:2]) < 0.1 < 0.5 < errors[2]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("parametric", "least"), [(True, 19), (False, 18)])
 def test_plant_of_order_four_at_twenty_seeds(parametric, least):

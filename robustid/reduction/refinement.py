@@ -16,6 +16,7 @@ from robustid.reduction.minimax import orthonormal_columns, smallest_maximum
 from robustid.reduction.sample_map import SampleMap
 
 _STEPS = 40  # of one descent
+_NONE = np.zeros(0, complex)
 _FLAT = 1e-3  # relative gain of a step below which a descent ends
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-4  # of the trust region, in units of a pole's distance to the circle
 
@@ -108,15 +109,17 @@ def moved(A: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     return np.linalg.eigvals(A - np.outer(d, c))
 
 
-def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS) -> Fit:
-    """Levenberg-Marquardt over the poles, the numerators at their best for every set of poles (variable projection)."""
+def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: np.ndarray = _NONE) -> Fit:
+    """Levenberg-Marquardt over the poles but those held, the numerators at their best for all (variable projection)."""
     damping = 0.1
     y = samples.real(samples.y)
     for _ in range(steps):
-        if not fit.c.size:
+        moving = _apart(fit.poles, held)
+        if not moving.size:
             return fit
-        A, c, size = pole_functions(fit.poles)
+        A, c, _ = pole_functions(fit.poles)
         L = samples.real(np.hstack([samples.columns(A, c, samples.signals()), samples.fixed]))
+        A, c, size = pole_functions(moving)
         U, _ = orthonormal_columns(L)
         J = samples.real(pole_columns(samples, A, c, fit.outputs)) * size
         J, rest = J - U @ (U.T @ J), y - U @ (U.T @ y)
@@ -127,7 +130,7 @@ def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS) 
         before = fit.cost
         while damping < 1e4:
             d = right.T @ (values * along / (values**2 + (damping * largest) ** 2))
-            ahead = least_squares(samples, inside(moved(A, c, size * d), radius))
+            ahead = least_squares(samples, np.concatenate([held, inside(moved(A, c, size * d), radius)]))
             if ahead.cost < before:
                 fit, damping = ahead, damping / 5
                 break
@@ -137,30 +140,34 @@ def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS) 
     return fit
 
 
-def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int) -> Fit:
-    """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region.
+def _apart(poles: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """The poles without those that are held."""
+    for pole in held:
+        poles = np.delete(poles, np.argmin(np.abs(poles - pole)))
+    return poles
+
+
+def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int, held: np.ndarray = _NONE) -> Fit:
+    """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay.
 
     Ends where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
     """
     trust, gain = _FIRST_RADIUS, np.inf
     fit = fixed_poles_levelled(samples, fit)
     for step in range(steps):
-        n, worst = fit.c.size, fit.worst
+        worst, moving = fit.worst, _apart(fit.poles, held)
+        n = moving.size
         if not n or worst < 0.5 * limit:
             return fit
-        A, c, size = pole_functions(fit.poles)
-        G = np.hstack(
-            [
-                samples.columns(A, c, samples.signals()),
-                samples.fixed,
-                pole_columns(samples, A, c, fit.outputs),
-            ]
-        )
-        here = orthonormal_columns(samples.real(G[:, : -n or None]))
-        first = np.concatenate([here[1] @ (here[0].T @ samples.real(samples.y - fit.error)), np.zeros(n)])
-        reach = np.concatenate([np.full(G.shape[1] - n, np.inf), trust * size])
+        A, c, _ = pole_functions(fit.poles)
+        numerators = np.hstack([samples.columns(A, c, samples.signals()), samples.fixed])
+        A, c, size = pole_functions(moving)
+        U, V = orthonormal_columns(samples.real(numerators))
+        first = np.concatenate([V @ (U.T @ samples.real(samples.y - fit.error)), np.zeros(n)])
+        reach = np.concatenate([np.full(numerators.shape[1], np.inf), trust * size])
+        G = np.hstack([numerators, pole_columns(samples, A, c, fit.outputs)])
         v, expected = smallest_maximum(G, samples.y, samples.discs, first, reach)
-        ahead = _stepped(samples, A, c, v, radius)
+        ahead = _stepped(samples, A, c, v, radius, held)
         part = (worst - ahead.worst) / max(worst - expected, 1e-12 * worst)
         if ahead.worst < worst:
             gain, fit = 1 - ahead.worst / worst, ahead
@@ -173,13 +180,13 @@ def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: i
     return fit
 
 
-def _stepped(samples: SampleMap, A: np.ndarray, c: np.ndarray, v: np.ndarray, radius: float) -> Fit:
-    """The model num/sigma of a step: D + c (zI - A + d c)^-1 (x - d D); poles beyond `radius` are drawn back."""
+def _stepped(samples: SampleMap, A: np.ndarray, c: np.ndarray, v: np.ndarray, radius: float, held: np.ndarray) -> Fit:
+    """The model num/sigma of a step: D + c (zI - A + d c)^-1 (x - d D); new numerators where poles are held or drawn back."""
     n = c.size
     d, numerators = v[-n:], v[:-n].copy()
     poles = moved(A, c, d)
-    if np.abs(poles).max() > radius:
-        return fixed_poles_levelled(samples, least_squares(samples, inside(poles, radius)))
+    if held.size or np.abs(poles).max() > radius:
+        return fixed_poles_levelled(samples, least_squares(samples, np.concatenate([held, inside(poles, radius)])))
     numerators[:n] -= d * numerators[n]
     return evaluated(samples, A - np.outer(d, c), c, numerators)
 

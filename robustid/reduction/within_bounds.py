@@ -44,10 +44,11 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
 
     .. math:: \min_{\deg G = r} \; \max_k |y_k - (G u)_k| / \epsilon_k \le 1
 
-    at all frequency and time samples together, order by order. At each order, starts from balanced truncation (of the whole
-    model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the order below; refined by
-    least squares over the poles; then made minimax by a sequence of second-order cone programs. The model is judged anew, by
-    responses and simulations, at every sample.
+    at all frequency and time samples together, order by order. At each order, first the poles of the parametric part as they are,
+    with a truncated rest: what is known of the plant is kept where that suffices. Else all poles move: starts from balanced
+    truncation (of the whole model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the
+    order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs. The model
+    is judged anew, by responses and simulations, at every sample.
 
     Parameters
     ----------
@@ -71,8 +72,10 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     Notes
     -----
     A model that was found is a proof that its order suffices; that a smaller one was not found is none that there is none: the
-    problem isn't convex in the poles. Poles stay inside the circle, at most ten times nearer to it than those of the identified
-    model. Gain bound, decay rate and intervals of parameters are asked of the identified model, not of the small one.
+    problem isn't convex in the poles. Poles stay inside the circle, at most a hundred times nearer to it than those of the
+    identified model. Gain bound, decay rate and intervals of parameters are asked of the identified model, not of the small one.
+    A smallest model touches the bounds, so that guarantees around it are wider than around the identified one: where the order
+    is no concern, truncate that one.
 
     Source: `lawson1961` for the question, theory of orthonormal rational bases for the coordinates.
 
@@ -120,6 +123,8 @@ class _Search:
         self.identification, self.integrators = identification, integrators
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.families = starts.truncations(identification, integrators)
+        basis = identification.problem.parametric
+        self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
         poles = starts.without_integrators(identification.model.poles(), integrators)
         self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
@@ -165,7 +170,10 @@ class _Search:
 
     def _try(self, order: int, poles: Iterable[np.ndarray | None]) -> None:
         """Refine these starts; the best model of the order is kept, judged anew at every sample."""
-        fit = self._best(poles, order - self.integrators)
+        n = order - self.integrators
+        fit = self._parametric_kept(n)
+        if fit is None or fit.worst > self.limit:
+            fit = self._best(poles, n)
         if fit is None:
             return
         model = starts.statespace(fit, self.integrators, self.identification.model)
@@ -173,6 +181,25 @@ class _Search:
         if order not in self.found or margin < self.found[order][0]:
             self.found[order], self.fits[order] = (margin, model), fit
         _log.info("order %d: margin %.4g", order, self.found[order][0])
+
+    def _parametric_kept(self, n: int) -> Fit | None:
+        """The best fit with the poles of the parametric part, those of a short rest refined, the numerators minimax."""
+        samples, held, best = self.samples, self.held, None
+        if not held.size or not held.size <= n <= _REFINED:
+            return None
+        rest = n - held.size
+        for poles in (*(family(n) for family in self.families[1:]), np.append(held, starts.spread(samples, rest))):
+            if poles is not None:
+                moving = inside(poles[held.size :], self.radius)
+                fit = _quiet(lambda p=moving: self._rest_refined(p))
+                best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
+        return best
+
+    def _rest_refined(self, moving: np.ndarray) -> Fit:
+        samples, radius, held = self.samples, self.radius, self.held
+        fit = descended(samples, least_squares(samples, np.concatenate([held, moving])), radius, held=held)
+        steps = _STEPS if fit.cost <= self.limit else 0
+        return levelled(samples, fit, radius, self.limit, steps, held)
 
     def _target(self) -> Fit:
         """A rich model in the coordinates of the samples."""

@@ -48,7 +48,7 @@ def margin_chart(reduction: Reduction) -> Chart:
 
 
 def plot_margins(reduction: Reduction) -> Figure:
-    r"""Largest \\|residual\\|/bound against the order, of the best models that `reduce_within_bounds` found.
+    r"""Largest \|residual\|/bound against the order, of the best models that `reduce_within_bounds` found.
 
     Parameters
     ----------
