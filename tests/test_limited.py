@@ -264,3 +264,15 @@ SAMPLED = control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1)
 def test_bad_input_is_named(model, options, says):
     with pytest.raises((InputError, InputTypeError), match=says):
         balanced_truncation(model, **({"order": 0} | options))
+
+
+@pytest.mark.parametrize(
+    "options", [{"band_hz": (0.1, 1)}, {"horizon": 1.0}, {"weight": STABLE}, {"match": "static gain"}]
+)
+def test_static_silent_and_wholly_unstable_models(options):
+    static = control.StateSpace([], [], [], [[2.0]])
+    assert balanced_truncation(static, order=0, **options).bound == 0
+    silent = control.StateSpace([[-1.0]], [[0.0]], [[1.0]], 1.0, 0)
+    np.testing.assert_array_equal(balanced_truncation(silent, order=0, **options).model.D, [[1.0]])
+    rigid = control.ss([[0.0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)
+    assert balanced_truncation(rigid, order=2, unstable="keep", **options).model is rigid

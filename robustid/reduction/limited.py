@@ -84,7 +84,7 @@ def _horizon_share(model: Any, horizon: Any) -> Share:
 def _sample_time(name: str, model: Any) -> float:
     if model.dt is True:
         raise InputError(f"`{name}` needs the sample time of `model` in s; its dt is True")
-    return float(model.dt)
+    return float(model.dt or 0)  # None: without states
 
 
 def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
@@ -92,6 +92,8 @@ def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
     left, right = gramian_factors(parts, discrete=discrete)
     u, hankel, v = sla.svd(left.T @ right)
     keep = hankel > hankel.size * _EPS * np.max(hankel, initial=0.0)
+    if not np.any(keep):
+        return left[:, :0], right[:, :0]
     left, right, hankel = left @ u[:, keep], right @ v[keep].T, hankel[keep]
     a = left.T @ parts.a @ right
     return left @ _root(share((a / hankel).T)), right @ _root(share(a / hankel[:, None]))
@@ -113,7 +115,7 @@ def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
             f"`weight` must have one channel, or the {outputs} outputs of `model` as its inputs; got {weight.noutputs} x"
             f" {weight.ninputs}"
         )
-    if weight.nstates and weight.dt != model.dt:
+    if weight.nstates and model.nstates and weight.dt != model.dt:
         raise InputError(f"`weight` must have the time base of `model`, dt = {model.dt}; got dt = {weight.dt}")
     own = scaled(weight.A, weight.B, weight.C)
     poles, stable = is_stable(own.a, weight.dt)
@@ -128,5 +130,8 @@ def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
         np.hstack([d @ parts.c, c]),
     )
     discrete = model.dt != 0
+    plain = gramian_factors(parts, discrete=discrete)
+    if parts.a.size == 0:  # a static model has no time base for the weight
+        return plain
     seen, _ = gramian_factors(both, discrete=discrete)
-    return seen[: parts.a.shape[0]], gramian_factors(parts, discrete=discrete)[1]
+    return seen[: parts.a.shape[0]], plain[1]
