@@ -13,7 +13,7 @@ from robustid.identification.forms import Posed
 from robustid.interpolation import MixedProblem, measurement_rows
 
 _SAME = 1e-6  # relative: a block that agrees with `kautz` so far was made by it
-_STEP = 1e-4  # of a difference quotient, in the units of `MovingPairs.units`
+_STEP = 1e-4  # of a difference quotient, in the units of `units`
 _LIGHTEST, _HEAVIEST = 1e-6, 0.99  # damping ratios that poles may move to
 _HIGHEST = 0.999  # of the Nyquist frequency
 
@@ -73,9 +73,18 @@ class MovingPairs(Frozen):
         return np.stack([np.minimum(poles[:, 0], turn), damping], axis=1)
 
 
-def units(poles: np.ndarray) -> np.ndarray:
-    """What a pole feels as a step of one size: half-widths of its resonance in frequency, factors e in damping, (M, 2)."""
-    return np.stack([np.exp(poles[:, 1]), np.ones(len(poles))], axis=1)
+def units(problem: MixedProblem, poles: np.ndarray) -> np.ndarray:
+    """Steps over which the samples are nearly linear in the logs of frequency and damping, (M, 2).
+
+    In frequency the distance of the pole from the nearest line on the circle, for records of N samples 1/N rad or the half-width:
+    a damping far below what the data resolve must not make the steps tiny. In damping a factor e.
+    """
+    turn, damping = np.exp(poles[:, 0]) * problem.dt, np.exp(poles[:, 1])
+    half = damping * turn
+    away = [np.maximum(half, 1 / record.u.shape[0]) for record in problem.time]
+    for frf in problem.frequency:
+        away.append(np.hypot(half, np.abs(frf.omega[:, None] * problem.dt - turn).min(axis=0)))
+    return np.stack([np.min(away, axis=0) / turn, np.ones(len(poles))], axis=1)
 
 
 def taken_apart(basis: ParametricBasis) -> MovingPairs:
@@ -88,7 +97,7 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
     label = connected_components(links, directed=False)[1]
     parts, start = [], []
     for number in dict.fromkeys(label[n:].tolist()):
-        part = _block(basis, *(np.flatnonzero(which == number) for which in (label[:n], label[n:])))
+        part = _block(basis, np.flatnonzero(label[:n] == number), np.flatnonzero(label[n:] == number))
         found = _mode_of(part)
         if found is not None:
             pole, repeat, delay = found
@@ -132,7 +141,7 @@ def moved_samples(pairs: MovingPairs, posed: Posed, p: np.ndarray, poles: np.nda
     and which basis of the free transients was taken, do not matter.
     """
     problem, rows = posed.problem, posed.data.rows
-    given, step = rows.P @ p, (_STEP * units(poles)).ravel()
+    given, step = rows.P @ p, (_STEP * units(problem, poles)).ravel()
 
     def projected(which: int, sign: int) -> np.ndarray:
         moved = poles.ravel().copy()

@@ -25,10 +25,11 @@ _log = logging.getLogger("robustid")
 
 _DIGITS = 1e-3  # relative width of the proven interval of every margin
 _MOST_STEPS = 40
-# Trust region, in the units of `moving_pairs.units`: at the start; where it is given up; what a step must keep of what it promised
+# Trust region, in `units`: at the start; where it is given up; what a step must keep of what it promised
 # to be taken, and to widen the region.
 _RADIUS, _SMALLEST, _TAKEN, _GOOD = 1.0, 1e-4, 0.1, 0.7
-# Part of the margin that a step must promise: twice what margins are known to; good steps in a small region promise little.
+# Part of the margin that a step must promise: twice what margins are known to. Not more: in a small region good steps promise
+# little.
 _WORTH = 2e-3
 
 
@@ -224,16 +225,14 @@ class _Search:
         """Steps of the minimax problem with linearised pairs, in a trust region."""
         radius, D = _RADIUS, None
         for step in range(1, _MOST_STEPS + 1):
-            unit = units(at.poles)
+            unit = units(self.problem, at.poles)
             if D is None:
                 D = moved_samples(at.pairs, at.posed, at.claim.p, at.poles) * unit.ravel()
             try:
                 d, promised = _linearised(at.posed, D, radius)
                 if promised > (1 - _WORTH) * at.margin:
-                    return (
-                        at,
-                        f"no step of up to {radius:.2g} half-widths promises to make it smaller by {100 * _WORTH:g} %",
-                    )
+                    reach = 100 * radius * float(unit[:, 0].max())
+                    return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
                 new = self._at(at.pairs, at.pairs.inside(at.poles + unit * d.reshape(-1, 2)))
             except (InputError, SolverError) as error:  # poles that meet, or that the samples don't feel
                 _log.info("step %d: shortened (%s)", step, error)
