@@ -165,6 +165,7 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     assert second.findings == first.findings
     assert second.identification.notes == first.identification.notes == first.choices
     assert len(first.choices) == 3
+    assert any("not for the box" in finding for finding in first.findings)
     one, two = ((folder / place / "run.toml").read_text(encoding="utf-8") for place in ("sub/first", "second"))
     assert one.replace("../../frf.csv", "../frf.csv") == two
 
@@ -184,6 +185,7 @@ def test_the_steps_are_those_done_by_hand(folder):
     np.testing.assert_array_equal(result.error.upper, error.upper)
     assert result.error.certified
     assert result.choices == ()  # nothing was left to the program
+    assert not any("not for the box" in finding for finding in result.findings)
     assert max(r.ratio.max() for r in model_residuals(problem, result.model)) <= 1 + 1e-5
     assert rid.load_identification("out/identification").margin == by_hand.margin
     assert rid.load_worst_case_error("out/worst_case").upper.max() == error.upper.max()
