@@ -40,7 +40,7 @@ def test_flexible_structure(tmp_path, capsys):
     # order after reduction and error of the full model, counted from the end of the row
     orders = {name: int(row[-4]) for name, row in rows.items()}
     errors = {name: float(row[-3]) for name, row in rows.items()}
-    assert orders["both modes"] < orders["the light mode"]
+    assert set(orders.values()) == {4}  # of the truth: the search does not depend on the class
     assert 10 * errors["both modes"] < errors["the light mode"] < errors["no mode"]
 
 

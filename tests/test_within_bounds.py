@@ -204,6 +204,17 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
         assert judged_again(problem, reduction.model) <= 1
 
 
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+    """The true poles stay, and the model is near the truth between the samples, where moved poles are not."""
+    truth, problem = rid.flexible_structure().truth, structure(0)
+    known = rid.reduce_within_bounds(rid.identify(problem)).model
+    assert np.sort_complex(known.poles()) == pytest.approx(np.sort_complex(problem.parametric.poles), abs=1e-9)
+    moved_ones = rid.reduce_within_bounds(rid.identify(structure(0, parametric=False))).model
+    angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
+    near, far = (np.abs(response(model, angles) - response(truth, angles)).max() for model in (known, moved_ones))
+    assert near < 0.1 < 0.5 < far
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("parametric", "least"), [(True, 19), (False, 18)])
 def test_plant_of_order_four_at_twenty_seeds(parametric, least):
@@ -364,3 +375,22 @@ def test_response_of_a_model_is_that_of_its_states():
     (frf,) = structure(0).frequency
     mine = samples.tracks[0].states(A, c, samples.tracks[0].signal) @ np.ones(4)
     np.testing.assert_allclose(mine, response(model, frf.omega * 0.01), rtol=1e-9)
+
+
+def test_chart_of_order_against_margin(tmp_path):
+    from robustid.report import plot_margins, write_report
+    from robustid.report.margin_by_order import margin_chart
+
+    result = rid.identify(structure(0))
+    reduction = rid.reduce_within_bounds(result)
+    layers = {layer.name: layer for layer in margin_chart(reduction).panels[0].layers}
+    assert list(zip(layers["smallest found"].x, layers["smallest found"].y, strict=True)) == list(reduction.tried)
+    assert layers["chosen order 4"].y == [reduction.margin]
+    assert np.all(layers["beyond the bounds"].y > 1)
+    assert plot_margins(reduction).axes[0].get_xlabel() == "order [–]"
+    write_report(result, tmp_path / "report.html", reduction=reduction)
+    assert "Largest residual of the best model of every order" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(rid.InputError, match="tries no orders"):
+        plot_margins(rid.balanced_truncation(result.model, order=10))
+    with pytest.raises(rid.InputTypeError, match="reduce_within_bounds"):
+        plot_margins(result)

@@ -15,7 +15,7 @@ from robustid.identification.residuals import largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
-from robustid.reduction.refinement import Fit, descended, inside, least_squares, levelled
+from robustid.reduction.refinement import Fit, descended, fixed_poles_levelled, inside, least_squares, levelled
 from robustid.reduction.sample_map import SampleMap, sample_map
 
 _log = logging.getLogger("robustid")
@@ -44,10 +44,11 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
 
     .. math:: \min_{\deg G = r} \; \max_k |y_k - (G u)_k| / \epsilon_k \le 1
 
-    at all frequency and time samples together, order by order. At each order, starts from balanced truncation (of the whole
-    model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the order below; refined by
-    least squares over the poles; then made minimax by a sequence of second-order cone programs. The model is judged anew, by
-    responses and simulations, at every sample.
+    at all frequency and time samples together, order by order. At each order, first the poles of the parametric part as they are,
+    with a truncated rest: what is known of the plant is kept where that suffices. Else all poles move: starts from balanced
+    truncation (of the whole model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the
+    order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs. The model
+    is judged anew, by responses and simulations, at every sample.
 
     Parameters
     ----------
@@ -71,8 +72,10 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     Notes
     -----
     A model that was found is a proof that its order suffices; that a smaller one was not found is none that there is none: the
-    problem isn't convex in the poles. Poles stay inside the circle, at most ten times nearer to it than those of the identified
-    model. Gain bound, decay rate and intervals of parameters are asked of the identified model, not of the small one.
+    problem isn't convex in the poles. Poles stay inside the circle, at most a hundred times nearer to it than those of the
+    identified model. Gain bound, decay rate and intervals of parameters are asked of the identified model, not of the small one.
+    A smallest model touches the bounds, so that guarantees around it are wider than around the identified one: where the order
+    is no concern, truncate that one.
 
     Source: `lawson1961` for the question, theory of orthonormal rational bases for the coordinates.
 
@@ -165,7 +168,10 @@ class _Search:
 
     def _try(self, order: int, poles: Iterable[np.ndarray | None]) -> None:
         """Refine these starts; the best model of the order is kept, judged anew at every sample."""
-        fit = self._best(poles, order - self.integrators)
+        n = order - self.integrators
+        fit = self._parametric_kept(n)
+        if fit is None or fit.worst > self.limit:
+            fit = self._best(poles, n)
         if fit is None:
             return
         model = starts.statespace(fit, self.integrators, self.identification.model)
@@ -173,6 +179,13 @@ class _Search:
         if order not in self.found or margin < self.found[order][0]:
             self.found[order], self.fits[order] = (margin, model), fit
         _log.info("order %d: margin %.4g", order, self.found[order][0])
+
+    def _parametric_kept(self, n: int) -> Fit | None:
+        """The poles of the parametric part with those of a truncated rest, the numerators minimax."""
+        poles = next((family(n) for family in self.families[1:]), None)
+        if poles is None or np.abs(poles).max(initial=0.0) > self.radius:
+            return None
+        return _quiet(lambda: fixed_poles_levelled(self.samples, least_squares(self.samples, poles)))
 
     def _target(self) -> Fit:
         """A rich model in the coordinates of the samples."""

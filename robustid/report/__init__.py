@@ -1,6 +1,7 @@
 """What people see: plots, a summary at the terminal, and a report as one HTML page."""
 
 from robustid.report.html import write_report
+from robustid.report.margin_by_order import plot_margins
 from robustid.report.mfd_plots import plot_convergence, plot_fit, plot_fit_poles, plot_orders, plot_stabilisation
 from robustid.report.plots import (
     plot_frequency_response,
@@ -20,6 +21,7 @@ __all__ = [
     "plot_fit_poles",
     "plot_frequency_response",
     "plot_hankel",
+    "plot_margins",
     "plot_nyquist",
     "plot_orders",
     "plot_poles",

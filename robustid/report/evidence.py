@@ -100,7 +100,7 @@ def hankel_chart(identification: Identification, reduction: Any = None) -> Chart
     index = np.arange(1, values.size + 1)
     kept = index <= shown.order - held
     groups = [(kept, "kept", NOMINAL, "circle"), (~kept, "truncated", FAINT, "circle-open")]
-    if reduction is None:
+    if reduction is None or reduction.tried:  # a search truncates nothing
         groups = [(np.ones(index.size, bool), "of the nominal model", NOMINAL, "circle")]
     y = np.maximum(values, floor)
     layers = [

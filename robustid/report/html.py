@@ -18,6 +18,7 @@ from robustid.mfd import MatrixFraction
 from robustid.report import charts, evidence, facts, rests_on, worst_case_charts, worst_case_facts
 from robustid.report import over_poles as over_poles_section
 from robustid.report import tube as tube_section
+from robustid.report.margin_by_order import margin_chart
 from robustid.report.plotly_figures import Figure, figures, plotly_figure
 from robustid.report.poles import pole_table
 from robustid.report.style import number
@@ -170,6 +171,8 @@ def render_report(
         evidence.hankel_chart(identification, reduction),
         evidence.pole_chart(identification, shown),
     ]
+    if reduction is not None and reduction.tried:
+        found.append(margin_chart(reduction))
     return page(
         "template.html.j2",
         {chart.name: figures(chart) for chart in found} | drawn,
