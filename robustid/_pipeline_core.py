@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid import _pipeline_steps as steps
 from robustid._pipeline_data import Measured
-from robustid._pipeline_file import Modes, PriorChoice, RunFile
+from robustid._pipeline_file import MODES_NOTE, Modes, PriorChoice, RunFile
 from robustid._pipeline_result import IdentifiedReduced, Store
 from robustid._pipeline_steps import Say
 from robustid.advice import diagnose
@@ -23,6 +23,11 @@ from robustid.interpolation import MixedProblem, Prior
 from robustid.mfd import RigidBody
 from robustid.reduction import Reduction, reduce_within_bounds
 from robustid.report.worst_case_facts import at_most
+
+_FIXED_POLES = (
+    "The poles were taken from these data, which leave them a box. This bound holds for the poles as they were taken, not for the"
+    " box: over_poles = true in [worst_case] covers it (minutes)."
+)
 
 
 def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: Any) -> IdentifiedReduced:
@@ -99,6 +104,8 @@ def _decided(
     if result.consistent and run.worst_case.compute:
         run, error, small = _bounded(run, result, reduction, say, store, executor)
         findings.append(_error_words(small))
+        if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
+            findings.append(_FIXED_POLES)
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, say, store, executor)
         findings.append(words)
