@@ -401,3 +401,11 @@ def test_chart_of_order_against_margin(tmp_path):
         plot_margins(rid.balanced_truncation(result.model, order=10))
     with pytest.raises(rid.InputTypeError, match="reduce_within_bounds"):
         plot_margins(result)
+
+
+def test_a_start_on_the_circle_is_drawn_inside():
+    """Two lines next to each other that differ: the linear fit puts a pole between them, on the circle to rounding."""
+    frf = rid.FrequencyResponse([50.0, 50.001, 60.0], [1.0, 1.5, 1.0], bound=0.01, dt=0.01)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.0375))
+    small = rid.reduce_within_bounds(rid.identify(problem))
+    assert np.all(np.abs(small.model.poles()) < 1)

@@ -94,7 +94,7 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
     n = basis.states
     links = np.zeros((n + basis.size,) * 2, bool)
     links[:n, :n], links[n:, :n] = basis.A != 0, basis.C != 0
-    label = connected_components(links, directed=False)[1]
+    label = np.asarray(connected_components(links, directed=False)[1])
     parts, start = [], []
     for number in dict.fromkeys(label[n:].tolist()):
         part = _block(basis, np.flatnonzero(label[:n] == number), np.flatnonzero(label[n:] == number))
@@ -109,10 +109,10 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
 
 def _block(basis: ParametricBasis, states: np.ndarray, functions: np.ndarray) -> ParametricBasis:
     """Some functions with the states that they need, and the poles as they are known."""
-    A, labels = basis.A[np.ix_(states, states)], tuple(basis.labels[i] for i in functions)
+    A, labels = basis.A[states][:, states], tuple(basis.labels[i] for i in functions)
     computed = np.linalg.eigvals(A) if states.size else np.zeros(0)
     poles = basis.poles[np.abs(computed[:, None] - basis.poles).argmin(axis=1)] if states.size else computed
-    C = basis.C[np.ix_(functions, states)]
+    C = basis.C[functions][:, states]
     return ParametricBasis(A, basis.B[states], C, basis.D[functions], basis.dt, labels, poles)
 
 

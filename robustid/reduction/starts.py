@@ -24,6 +24,8 @@ _ANGLES = 48
 
 Family = Callable[[int], "np.ndarray | None"]
 
+_INSIDE = 1 - 1e-9  # a pole on the circle has no function that decays
+
 
 def truncations(identification: Identification, integrators: int) -> list[Family]:
     """Number of stable poles to the poles of truncated models: the whole model; the parametric part kept, the rest truncated."""
@@ -119,8 +121,9 @@ def sanathanan_koerner(samples: SampleMap, target: Fit, count: int) -> np.ndarra
 
 
 def reflected(poles: np.ndarray) -> np.ndarray:
-    """Unstable poles reflected at the circle."""
-    return np.where(np.abs(poles) > 1, 1 / np.maximum(np.abs(poles), 1) ** 2, 1.0) * poles
+    """Unstable poles reflected at the circle, those on it drawn inside."""
+    size = np.maximum(np.abs(poles), np.finfo(float).tiny)
+    return poles * (np.minimum(np.where(size > 1, 1 / size, size), _INSIDE) / size)
 
 
 def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[np.ndarray]:
