@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 from typer.testing import CliRunner
 
+import command_line
 import robustid as rid
 from robustid import cli
 
@@ -30,13 +31,7 @@ CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay",
 
 
 def run(arguments, capsys, monkeypatch):
-    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
-    monkeypatch.setattr("sys.argv", ["robustid", *arguments])
-    monkeypatch.setenv("COLUMNS", "200")
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    out = capsys.readouterr()
-    return stop.value.code or 0, out.out, out.err
+    return command_line.main(arguments, capsys, monkeypatch)
 
 
 def test_identify_reduce_and_report_on_files(files, capsys, monkeypatch):

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 
+import command_line
 import robustid as rid
 from problems import random_problem
-from robustid import cli
 from test_certify_storage import forge, lower
 
 
@@ -34,17 +34,7 @@ def files(stored, tmp_path, monkeypatch):
 
 @pytest.fixture
 def run(capsys, monkeypatch):
-    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
-
-    def call(*arguments):
-        monkeypatch.setattr("sys.argv", ["robustid", *arguments])
-        monkeypatch.setenv("COLUMNS", "200")
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out = capsys.readouterr()
-        return stop.value.code or 0, out.out, out.err
-
-    return call
+    return lambda *arguments: command_line.main(arguments, capsys, monkeypatch)
 
 
 GRID = ["--omega", "60", "--omega", "110", "--directions", "4"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+import command_line
 import robustid as rid
-from robustid import cli
 
 COMMAND = ["--band", "1:20", "--dt", "0.01", "--period", "1"]
 
@@ -16,16 +16,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(arguments, capsys, monkeypatch):
-    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
-    monkeypatch.setattr("sys.argv", ["robustid", "excite", *arguments])
-    monkeypatch.setenv("COLUMNS", "200")
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    out = capsys.readouterr()
-    return code, " ".join(out.out.split()), " ".join(out.err.split())
+    return command_line.words(["excite", *arguments], capsys, monkeypatch)
 
 
 def test_writes_what_the_library_designs_and_says_what_to_do(capsys, monkeypatch):

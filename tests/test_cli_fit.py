@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+import command_line
 import robustid as rid
 from mfd_systems import noisy, random_modal_system
-from robustid import cli
 from robustid.mfd.iteration import FitStatus
 from robustid.reduction.model_files import load_model
 
@@ -50,13 +50,7 @@ def files(made, tmp_path, monkeypatch):
 
 
 def run(arguments, capsys, monkeypatch):
-    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
-    monkeypatch.setattr("sys.argv", ["robustid", "fit", *arguments])
-    monkeypatch.setenv("COLUMNS", "200")
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    out = capsys.readouterr()
-    return stop.value.code or 0, out.out, out.err
+    return command_line.main(["fit", *arguments], capsys, monkeypatch)
 
 
 def poles_hz(name):

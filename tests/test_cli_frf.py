@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+import command_line
 import robustid as rid
-from robustid import cli
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 
 DT, PERIOD = 0.01, 100
@@ -45,16 +45,7 @@ def files(made, tmp_path, monkeypatch):
 
 
 def run(arguments, capsys, monkeypatch):
-    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
-    monkeypatch.setattr("sys.argv", ["robustid", "frf", *arguments])
-    monkeypatch.setenv("COLUMNS", "200")
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    out = capsys.readouterr()
-    return code, " ".join(out.out.split()), " ".join(out.err.split())
+    return command_line.words(["frf", *arguments], capsys, monkeypatch)
 
 
 def same(found, wanted):

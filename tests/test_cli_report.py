@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+import command_line
 import robustid as rid
 from report_pages import Page
-from robustid import cli
 from robustid.certify import worst_case_over_poles
 
 OMEGA = [30.0, 60.0]
@@ -39,16 +39,7 @@ def run(stored, tmp_path, capsys, monkeypatch):
     for path in stored.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*arguments):
-        monkeypatch.setattr("sys.argv", ["robustid", "report", *arguments])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out = capsys.readouterr()
-        return stop.value.code or 0, out.out, out.err
-
-    return call
+    return lambda *arguments: command_line.main(["report", *arguments], capsys, monkeypatch)
 
 
 def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path):

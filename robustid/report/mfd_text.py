@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from robustid.report import mfd_facts
 from robustid.report.mfd_view import FitView
 from robustid.report.style import number
-from robustid.report.text import COLOURS, add_row, headed, left_out
+from robustid.report.text import add_row, banner, headed, left_out, named_rows
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -18,16 +18,8 @@ _MOST_MODES = 40
 def render_fit(view: FitView) -> Group:
     """Verdict, cost, checks and modes."""
     from rich.console import Group
-    from rich.panel import Panel
-    from rich.table import Table
     from rich.text import Text
 
-    verdict = mfd_facts.verdict(view)
-    colour = COLOURS[verdict.key]
-    head = Text.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence)
-    overview = Table.grid(padding=(0, 2))
-    for name, words in mfd_facts.summary_rows(view):
-        overview.add_row(Text(name, style="bold"), Text(words))
     checks = headed("Verification", "Claim", ">Number", ">Limit", "")
     for check in view.checks:
         mark = ("holds", "green") if check.holds else ("FAILS", "bold red")
@@ -35,7 +27,7 @@ def render_fit(view: FitView) -> Group:
     modes = headed("Modes; peak: relative to that of the largest", ">Hz", ">Damping", ">Peak", "Largest in", ">States")
     for row in view.modes[:_MOST_MODES]:
         add_row(modes, *mfd_facts.mode_cells(view, row))
-    parts: list[Any] = [Panel(head, border_style=colour), overview, checks]
+    parts: list[Any] = [banner(mfd_facts.verdict(view)), named_rows(mfd_facts.summary_rows(view)), checks]
     parts.append(left_out(modes, len(view.modes) - _MOST_MODES))
     if view.covariance is not None:
         parts.append(Text(mfd_facts.SIGMA, style="dim"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse
@@ -14,12 +15,13 @@ from robustid.report.style import number
 
 if TYPE_CHECKING:
     from rich.console import Group
+    from rich.panel import Panel
     from rich.table import Table
 
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
-COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
+_COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
 _MOST_SAMPLES, _MOST_POLES = 8, 10
 
 
@@ -57,7 +59,6 @@ def render_summary(
     True
     """
     from rich.console import Group
-    from rich.panel import Panel
     from rich.text import Text
 
     if isinstance(identification, MatrixFraction):
@@ -69,10 +70,7 @@ def render_summary(
 
         return render_frf(FrfView(identification))
     verdict = facts.verdict(identification)
-    colour = COLOURS[verdict.key]
-    # Text, never markup: names in brackets, such as units, are to be shown as they stand.
-    head = Text.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence)
-    parts: list[Any] = [Panel(head, border_style=colour)]
+    parts: list[Any] = [banner(verdict)]
     parts += [Text(f"Warning: {sentence}.", style="yellow") for sentence in identification.warnings]
     parts.append(_overview(identification, reduction))
     if identification.notes:
@@ -88,10 +86,6 @@ def render_summary(
 
 
 def _overview(identification: Identification, reduction: Reduction | None) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table.grid(padding=(0, 2))
     rows = [("Margin", facts.margin_interval(identification)), ("", facts.margin_words(identification))]
     rows += [
         (row.name, f"{row.channel}: {row.samples} samples, {row.span}, {row.bound} (source: {row.source})")
@@ -101,9 +95,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> Ta
     rows.append(("Model", f"order {identification.order}, dt = {number(identification.problem.dt, 6)} s"))
     if reduction is not None:
         rows.append(("Reduced model", facts.reduction_words(identification, reduction)))
-    for name, words in rows:
-        table.add_row(Text(name, style="bold"), Text(words))
-    return table
+    return named_rows(rows)
 
 
 def _checks(identification: Identification) -> Table:
@@ -133,6 +125,27 @@ def _poles(identification: Identification, reduction: Reduction | None) -> Table
             cells = ("delay", "–", "0", "–")
         add_row(table, *cells, str(row.count))
     return left_out(table, len(rows) - _MOST_POLES)
+
+
+def banner(verdict: Any) -> Panel:
+    """The verdict in its frame."""
+    from rich.panel import Panel
+    from rich.text import Text
+
+    colour = _COLOURS[verdict.key]
+    # Text, never markup: names in brackets, such as units, are to be shown as they stand.
+    return Panel(Text.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence), border_style=colour)
+
+
+def named_rows(rows: Iterable[tuple[str, str]]) -> Table:
+    """What it is in bold, and in words."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 2))
+    for name, words in rows:
+        table.add_row(Text(name, style="bold"), Text(words))
+    return table
 
 
 def headed(title: str, *columns: str) -> Table:
