@@ -164,6 +164,7 @@ def run_example(tmp_path, capsys):
     return table
 
 
+@pytest.mark.slow  # the example itself runs beside the suite
 def test_the_example(tmp_path, capsys, monkeypatch):
     """One output, two frequencies of the worst case: enough for what it claims."""
     monkeypatch.setattr(example, "WORST_HZ", np.array([10.5, 17.67]))
