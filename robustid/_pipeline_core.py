@@ -64,7 +64,7 @@ def from_problem(run: RunFile, problem: MixedProblem, say: Say, executor: Any) -
     """The class as the problem states it."""
     run = dataclasses.replace(
         run,
-        prior=PriorChoice(**dataclasses.asdict(problem.prior)),
+        prior=PriorChoice(gain_bound=problem.prior.gain_bound, decay_rate=problem.prior.decay_rate),
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
     _check_frequencies(run, problem.dt)

@@ -176,7 +176,7 @@ def identify_reduced(
     if modes is not None:
         content["modes"] |= {"hz": [float(m[0]) for m in modes], "damping": [float(m[1]) for m in modes]}
     if prior is not None:
-        content["prior"] = dataclasses.asdict(prior)
+        content["prior"] = {"gain_bound": prior.gain_bound, "decay_rate": prior.decay_rate}
     asked = read_run_file(content, "identify_reduced", sources=False)
     if isinstance(data, MixedProblem):
         given = [("modes", modes), ("prior", prior), ("delay", delay), ("repeat", None if repeat == 1 else repeat)]

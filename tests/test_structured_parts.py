@@ -7,7 +7,7 @@ from paths import arrow, dense_scaling, times, triple
 from robustid.bases import Sections, input_normal_pair
 from robustid.interpolation import SarasonMap, SectionMap, ShiftColumns
 from robustid.solve import discs
-from robustid.solve.ball import BlockHankelBall, DenseBall, HankelBall, TurnedBall, longest_step
+from robustid.solve.ball import BlockHankelMap, DenseMap, HankelMap, TurnedMap, longest_step
 from robustid.solve.design import DenseDesign, ShiftDesign
 
 
@@ -43,25 +43,25 @@ def check_ball(ball, H, rng, tolerance=1e-13):
 def test_balls_against_stored_matrices(n):
     for seed in range(5):
         rng = np.random.default_rng([n, seed])
-        check_ball(HankelBall(n), hankel_basis(n), rng)
-        check_ball(DenseBall(hankel_basis(n)), hankel_basis(n), rng)
+        check_ball(HankelMap(n), hankel_basis(n), rng)
+        check_ball(DenseMap(hankel_basis(n)), hankel_basis(n), rng)
         angles = np.sort(rng.uniform(0.1, 3, n // 4))
         sarason = SarasonMap(input_normal_pair(angles, 0.9, n - 2 * angles.size))
-        check_ball(DenseBall(sarason.symmetric_basis), sarason.symmetric_basis, rng)
+        check_ball(DenseMap(sarason.symmetric_basis), sarason.symmetric_basis, rng)
         zeros = np.sqrt(rng.uniform(0, 1, 1 + seed)) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed))
         zeros[seed // 2 :] = np.abs(zeros[seed // 2 :])  # real ones too
         sections = Sections(zeros, max(1, n // 4))
         basis = SarasonMap(sections.pair).symmetric_basis
-        check_ball(BlockHankelBall(SectionMap(sections)), basis, rng)
+        check_ball(BlockHankelMap(SectionMap(sections)), basis, rng)
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
-        turned = TurnedBall(BlockHankelBall(SectionMap(sections)), axes)
+        turned = TurnedMap(BlockHankelMap(SectionMap(sections)), axes)
         check_ball(turned, np.tensordot(axes.T, basis, 1), rng)
 
 
 def test_a_long_hankel_ball_against_its_definition():
     """n = 320, where products go by FFT: H by its entries, curvature by its definition on random rows and columns."""
     n, rng = 320, np.random.default_rng(0)
-    ball, x, M = HankelBall(n), rng.standard_normal(320), rng.standard_normal((320, 320))
+    ball, x, M = HankelMap(n), rng.standard_normal(320), rng.standard_normal((320, 320))
     a = np.arange(n)
     index = a[:, None] + a - (n - 1)
     H = np.where(index >= 0, x[np.maximum(index, 0)], 0.0)
@@ -112,13 +112,13 @@ def random_pair(rng, count, real=0):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_algebra_of_discs(seed):
     rng = np.random.default_rng(seed)
-    s, z = random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)
-    assert np.allclose(triple(discs.product(s, z)), times(arrow(s), z), rtol=1e-13, atol=1e-13)
-    back = discs.divide(s, z)
+    cones, s, z = discs.Cones(40), random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)
+    assert np.allclose(triple(cones.product(s, z)), times(arrow(s), z), rtol=1e-13, atol=1e-13)
+    back = cones.divide(s, z)
     assert np.allclose(times(arrow(s), back), triple(z), rtol=0, atol=1e-11 * np.abs(triple(z)).max())
-    assert np.allclose(triple(discs.product(s, discs.inverse(s))), [1, 0, 0], atol=1e-10)
-    assert np.allclose(discs.determinant(s), s[0] ** 2 - np.abs(s[1]) ** 2, rtol=1e-10)
-    for pair in (discs.product(s, z), back, discs.inverse(s)):
+    assert np.allclose(triple(cones.product(s, cones.inverse(s))), [1, 0, 0], atol=1e-10)
+    assert np.allclose(cones.determinant(s), s[0] ** 2 - np.abs(s[1]) ** 2, rtol=1e-10)
+    for pair in (cones.product(s, z), back, cones.inverse(s)):
         assert np.all(pair[1][25:].imag == 0)
 
 
@@ -126,7 +126,7 @@ def test_the_algebra_of_discs(seed):
 def test_the_scaling_of_discs_against_three_by_three_matrices(seed):
     rng = np.random.default_rng([7, seed])
     s, z = random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)
-    scaling, W = discs.Scaling(s, z), dense_scaling(s, z)
+    scaling, W = discs.Scaling(discs.Cones(40), s, z), dense_scaling(s, z)
     d = rng.standard_normal(40), rng.standard_normal(40) + 1j * np.append(rng.standard_normal(25), np.zeros(15))
     size = np.linalg.cond(W).max()
 
@@ -140,7 +140,8 @@ def test_the_scaling_of_discs_against_three_by_three_matrices(seed):
     close(scaling.solve_twice(d), times(np.linalg.inv(W @ W), d))
     close(scaling.point, times(W, z))
     close(scaling.point, times(np.linalg.inv(W), s))
-    a, b = scaling.curvature
+    a, b, c = scaling.curvature
+    assert c is None
     block = np.linalg.inv(W @ W)[:, 1:, 1:]
     e = triple(d)[:, 1:]
     value = a * np.abs(d[1]) ** 2 + (b * d[1] ** 2).real
@@ -148,6 +149,7 @@ def test_the_scaling_of_discs_against_three_by_three_matrices(seed):
 
 
 def test_longest_step_in_the_discs_by_bisection():
+    cones = discs.Cones(1)
     for seed in range(200):
         rng = np.random.default_rng(seed)
         s = random_pair(rng, 1)
@@ -156,7 +158,7 @@ def test_longest_step_in_the_discs_by_bisection():
             d = np.abs(d[1]) * 1.5, d[1]  # into the cone
         if seed % 4 == 1:
             d = -s[0] * (1 + 1e-13), -s[1]  # through the apex: the discriminant is zero but for rounding
-        step = discs.longest_step(s, d)
+        step = cones.longest_step(s, d)
 
         def inside(a, s=s, d=d):
             return s[0][0] + a * d[0][0] >= abs(s[1][0] + a * d[1][0])
@@ -169,7 +171,7 @@ def test_longest_step_in_the_discs_by_bisection():
             middle = (low + high) / 2
             low, high = (middle, high) if inside(middle) else (low, middle)
         assert step == pytest.approx(low, rel=1e-6 if seed % 4 == 1 else 1e-9)
-    assert discs.longest_step((np.zeros(0), np.zeros(0, complex)), (np.zeros(0), np.zeros(0, complex))) == np.inf
+    assert discs.Cones(0).longest_step((np.zeros(0), np.zeros(0, complex)), (np.zeros(0), np.zeros(0, complex))) == np.inf
 
 
 # --- the design -------------------------------------------------------------------------------------------------------

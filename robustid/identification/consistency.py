@@ -13,7 +13,7 @@ from robustid._arrays import as_positive
 from robustid.bases import Sections
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.forms import Posed, level_of, pose, sections_of
-from robustid.identification.margin import check_conic_size, prove_margin, wants_conic
+from robustid.identification.margin import block_size, check_conic_size, prove_margin, wants_conic
 from robustid.identification.model import nominal_model
 from robustid.identification.result import Identification
 from robustid.identification.verification import verify
@@ -93,17 +93,19 @@ def identify(
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
     sections = sections_of(problem, form, accuracy)
-    with threads_for(sections.order if sections else problem.coefficients):
+    entries = problem.entries
+    size = (sections.order if sections else problem.coefficients) * max(1, entries.count // 2)
+    with threads_for(size):
         return _identify(problem, objective, solver, accuracy, form, sections)
 
 
 def _identify(
     problem: MixedProblem, objective: str, solver: str, accuracy: float, form: str, sections: Sections | None
 ) -> Identification:
-    if objective == "order":
-        check_conic_size(sections.order if sections else problem.coefficients)
     clock = _Clock()
     posed = pose(problem, sections, form == "classical")
+    if objective == "order":
+        check_conic_size(block_size(posed.data.sarason))
     clock.lap("assembly")
     claim, passed = prove_margin(posed, solver, accuracy)
     clock.lap("margin")

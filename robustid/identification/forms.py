@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from robustid.bases import Sections, input_normal_pair
-from robustid.errors import SizeError, Status
+from robustid.errors import InputError, SizeError, Status
 from robustid.identification.section_choice import demands, shortest_sections
 from robustid.interpolation import (
     ClassicalForm,
@@ -21,7 +21,7 @@ from robustid.interpolation import (
     measurement_rows,
     taylor_tail,
 )
-from robustid.interpolation.rows import MOST_STORED
+from robustid.interpolation.functions import MOST_STORED
 from robustid.solve import ConvexData
 
 # The exact form is dense: n^4 work per Newton step. Minutes begin at the second.
@@ -30,6 +30,7 @@ LONGEST_SECTIONS = 1000  # the same, with N x n columns of the lines
 LONGEST_TAYLOR = 2000  # dense L x L matrices: 32 MB each, a dozen of them, and L^3 work per Newton step
 _QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
 _CLEARLY = 0.5  # of the work of the other forms: what sections may take
+_MOST_PRODUCTS = 1e8  # numbers held at once: 0.8 GB
 _EDGE = 1e-6  # how far outside the smallest margin the model is centred
 _SHARE = 0.1  # of the accuracy that is left to the tails
 
@@ -61,7 +62,7 @@ class Posed:
 def pose(problem: MixedProblem, sections: Sections | None = None, classical: bool = False) -> Posed:
     """Arrays of the exact form, in the orthonormal or the paper's basis, or of the form of a repeated section."""
     if sections is not None:
-        sarason = ShiftMap(sections.order) if sections.is_shift else SectionMap(sections)
+        sarason = ShiftMap(sections.order, problem.entries) if sections.is_shift else SectionMap(sections)
         return Posed(problem, ConvexData(measurement_rows(problem, sections), sarason), sections)
     n = problem.coefficients
     if n > LARGEST_EXACT:
@@ -71,7 +72,7 @@ def pose(problem: MixedProblem, sections: Sections | None = None, classical: boo
             " record, or fewer lines off resonance"
         )
     pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor)
-    data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair))
+    data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair, problem.entries))
     basis = None
     if classical and n:
         basis = classical_form(pair, problem.angles, problem.prior.decay_rate, problem.taylor)
@@ -83,8 +84,10 @@ def sections_of(problem: MixedProblem, form: str, accuracy: float) -> Sections |
 
     "auto" takes the exact form while it is quick, and then the form with the least work; sections only where they clearly save.
     """
-    n = problem.coefficients
-    if form in ("orthonormal", "classical") or (form == "auto" and n <= QUICK_EXACT):
+    n, entries = problem.coefficients, problem.entries
+    if form in ("sections", "classical") and not entries.single:
+        raise InputError(f'`form` = "{form}" is for one input and one output; got {entries.outputs}x{entries.inputs}')
+    if form in ("orthonormal", "classical") or (form == "auto" and entries.single and n <= QUICK_EXACT):
         return None
     shift = Sections.shift(taylor_length(problem, accuracy))
     if form == "taylor":
@@ -92,7 +95,7 @@ def sections_of(problem: MixedProblem, form: str, accuracy: float) -> Sections |
     if form == "sections":
         return _possible(problem, shortest_sections(problem, _SHARE * accuracy), accuracy)
     best = None if _work(problem, None) < _work(problem, shift) else shift
-    if _work(problem, best) > _QUICK:
+    if entries.single and _work(problem, best) > _QUICK:
         found = shortest_sections(problem, _SHARE * accuracy)
         if _work(problem, found) < _CLEARLY * _work(problem, best):
             best = found
@@ -102,6 +105,7 @@ def sections_of(problem: MixedProblem, form: str, accuracy: float) -> Sections |
 def _possible(problem: MixedProblem, sections: Sections, accuracy: float) -> Sections:
     """The same, where it is not too large."""
     n, limit = sections.order, LONGEST_TAYLOR if sections.is_shift else LONGEST_SECTIONS
+    limit = int(limit / np.sqrt(problem.entries.count))  # dense matrices of all unknowns
     if n <= limit:
         return sections
     kind = (
@@ -119,13 +123,26 @@ def _possible(problem: MixedProblem, sections: Sections, accuracy: float) -> Sec
 
 def _work(problem: MixedProblem, sections: Sections | None) -> float:
     """Of a Newton step, in multiplications, nearly, as measured; infinite where a form is too large for the problem."""
-    lines = sum(frf.omega.size for frf in problem.frequency)
+    lines, entries = sum(frf.omega.size for frf in problem.frequency), problem.entries
     n = problem.coefficients if sections is None else sections.order
+    if not entries.single:
+        return _matrix_work(problem, n, sections is None)
     if sections is None:
         return 8.0 * n**4 if n <= LARGEST_EXACT else math.inf
     if sections.is_shift:
         return 20.0 * n**3 if n <= LONGEST_TAYLOR else math.inf
     return 40.0 * n**3 + 3.0 * lines * n**2 if n <= LONGEST_SECTIONS and lines * n <= MOST_STORED else math.inf
+
+
+def _matrix_work(problem: MixedProblem, n: int, exact: bool) -> float:
+    """The same of matrices: the factors of the block of size n(p + q) and of the Newton matrix, and its curvature."""
+    p, q = problem.entries.outputs, problem.entries.inputs
+    if exact and (n > LARGEST_EXACT or 4 * (p + q) ** 2 * n**3 > _MOST_PRODUCTS):
+        return math.inf
+    if not exact and n * math.sqrt(p * q) > LONGEST_TAYLOR:
+        return math.inf
+    dense = 20.0 * (n * (p + q)) ** 3 + (n * p * q) ** 3 / 3 + problem.samples * (n * (p * q if exact else 1)) ** 2
+    return dense + (4.0 * p**2 * q**2 * n**4 if exact else 40.0 * p**2 * q**2 * n**2 * math.log(n + 2))
 
 
 def taylor_length(problem: MixedProblem, accuracy: float) -> int:

@@ -68,6 +68,9 @@ def usable(path: str | os.PathLike[str]) -> Iterator[None]:
         raise FileFormatError(f"`path`: {text} and {numbers.name} can't be used: {error}") from None
 
 
+_CLASSES = {cls.__name__: cls for cls in (FrequencyResponse, TimeRecord)}
+
+
 def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedProblem:
     experiments: dict[str, list] = {}
     for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
@@ -75,7 +78,9 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
         for i, described in enumerate(text[kind]):
             prefix = f"{kind}{i}/"
             fields = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-            experiments[kind].append(cls(**fields, **described))
+            described, name = dict(described), described.get("class", cls.__name__)
+            described.pop("class", None)
+            experiments[kind].append(_CLASSES[name](**fields, **described))
     basis = None
     if text["parametric"] is not None:
         matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}
@@ -87,6 +92,7 @@ def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedP
         prior=prior,
         parametric=basis,
         parameter_bounds=arrays.get("parameter_bounds"),
+        symmetric=text.get("symmetric", False),
     )
 
 
@@ -101,7 +107,7 @@ def rebuild(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Identifica
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
     sections = _read_sections(record["sections"])
-    if sections is not None and sections.order != arrays["result/coefficients"].size:
+    if sections is not None and sections.order * problem.entries.count != arrays["result/coefficients"].size:
         raise ValueError("its sections do not belong to its coefficients")
     data, posed = pose(problem, sections).data, pose(dataclasses.replace(problem, prior=prior), sections)
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]

@@ -85,7 +85,7 @@ def wants_conic(posed: Posed, solver: str) -> bool:
     """Whether a general conic solver is asked; refused where it would take hours."""
     if solver == "structured":
         return False
-    n = posed.data.sarason.pair.order
+    n = block_size(posed.data.sarason)
     if solver != "auto":
         solver_name(solver)
     if solver == "auto" and posed.classical is None:
@@ -94,10 +94,16 @@ def wants_conic(posed: Posed, solver: str) -> bool:
     return True
 
 
-def check_conic_size(coefficients: int) -> None:
+def block_size(sarason: SarasonMap) -> int:
+    """Of the largest semidefinite block: n of one channel, n(p + q) of matrices."""
+    return sarason.pair.order if sarason.entries.single else sum(sarason.shape)
+
+
+def check_conic_size(rows: int) -> None:
     """Refuse what a general semidefinite solver can't do in reasonable time and memory."""
-    if coefficients > LARGEST_CONIC:
+    if rows > LARGEST_CONIC:
         raise SizeError(
-            f"`problem` has {coefficients} coefficients; a general semidefinite solver takes up to {LARGEST_CONIC} in reasonable"
-            ' time and memory. Use solver="auto" with objective "center", "margin" or "gain", or thin the data'
+            f"`problem` has a matrix inequality of {rows} coefficients a side; a general semidefinite solver takes up to"
+            f' {LARGEST_CONIC} in reasonable time and memory. Use solver="auto" with objective "center", "margin" or "gain", or'
+            " thin the data"
         )

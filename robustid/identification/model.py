@@ -27,6 +27,7 @@ from robustid.interpolation import (
 from robustid.solve import Candidate
 
 _SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
+_SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are rounding
 _LONGEST = 8000  # samples of the impulse response
 
 Family = Interpolants | TaylorInterpolants
@@ -53,7 +54,7 @@ class Nominal:
 
 def family_of(posed: Posed, x: np.ndarray) -> Family:
     """All functions of the unit ball with the coefficients x."""
-    taylor = posed.sections is not None and posed.sections.is_shift
+    taylor = posed.sections is not None and posed.sections.is_shift and posed.problem.entries.single
     return taylor_interpolants(x) if taylor else interpolants(posed.data.sarason, x)
 
 
@@ -67,6 +68,7 @@ def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) ->
     if isinstance(family, Interpolants):
         states = _unscaled(problem, family.realise(E))
         if posed.sections is None:
+            states = _with_scales(problem, states)
             return Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], 0.0)
         cut = BalancedContraction(*states).truncate
     else:
@@ -74,7 +76,8 @@ def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) ->
     tolerance = _SHARE * smallest_bound(problem)
     while True:
         small = cut(tolerance)
-        nominal = Nominal(join_model(problem, rows, small[:4], point.p), small.A.shape[0], small.bound)
+        states = _with_scales(problem, small[:4])
+        nominal = Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], small.bound)
         if tolerance < 1e-10 * problem.prior.gain_bound or largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
             return nominal
         tolerance /= 10
@@ -87,6 +90,21 @@ def _unscaled(problem: MixedProblem, scaled: Scaled) -> Scaled:
     # Half of K on either side keeps the realisation balanced.
     root = np.sqrt(K)
     return alpha / rho, root * beta, root * gamma / rho, K * delta
+
+
+def _with_scales(problem: MixedProblem, states: Scaled) -> Scaled:
+    """The entries times the scaling of the prior: a copy of the states for every unit of its rank."""
+    if problem.prior.scaling is None:
+        return states
+    A, B, C, D = states
+    scales = problem.prior.scales(*D.shape)
+    left, size, right = np.linalg.svd(scales)
+    rank = int(np.sum(size > _SAME_SCALE * size[0]))
+    root = np.sqrt(size[:rank])
+    outputs, inputs = left[:, :rank].T * root[:, None], right[:rank] * root[:, None]
+    B = np.vstack([B * one for one in inputs])
+    C = np.hstack([one[:, None] * C for one in outputs])
+    return np.kron(np.eye(rank), A), B, C, scales * D
 
 
 def _from_impulse(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> ImpulseReduction:
@@ -104,14 +122,28 @@ def join_model(problem: MixedProblem, rows: Rows, realised: Scaled, p: np.ndarra
     import control
 
     A, B, C, D = realised
-    basis = problem.parametric
-    if basis is not None:
-        weights = physical_parameters(rows, p)[None, :]
-        A, B = scipy.linalg.block_diag(A, basis.A), np.vstack([B, basis.B])
-        C, D = np.hstack([C, weights @ basis.C]), D + weights @ basis.D
-    output, input_ = problem.channel
-    names = {"inputs": [_label(input_.name, "u")], "outputs": [_label(output.name, "y")], "name": "identified"}
-    return control.ss(A, B, C, D, problem.dt, **names)
+    if problem.parametric is not None:
+        a, b, c, d = parametric_states(problem, residue_matrices(problem, rows, p))
+        A, B = scipy.linalg.block_diag(A, a), np.vstack([B, b])
+        C, D = np.hstack([C, c]), D + d
+    return control.ss(A, B, C, D, problem.dt, **signal_names(problem))
+
+
+def parametric_states(problem: MixedProblem, residues: np.ndarray) -> Scaled:
+    """State space of sum_i P_i R_i, residues (m, p, q): n min(p, q) states of functions with n."""
+    basis, (_, p, q) = problem.parametric, residues.shape
+    through = np.tensordot(basis.D[:, 0], residues, 1)
+    if p >= q:
+        outputs = np.einsum("in,ipq->pnq", basis.C, residues).reshape(p, -1)
+        return np.kron(basis.A, np.eye(q)), np.kron(basis.B, np.eye(q)), outputs, through
+    inputs = np.einsum("in,ipq->npq", basis.C, residues).reshape(-1, q)
+    return np.kron(basis.A.T, np.eye(p)), inputs, np.kron(basis.B.T, np.eye(p)), through
+
+
+def signal_names(problem: MixedProblem) -> dict[str, Any]:
+    """Names of the model and its channels for `control`."""
+    outputs, inputs = ([_label(c.name, d) for c in side] for side, d in ((problem.outputs, "y"), (problem.inputs, "u")))
+    return {"inputs": inputs, "outputs": outputs, "name": "identified"}
 
 
 def _label(name: str, default: str) -> str:
@@ -120,5 +152,17 @@ def _label(name: str, default: str) -> str:
 
 
 def physical_parameters(rows: Rows, p: np.ndarray) -> np.ndarray:
-    """The parameters in the user's units, transients left out."""
+    """The independent parameters in the user's units, transients left out, entry by entry, (count m,)."""
     return (p / rows.column_scale)[: rows.parameters] if rows.parameters else np.zeros(0)
+
+
+def residue_matrices(problem: MixedProblem, rows: Rows, p: np.ndarray) -> np.ndarray:
+    """The parameters in the user's units as matrices, one per function, (m, p, q)."""
+    return np.moveaxis(problem.entries.expand(physical_parameters(rows, p)), 2, 0)
+
+
+def parametric_values(problem: MixedProblem, rows: Rows, p: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Of the parametric part at exp(j angle), (F, p, q); zero where there is none."""
+    if problem.parametric is None:
+        return np.zeros((angles.size, problem.entries.outputs, problem.entries.inputs))
+    return np.tensordot(problem.parametric.response(angles), residue_matrices(problem, rows, p), 1)

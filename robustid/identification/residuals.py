@@ -10,16 +10,16 @@ import numpy as np
 from robustid._arrays import Frozen, freeze
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.ellipses import bound_ratio
-from robustid.identification.simulation import response, simulate
+from robustid.identification.simulation import responses, simulate
 from robustid.interpolation import MixedProblem
+from robustid.interpolation.assembly import initial_state, measured_entries
 from robustid.interpolation.problem import excited_lines
-from robustid.interpolation.rows import initial_state
 from robustid.solve import ConvexData
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Residual(Frozen):
-    """y - model at the samples of one experiment.
+    """y - model at the samples of one entry (output) of one experiment, or of several that share their bounds.
 
     Attributes
     ----------
@@ -28,12 +28,15 @@ class Residual(Frozen):
         Number of the experiment among those of its kind.
     axis : (N,) array
         rad/s, or s; only samples that were used.
-    error : (N,) array
+    error : (N,) array, or (N, d) of samples that share a bound
         Complex for frequency samples.
-    bound : (N,) array
+    bound : (N,) array or (N, d)
         The bound in force (widened by an unknown past input where there is one).
     tilt : (N,) complex array or None
         Where the bounds are ellipses: |error + tilt conj(error)| <= bound.
+    entry : (output, input)
+        Numbers; None for an output of a record (its input), for what all entries of a column or of the matrix share, and for
+        tangential samples.
     """
 
     kind: str
@@ -42,6 +45,7 @@ class Residual(Frozen):
     error: np.ndarray
     bound: np.ndarray
     tilt: np.ndarray | None = None
+    entry: tuple[int | None, int | None] = (0, 0)
 
     def __post_init__(self) -> None:
         self._set(axis=freeze(self.axis), error=freeze(self.error), bound=freeze(self.bound))
@@ -49,41 +53,42 @@ class Residual(Frozen):
 
     @property
     def ratio(self) -> np.ndarray:
-        """|error|/bound, (N,), of an ellipse |error + tilt conj(error)|/bound."""
-        return bound_ratio(self.error, self.bound, self.tilt)
+        """|error|/bound, (N,), of an ellipse |error + tilt conj(error)|/bound; the norm of those that share a bound."""
+        ratio = bound_ratio(self.error, self.bound, self.tilt)
+        return ratio if ratio.ndim == 1 else np.linalg.norm(ratio, axis=1)
 
 
 def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None = None, p: Any = None) -> list[Residual]:
-    """Residuals of any one-channel model at the samples of a problem.
+    """Residuals of any model at the samples of a problem, in the order of its bounds.
 
     For records with unknown initial state the free response of the parametric part is that of `p`, or the one with the smallest
     largest |residual|/bound where none is given.
     """
-    out = [_frequency_residual(i, f, model, problem) for i, f in enumerate(problem.frequency)]
+    out = [residual for i, f in enumerate(problem.frequency) for residual in _of_lines(i, f, model, problem)]
     taken = 0 if data is None else data.rows.parameters
     for i, record in enumerate(problem.time):
-        used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
-        count = used[-1] + 1
-        bound = record.bound[used, 0]
-        if record.initial == "periodic":
-            predicted = _steady_state(record, model)[used]
-        else:
-            predicted = simulate(model, record.u[:count])[0][used, 0]
-        error = record.y[used, 0] - predicted
-        columns, widen = initial_state(problem, record, used)
-        bound = bound + widen
-        if data is not None and p is not None:
-            weights = (p / data.rows.column_scale)[taken : taken + columns.shape[1]]
-            taken += columns.shape[1]
-        else:
-            weights = _least_largest(columns / bound[:, None], error / bound)
-        error = error - columns @ weights
-        out.append(Residual("time", i, record.time[used], error, bound))
+        used = np.isfinite(record.bound)
+        count = np.flatnonzero(used.any(axis=1))[-1] + 1
+        predicted = (
+            _steady_state(record, model) if record.initial == "periodic" else simulate(model, record.u[:count])[0]
+        )
+        for output in np.flatnonzero(used.any(axis=0)):
+            samples = np.flatnonzero(used[:, output])
+            error = record.y[samples, output] - predicted[samples, output]
+            columns, widen = initial_state(problem, record, samples, output)
+            bound = record.bound[samples, output] + widen
+            if data is not None and p is not None:
+                weights = (p / data.rows.column_scale)[taken : taken + columns.shape[1]]
+                taken += columns.shape[1]
+            else:
+                weights = _least_largest(columns / bound[:, None], error / bound)
+            error = error - columns @ weights
+            out.append(Residual("time", i, record.time[samples], error, bound, entry=(int(output), None)))
     return out
 
 
 def largest_ratio(problem: MixedProblem, model: Any) -> float:
-    """Largest |residual|/bound of a one-channel model at the samples of a problem."""
+    """Largest |residual|/bound of a model at the samples of a problem."""
     return largest(model_residuals(problem, model))
 
 
@@ -111,14 +116,40 @@ def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
     return found.x[:count] * size
 
 
-def _frequency_residual(index: int, frf: FrequencyResponse, model: Any, problem: MixedProblem) -> Residual:
-    error = frf.values[:, 0, 0] - response(model, frf.omega * problem.dt)
-    tilt = None if frf.tilt is None else frf.tilt[:, 0, 0]
-    return Residual("frequency", index, frf.omega, error, frf.bound[:, 0, 0], tilt)
+def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[Residual]:
+    """Of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
+    predicted, out = responses(model, frf.omega * problem.dt), []
+    if not isinstance(frf, FrequencyResponse):
+        error = frf.values - np.einsum("klrab,kab->klr", frf.weights, predicted)
+        for row, column in measured_entries(frf):
+            used, place = np.isfinite(frf.bound[:, row, column]), (slice(None), row, column)
+            found = error[place][used], frf.bound[place][used]
+            out.append(Residual("frequency", index, frf.omega[used], *found, entry=(None, None)))
+        return out
+    error = frf.values - predicted
+    if getattr(frf, "joint", "entry") == "matrix":
+        stacked = error.transpose(0, 2, 1).reshape(frf.omega.size, -1, 1)
+        white = np.linalg.solve(np.linalg.cholesky(frf.ellipsoid), stacked)[..., 0]
+        return [Residual("frequency", index, frf.omega, white, np.ones(white.shape), entry=(None, None))]
+    if getattr(frf, "joint", "entry") == "column":
+        for column in sorted({j for _, j in measured_entries(frf)}):
+            used = np.isfinite(frf.bound[:, :, column]).any(axis=1)
+            some, bound = error[used, :, column], frf.bound[used, :, column]
+            some = np.where(np.isfinite(bound), some, 0)
+            out.append(Residual("frequency", index, frf.omega[used], some, bound, entry=(None, column)))
+        return out
+    for row, column in measured_entries(frf):
+        used = np.isfinite(frf.bound[:, row, column])
+        some, bound = error[used, row, column], frf.bound[used, row, column]
+        tilt = None if frf.tilt is None else frf.tilt[used, row, column]
+        out.append(Residual("frequency", index, frf.omega[used], some, bound, tilt, (row, column)))
+    return out
 
 
 def _steady_state(record: TimeRecord, model: Any) -> np.ndarray:
+    """Outputs (T, ny)."""
     lines, samples = excited_lines(record), record.u.shape[0]
-    spectrum = np.zeros(samples // 2 + 1, complex)
-    spectrum[lines] = response(model, 2 * np.pi * lines / samples) * np.fft.rfft(record.u[:, 0])[lines]
-    return np.fft.irfft(spectrum, samples)
+    spectrum = np.zeros((samples // 2 + 1, record.y.shape[1]), complex)
+    drive = np.fft.rfft(record.u, axis=0)[lines]
+    spectrum[lines] = (responses(model, 2 * np.pi * lines / samples) @ drive[:, :, None])[..., 0]
+    return np.fft.irfft(spectrum, samples, axis=0)

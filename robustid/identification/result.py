@@ -11,14 +11,16 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.bases import Sections
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.ellipses import bound_ratio
-from robustid.errors import InconsistentDataError, Status
+from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification.forms import Claim, Posed, level_of, pose
-from robustid.identification.model import Family, family_of, nominal_model, physical_parameters
+from robustid.identification.model import Family, family_of, nominal_model, parametric_values, residue_matrices
+from robustid.identification.modes import Mode, modes_of
 from robustid.identification.residuals import Residual
 from robustid.identification.storage import save_identification
 from robustid.identification.verification import Verification
-from robustid.interpolation import MarginCertificate, MixedProblem, Prior
+from robustid.interpolation import Interpolants, MarginCertificate, MixedProblem, Prior, prior_fields
 from robustid.solve import Candidate
 
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart
@@ -131,15 +133,14 @@ class Identification(Frozen):
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what makes the result say less than it seems to."""
         K, found = self.problem.prior.gain_bound, []
-        sizes = [np.abs(f.values).max() for f in self.problem.frequency]
-        sizes += [np.abs(t.y).max() / max(np.abs(t.u).max(), np.finfo(float).tiny) for t in self.problem.time]
-        largest = float(max(sizes))
+        scales = self.problem.prior.scales(len(self.problem.outputs), len(self.problem.inputs))
+        largest = max(_largest_response(item, scales) for item in (*self.problem.frequency, *self.problem.time))
         if self.consistent and largest < K:
             found.append(
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
                 " consistency says next to nothing, and the model can do anything between the samples"
             )
-        wide = [np.mean(bound_ratio(f.values, f.bound, f.tilt) <= 1) for f in self.problem.frequency]
+        wide = [_share_around_zero(f) for f in self.problem.frequency]
         if self.consistent and wide and max(wide) > 0.5:
             found.append(
                 f"at {100 * max(wide):.0f} % of the lines the bound exceeds the response itself: such lines can hardly contradict"
@@ -151,8 +152,17 @@ class Identification(Frozen):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Coefficients of the parametric functions, (m,)."""
-        return freeze(physical_parameters(self._posed.data.rows, self.scaled_parameters))
+        """Coefficients of the parametric functions, (m,); of several channels the residue matrices, (m, ny, nu)."""
+        residues = residue_matrices(self.problem, self._posed.data.rows, self.scaled_parameters)
+        return freeze(residues[:, 0, 0] if self.problem.entries.single else residues)
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes of the parametric part: frequency, damping, residue matrix, and how near it is to rank one."""
+        if self.problem.parametric is None:
+            return ()
+        residues = residue_matrices(self.problem, self._posed.data.rows, self.scaled_parameters)
+        return modes_of(self.problem.parametric, residues)
 
     @functools.cached_property
     def active_intervals(self) -> tuple[tuple[str, float], ...]:
@@ -163,18 +173,20 @@ class Identification(Frozen):
         problem, basis = self.problem, self.problem.parametric
         if problem.parameter_bounds is None:
             return ()
-        claimed = self._posed.with_prior(**dataclasses.asdict(problem.prior))
-        found = np.zeros((basis.size, 2), bool)
+        claimed = self._posed.with_prior(**prior_fields(problem.prior))
+        bounds = problem.unknown_bounds
+        count = bounds.shape[0]
+        found = np.zeros((count, 2), bool)
         for posed, p in ((self._posed, self.scaled_parameters), (claimed, self.claim.p)):
-            ends = posed.data.rows.ends[: basis.size]
+            ends = posed.data.rows.ends[:count]
             width = ends[:, 1] - ends[:, 0]
-            near = np.abs(p[: basis.size, None] - ends) <= _AT_END * np.minimum(width / 2, 1.0)[:, None]
+            near = np.abs(p[:count, None] - ends) <= _AT_END * np.minimum(width / 2, 1.0)[:, None]
             found |= near & (width > 0)[:, None]
-        return tuple((basis.labels[i], float(problem.parameter_bounds[i, k])) for i, k in np.argwhere(found))
+        return tuple((basis.labels[i % basis.size], float(bounds[i, k])) for i, k in np.argwhere(found))
 
     @property
     def residuals(self) -> tuple[Residual, ...]:
-        """Data minus model at every sample, one entry per experiment."""
+        """Data minus model at every sample: of each experiment, of several channels of each entry or output."""
         return self.verification.residuals
 
     @property
@@ -186,7 +198,7 @@ class Identification(Frozen):
     def _intervals(self) -> int:
         """Number of parameters with an interval."""
         bounds = self.problem.parameter_bounds
-        return 0 if bounds is None else int(np.isfinite(bounds[:, 0]).sum())
+        return 0 if bounds is None else int(np.isfinite(bounds[..., 0]).sum())
 
     @functools.cached_property
     def _posed(self) -> Posed:
@@ -202,7 +214,7 @@ class Identification(Frozen):
 
         Parameters
         ----------
-        E : float in [-1, 1] or control.StateSpace
+        E : float in [-1, 1], (ny, nu) array of norm at most 1, or control.StateSpace
             The free parameter: any function of the unit ball, in the scaled variable zeta = z/rho. 0 gives `model`;
             these are all systems of the class with these coefficients and parameters. A number but for the exact form.
 
@@ -220,16 +232,31 @@ class Identification(Frozen):
         """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
 
         A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the lines of the data. It does not cover
-        other consistent coefficients.
+        other consistent coefficients. One channel; `weyl_ball` for several.
+        """
+        centre, left, right = self.weyl_ball(omega)
+        if not self.problem.entries.single:
+            raise InputError("`weyl_disc` is for one input and one output; take weyl_ball(omega)")
+        return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
+
+    def weyl_ball(self, omega: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centre (F, ny, nu), left (F, ny, ny) and right radius (F, nu, nu) of the values at `omega` [rad/s], as `weyl_disc`.
+
+        The values of all systems with these coefficients and parameters are centre + left U right, ||U|| <= 1 (a scaling of the
+        prior, where there is one, multiplies left U right entry by entry).
         """
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
         angles = omega * self.problem.dt
         K, rho = self.prior.gain_bound, self.prior.decay_rate
-        centre, radius = self._family.weyl_disc(np.exp(-1j * angles) / rho)
-        centre = K * centre
-        if self.problem.parametric is not None:
-            centre = centre + self.problem.parametric.response(angles) @ self.parameters
-        return centre, K * radius
+        zeta = np.exp(-1j * angles) / rho
+        if isinstance(self._family, Interpolants):
+            centre, left, right = self._family.weyl_ball(zeta)
+        else:
+            disc, radius = self._family.weyl_disc(zeta)
+            centre, left, right = (part[:, None, None] for part in (disc, radius, np.ones(radius.shape)))
+        scales = self.prior.scales(*centre.shape[1:])
+        outside = parametric_values(self.problem, self._posed.data.rows, self.scaled_parameters, angles)
+        return K * scales * centre + outside, K * left, right
 
     def conflicting_samples(self, share: float = 0.01) -> list[tuple[str, int, float, float]]:
         """Samples that carry the proof: (kind, experiment, rad/s or s, share), largest first.
@@ -238,7 +265,7 @@ class Identification(Frozen):
         contradict the class; for consistent ones they are what keeps the margin from being smaller.
         """
         labels = [(r.kind, r.index, float(at)) for r in self.residuals for at in r.axis]
-        weights = self.certificate.shares
+        weights = self.certificate.shares(self._posed.data.rows)
         order = np.argsort(-weights)
         return [(*labels[k], float(weights[k])) for k in order if weights[k] >= share]
 
@@ -257,7 +284,7 @@ class Identification(Frozen):
     def summary(self) -> str:
         """The result in a dozen lines of plain text."""
         problem, prior = self.problem, self.problem.prior
-        frequency = sum(f.omega.size for f in problem.frequency)
+        frequency = sum(int(np.isfinite(f.bound).sum()) for f in problem.frequency)
         lines = [
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
@@ -290,3 +317,20 @@ class Identification(Frozen):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle."""
         save_identification(self, path)
+
+
+def _largest_response(item: Any, scales: np.ndarray) -> float:
+    """Largest response in the data of an experiment, divided by the scaling of the prior."""
+    if isinstance(item, TimeRecord):
+        drive = np.linalg.norm(item.u[:, None] * scales, axis=2).max(axis=0)
+        return float((np.abs(item.y).max(axis=0) / np.maximum(drive, np.finfo(float).tiny)).max())
+    if isinstance(item, FrequencyResponse):
+        return float((np.abs(item.values) / scales)[np.isfinite(item.bound)].max())
+    size = np.linalg.svd(item.weights * scales, compute_uv=False).sum(axis=-1)
+    return float((np.abs(item.values) / np.maximum(size, np.finfo(float).tiny))[np.isfinite(item.bound)].max())
+
+
+def _share_around_zero(frf: Any) -> float:
+    """Part of the samples whose bound exceeds the response itself."""
+    ratio = bound_ratio(frf.values, frf.bound, getattr(frf, "tilt", None))
+    return float(np.mean(ratio[np.isfinite(frf.bound)] <= 1))

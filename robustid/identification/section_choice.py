@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from robustid.bases import Sections
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.interpolation import MixedProblem, taylor_tail
 from robustid.interpolation.problem import excited_lines
 
@@ -61,24 +64,48 @@ def shortest_sections(problem: MixedProblem, share: float) -> Sections:
 def demands(problem: MixedProblem) -> tuple[np.ndarray, np.ndarray, float]:
     """How small a function must be for no sample to feel it as more than its bound.
 
-    At the angles (F,) of lines, those excited by periodic records included: (F,); and on the whole circle, for the other
-    records: infinity where there are none.
+    In the largest singular value, entries divided by the scaling of the prior. At the angles (F,) of lines, those excited by
+    periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
     """
+    scales = problem.prior.scales(problem.entries.outputs, problem.entries.inputs)
     angles = [frf.omega * problem.dt for frf in problem.frequency]
-    bounds, everywhere = [frf.inner_radius[:, 0, 0] for frf in problem.frequency], np.inf
+    bounds, everywhere = [_felt(frf, scales) for frf in problem.frequency], np.inf
     for record in problem.time:
-        least = float(record.bound[np.isfinite(record.bound)].min())
         if record.initial == "periodic":
             lines, samples = excited_lines(record), record.u.shape[0]
             # The response is at most the l1 norm of the spectrum times the largest value on its lines.
-            drive = 2 * float(np.sum(np.abs(np.fft.rfft(record.u[:, 0])))) / samples
+            least = _least(
+                record, lambda u, n=samples: 2 * np.linalg.norm(np.fft.rfft(u, axis=0), axis=1).sum() / n, scales
+            )
             angles.append(2 * np.pi * lines / samples)
-            bounds.append(np.full(lines.size, least / drive if lines.size else np.inf))
+            bounds.append(np.full(lines.size, least if lines.size else np.inf))
         else:
             # sum over the past of |u| rho^-j <= max|u| / (1 - 1/rho).
-            drive = float(np.abs(record.u).max()) / (1 - 1 / problem.prior.decay_rate)
-            everywhere = min(everywhere, least / drive if drive > 0 else np.inf)
+            reach = 1 - 1 / problem.prior.decay_rate
+            least = _least(record, lambda u, reach=reach: np.linalg.norm(u, axis=1).max() / reach, scales)
+            everywhere = min(everywhere, least)
     return np.concatenate([np.zeros(0), *angles]), np.concatenate([np.zeros(0), *bounds]), everywhere
+
+
+def _felt(frf: Any, scales: np.ndarray) -> np.ndarray:
+    """Of the lines of a frequency response, (F,)."""
+    if not isinstance(frf, FrequencyResponse):
+        nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)
+        return (frf.bound / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))
+    if getattr(frf, "joint", "entry") == "matrix":
+        whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid)) * scales.T.ravel()
+        return 1 / (np.linalg.norm(whiten, 2, axis=(1, 2)) * np.sqrt(min(scales.shape)))
+    return (frf.inner_radius / scales).min(axis=(1, 2))
+
+
+def _least(record: TimeRecord, drive: Callable[[np.ndarray], float], scales: np.ndarray) -> float:
+    """Smallest bound over drive of the outputs of a record."""
+    least = np.inf
+    for bound, row in zip(record.bound.T, scales, strict=True):
+        size = float(drive(record.u * row))
+        if size > 0:
+            least = min(least, float(bound.min()) / size)
+    return least
 
 
 def _representatives(angles: np.ndarray, weights: np.ndarray) -> np.ndarray:

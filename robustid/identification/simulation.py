@@ -21,6 +21,11 @@ def simulate(model: Any, u: np.ndarray, start: np.ndarray | None = None) -> tupl
         return states @ model.C.T + u @ model.D.T, state
 
 
+def responses(model: Any, angles: np.ndarray) -> np.ndarray:
+    """Values at exp(j*angle) of a discrete model, (F, ny, nu)."""
+    return transfer((model.A, model.B, model.C, model.D), np.exp(-1j * np.asarray(angles)))
+
+
 def response(model: Any, angles: np.ndarray) -> np.ndarray:
     """Values at exp(j*angle) of a one-channel discrete model, (F,)."""
-    return transfer((model.A, model.B, model.C, model.D), np.exp(-1j * np.asarray(angles)))[:, 0, 0]
+    return responses(model, angles)[:, 0, 0]

@@ -15,7 +15,7 @@ from robustid._files import atomic_write
 from robustid._version import __version__
 from robustid.bases import Sections
 from robustid.errors import InputError
-from robustid.interpolation import MixedProblem
+from robustid.interpolation import MixedProblem, prior_fields
 
 if TYPE_CHECKING:
     from robustid.identification.result import Identification
@@ -49,7 +49,7 @@ def describe(result: Identification) -> tuple[dict[str, Any], dict[str, np.ndarr
         "margin": result.margin,
         "margin_lower": result.margin_lower,
         "accuracy": result.accuracy,
-        "prior_of_model": dataclasses.asdict(result.prior),
+        "prior_of_model": prior_fields(result.prior),
         "certificate": {"upper": result.certificate.upper, "value": result.certificate.value},
         "solver": result.solver,
         "timing_s": result.timing,
@@ -114,10 +114,11 @@ def describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict
     """What is written of a problem: numbers and text."""
     arrays: dict[str, np.ndarray] = {}
     text: dict[str, Any] = {
-        "prior": dataclasses.asdict(problem.prior),
+        "prior": prior_fields(problem.prior),
         "frequency": [],
         "time": [],
         "parametric": None,
+        "symmetric": problem.symmetric,
     }
     for kind in ("frequency", "time"):
         for i, item in enumerate(getattr(problem, kind)):
@@ -128,6 +129,7 @@ def describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict
                     arrays[f"{kind}{i}/{field.name}"] = value
                 else:
                     described[field.name] = value
+            described["class"] = type(item).__name__
             text[kind].append(described)
     if problem.parametric is not None:
         basis = problem.parametric

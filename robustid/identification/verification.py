@@ -9,11 +9,10 @@ import numpy as np
 
 from robustid.data.ellipses import tilted
 from robustid.identification.forms import Claim, Posed
-from robustid.identification.model import Nominal, family_of, physical_parameters
+from robustid.identification.model import Nominal, family_of, parametric_values, physical_parameters, residue_matrices
 from robustid.identification.residuals import Residual, largest, model_residuals
-from robustid.identification.simulation import response, simulate
-from robustid.interpolation import MixedProblem
-from robustid.interpolation.rows import line_tilts
+from robustid.identification.simulation import responses, simulate
+from robustid.interpolation import MixedProblem, line_tails
 from robustid.solve import Candidate, ConvexData
 
 
@@ -77,7 +76,7 @@ def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) 
     """Whether the parameters of the model are in their intervals."""
     if problem.parameter_bounds is None:
         return []
-    low, high = problem.parameter_bounds.T
+    low, high = problem.unknown_bounds.T
     p = physical_parameters(data.rows, point.p)
     return [
         Check("largest distance of a parameter from its interval", max(0.0, float(np.max([low - p, p - high]))), 0.0)
@@ -119,28 +118,41 @@ def truncation_error(posed: Posed, point: Candidate, model: Any, count: int = 25
     """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states."""
     problem = posed.problem
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    angles = np.pi * (np.arange(count) + 0.5) / count
-    values = K * family_of(posed, point.x).evaluate(np.exp(-1j * angles) / rho)
-    if problem.parametric is not None:
-        values = values + problem.parametric.response(angles) @ physical_parameters(posed.data.rows, point.p)
-    return float(np.abs(response(model, angles) - values).max()) / K
+    angles, scales = np.pi * (np.arange(count) + 0.5) / count, _scales(problem)
+    values = family_of(posed, point.x).evaluate(np.exp(-1j * angles) / rho).reshape(count, *scales.shape)
+    error = (responses(model, angles) - parametric_values(problem, posed.data.rows, point.p, angles)) / scales
+    return float(np.linalg.norm(error - K * values, 2, axis=(1, 2)).max()) / K
+
+
+def _scales(problem: MixedProblem) -> np.ndarray:
+    return problem.prior.scales(problem.entries.outputs, problem.entries.inputs)
 
 
 def line_error(posed: Posed, point: Candidate, model: Any) -> float:
-    """Largest (|model - E x - P p| - tail)/K at the frequency lines; 0 where there are none.
+    """Largest (|model - E x - P p| - tail)/K at the frequency samples; 0 where there are none.
 
-    Both along the ellipses, where bounds are such, in units of their smaller semi-axes.
+    In units of the smallest response that a sample feels as its whole bound.
     """
     problem, rows = posed.problem, posed.data.rows
-    lines, frf = slice(0, rows.discs), problem.frequency
-    bound, small = (
-        np.concatenate([np.zeros(0), *(getattr(f, name)[:, 0, 0] for f in frf)]) for name in ("bound", "inner_radius")
-    )
-    angles = np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in frf)])
-    values = (rows.E @ point.x + rows.P @ point.p)[lines]
-    error = tilted(response(model, angles), line_tilts(problem)) / bound - values
-    excess = (np.abs(error) - rows.tail[lines]) * small
+    if not rows.discs or posed.sections is None:
+        return 0.0
+    found = [r for r in model_residuals(problem, model) if r.kind == "frequency"]
+    from_model = np.concatenate([part for r in found for part in _parts(r)])
+    difference = rows.y - rows.E @ point.x - rows.P @ point.p
+    difference[: rows.discs] -= from_model
+    difference[rows.discs :] = 0
+    limit = np.concatenate([line_tails(problem, posed.sections, r.axis * problem.dt) for r in found])
+    tail = rows.tail[: limit.size]
+    excess = (rows.sizes(difference)[: limit.size] - tail) * limit / tail
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
+
+
+def _parts(residual: Residual) -> list[np.ndarray]:
+    """The residuals in units of their bounds, in the order of the rows: of samples that share bounds entry by entry."""
+    if residual.error.ndim == 1:
+        return [tilted(residual.error, residual.tilt) / residual.bound]
+    pairs = zip(residual.error.T, residual.bound.T, strict=True)
+    return [(error / bound)[np.isfinite(bound)] for error, bound in pairs]
 
 
 def spectral_radius(A: np.ndarray) -> float:
@@ -151,22 +163,23 @@ def spectral_radius(A: np.ndarray) -> float:
 def interpolation_error(problem: MixedProblem, data: ConvexData, point: Candidate, model: Any) -> float:
     """Model against K phi x' + p'P at the nodes, and against its Taylor coefficients; relative to their size."""
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    pair, weights = data.sarason.pair, physical_parameters(data.rows, point.p)
-    worst = 0.0
+    rows, pair, scales, worst = data.rows, data.sarason.pair, _scales(problem), 0.0
+    x = K * problem.entries.expand(point.x) * scales[..., None]
     if problem.angles.size:
-        values = K * (pair.evaluate(np.exp(-1j * problem.angles) / rho) @ point.x)
-        if problem.parametric is not None:
-            values = values + problem.parametric.response(problem.angles) @ weights
-        worst = _relative(response(model, problem.angles) - values, values, K)
+        values = np.moveaxis(x @ pair.evaluate(np.exp(-1j * problem.angles) / rho).T, 2, 0)
+        values = values + parametric_values(problem, rows, point.p, problem.angles)
+        worst = _relative(responses(model, problem.angles) - values, values, scales, K)
     if problem.taylor:
-        values = K * rho ** -np.arange(problem.taylor) * (pair.taylor(problem.taylor) @ point.x)
+        values = np.moveaxis(x @ (rho ** -np.arange(problem.taylor)[:, None] * pair.taylor(problem.taylor)).T, 2, 0)
         if problem.parametric is not None:
-            values = values + problem.parametric.impulse(problem.taylor) @ weights
+            residues = residue_matrices(problem, rows, point.p)
+            values = values + np.tensordot(problem.parametric.impulse(problem.taylor), residues, 1)
         unit = np.eye(1, problem.taylor)[0]
-        worst = max(worst, _relative(simulate(model, unit[:, None])[0][:, 0] - values, values, K))
+        pulses = [simulate(model, unit[:, None] * one)[0] for one in np.eye(scales.shape[1])]
+        worst = max(worst, _relative(np.stack(pulses, axis=2) - values, values, scales, K))
     return worst
 
 
-def _relative(error: np.ndarray, values: np.ndarray, K: float) -> float:
-    size = float(np.abs(values).max())
-    return float(np.abs(error).max()) / max(size, 1e-6 * K)
+def _relative(error: np.ndarray, values: np.ndarray, scales: np.ndarray, K: float) -> float:
+    size = float(np.abs(values / scales).max())
+    return float(np.abs(error / scales).max()) / max(size, 1e-6 * K)

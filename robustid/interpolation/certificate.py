@@ -21,9 +21,10 @@ class MarginCertificate(Frozen):
 
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
 
-        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - r ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
 
-    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= 1. The maximum is
+    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= r, where r = 1, of
+    p x q matrices min(p, q)^(1/2). |l_k| is the norm of the multipliers that share the bound k. The maximum is
     over the parameters p in their intervals; of the free ones it is |P'l| p_max, where p_max bounds those of every system
     whose margin is at most `upper` (others need no proof). The right-hand side is recomputed from the numbers by
     `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays y, E, P, A, c are taken as
@@ -33,7 +34,7 @@ class MarginCertificate(Frozen):
     ----------
     samples : (N,) complex array
         Multipliers of the samples, normalised to sum|l_k| = 1.
-    ball : (n, n) array
+    ball : (n, n) array, of matrices (np, nq)
         S.
     upper : float
         A margin that is known to be reachable.
@@ -49,10 +50,9 @@ class MarginCertificate(Frozen):
     def __post_init__(self) -> None:
         self._set(samples=freeze(self.samples), ball=freeze(self.ball))
 
-    @property
-    def shares(self) -> np.ndarray:
-        """|l_k|, which sum to one: the part that each sample has in the proof, (N,)."""
-        return np.abs(self.samples)
+    def shares(self, rows: Rows) -> np.ndarray:
+        """|l_k|, which sum to one: the part that each bound has in the proof, (M,)."""
+        return rows.sizes(self.samples)
 
     def verify(self, rows: Rows, sarason: SarasonMap) -> bool:
         """Whether the numbers, evaluated anew, support the stated value."""
@@ -69,18 +69,17 @@ def certify_margin(
     The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and the rest costs its norm, in units of
     K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
     """
-    n = sarason.pair.order
-    weight = float(np.sum(np.abs(samples)))
-    best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros((n, n)), upper, 0.0)
+    weight = float(np.sum(rows.sizes(samples)))
+    best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros(sarason.shape), upper, 0.0)
     if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
         return best
     raw, S = np.asarray(samples, complex) / weight, sarason.stein(Y / weight)
     changes = [raw]
     if isinstance(rows.E, DenseColumns):
-        changes.append(_balanced(raw, sarason.pair.c[0] @ S, rows))
+        changes.append(_balanced(raw, sarason.first_row(S), rows))
     for changed in changes:
         multipliers = _cancel_parameters(changed, rows)
-        norm = float(np.sum(np.abs(multipliers)))
+        norm = float(np.sum(rows.sizes(multipliers)))
         value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
         if value > best.value:
             best = MarginCertificate(multipliers / norm, S / norm, upper, value)
@@ -90,7 +89,8 @@ def certify_margin(
 def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """The lower bound of the margin that the multipliers prove, rounding errors allowed for."""
     size, count, eps = np.abs(samples), rows.y.size, float(np.finfo(float).eps)
-    weight = float(np.sum(size))
+    shared = rows.sizes(samples)
+    weight = float(np.sum(shared))
     if not (weight > 0 and np.isfinite(weight)):
         return 0.0
     # An inner product of length m, complex or not, errs by at most 2 (m + 2) eps sum|terms|.
@@ -98,30 +98,36 @@ def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, ro
     fit = float(np.real(samples.conj() @ rows.y)) - long * float(size @ np.abs(rows.y))
     nuclear, mismatch = nuclear_norm(ball, sarason), mismatched(samples, ball, rows, sarason)
     leak = leaked(samples, rows, upper)
-    tail = float(size @ rows.tail) * (1 + long)
+    tail = float(shared @ rows.tail) * (1 + long)
     return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
 
 
 def nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> float:
-    """||S - A S A'||_*, with an allowance for rounding."""
+    """||S - A S A'||_*, with an allowance for rounding; of matrices A stands for A (x) I."""
     A, n, eps = sarason.pair.A, sarason.pair.order, float(np.finfo(float).eps)
     if not n:
         return 0.0
-    Y = S - A @ S @ A.T
-    spread = np.abs(S) + np.abs(A) @ np.abs(S) @ np.abs(A.T)
-    nuclear = float(np.sum(np.linalg.svd(Y, compute_uv=False)))
-    return nuclear + 10 * n * eps * nuclear + 4 * (n + 2) * eps * np.sqrt(n) * float(np.linalg.norm(spread))
+    parts = sarason.parted(S)
+    Y = sarason.joined(parts - A @ parts @ A.T)
+    spread = np.abs(parts) + np.abs(A) @ np.abs(parts) @ np.abs(A.T)
+    nuclear, small = float(np.sum(np.linalg.svd(Y, compute_uv=False))), min(sarason.shape)
+    return (
+        nuclear
+        + 10 * max(sarason.shape) * eps * nuclear
+        + 4 * (n + 2) * eps * np.sqrt(small) * float(np.linalg.norm(spread))
+    )
 
 
 def mismatched(
     samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray | float = 0.0
 ) -> float:
-    """||wanted + E'l - c S||, with an allowance for rounding."""
+    """An upper bound of <wanted + E'l - c S, x> over the unit ball, with an allowance for rounding."""
     c, n, size, eps = sarason.pair.c, sarason.pair.order, np.abs(samples), float(np.finfo(float).eps)
-    long, short = 2 * (size.size + 2) * eps, 2 * (n + 2) * eps
-    mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - (c @ S)[0]))
+    long, short = 2 * (size.size + 2) * eps, 2 * (n + 4) * eps
+    mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - sarason.first_row(S)))
     mismatch += long * float(np.linalg.norm(rows.E.spread(size))) + 4 * eps * float(np.linalg.norm(wanted))
-    return mismatch + short * float(np.linalg.norm(np.abs(c) @ np.abs(S)))
+    spread = sarason.entries.spread(np.abs(c[0]) @ np.abs(sarason.parted(S)))
+    return rows.reach * (mismatch + short * float(np.linalg.norm(spread))) * (1 + 4 * eps)
 
 
 def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | float = 0.0) -> float:
@@ -166,12 +172,12 @@ def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
 
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
-    """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= 1, |e_k| <= upper + tail_k."""
+    """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= r, |e_k| <= upper + tail_k."""
     singular = np.linalg.svd(real_rows(rows.P[:, ~rows.held]), compute_uv=False)
     smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
     if smallest <= 0:
         return np.inf
-    reach = np.linalg.norm(rows.y) + rows.E.norm + upper * np.sqrt(rows.y.size) + np.linalg.norm(rows.tail)
+    reach = np.linalg.norm(rows.y) + rows.E.norm * rows.reach + upper * np.sqrt(rows.cones) + np.linalg.norm(rows.tail)
     reach += np.linalg.norm(rows.P[:, rows.held]) * np.linalg.norm(
         np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0)
     )

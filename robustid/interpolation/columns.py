@@ -134,3 +134,68 @@ class ShiftColumns(Frozen):
             theta = self.angles[at, None]
             product = np.exp(-1j * theta * coarse)[:, :, None] * np.exp(-1j * theta * fine)[:, None, :]
             yield at, product.reshape(theta.shape[0], -1)[:, :count]
+
+
+Columns = DenseColumns | ShiftColumns
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ColumnPart(Frozen):
+    """Some rows of E that act on some neighbouring columns only.
+
+    Attributes
+    ----------
+    rows, columns : slice
+    block : DenseColumns or ShiftColumns
+    """
+
+    rows: slice
+    columns: slice
+    block: Columns
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BlockColumns(Frozen):
+    """E of a matrix: every part of the rows sees one entry, one row, or all of its coefficients.
+
+    Attributes
+    ----------
+    parts : tuple of ColumnPart
+        Their rows follow each other.
+    shape : (N, n)
+    """
+
+    parts: tuple[ColumnPart, ...]
+    shape: tuple[int, int]
+
+    def dense(self) -> np.ndarray:
+        """All of E, (N, n)."""
+        out = np.zeros(self.shape, complex)
+        for part in self.parts:
+            out[part.rows, part.columns] = part.block.dense()
+        return out
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        out = np.zeros(self.shape[0], complex)
+        for part in self.parts:
+            out[part.rows] = part.block @ x[part.columns]
+        return out
+
+    def adjoint(self, samples: np.ndarray) -> np.ndarray:
+        """Re E^H l, (n,)."""
+        out = np.zeros(self.shape[1])
+        for part in self.parts:
+            out[part.columns] += part.block.adjoint(samples[part.rows])
+        return out
+
+    def spread(self, size: np.ndarray) -> np.ndarray:
+        """An upper bound of |E|' size, (n,), as of its parts."""
+        out = np.zeros(self.shape[1])
+        for part in self.parts:
+            out[part.columns] += part.block.spread(size[part.rows])
+        return out
+
+    @property
+    def norm(self) -> float:
+        """Frobenius norm; of tilted lines an upper bound."""
+        return float(np.linalg.norm([part.block.norm for part in self.parts]))

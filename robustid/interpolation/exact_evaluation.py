@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -16,7 +17,8 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.interpolation.certificate import MarginCertificate, real_rows
-from robustid.interpolation.columns import DenseColumns, ShiftColumns
+from robustid.interpolation.columns import BlockColumns, DenseColumns, ShiftColumns
+from robustid.interpolation.entries import HALF
 from robustid.interpolation.rows import Rows
 from robustid.interpolation.sarason import SarasonMap, ShiftMap
 from robustid.interpolation.support_certificate import Functional, SupportCertificate
@@ -47,7 +49,7 @@ def enclose_support(
     """A double above the bound of `evaluate_support`, evaluated without rounding errors."""
     with _precision() as flint:
         S = sarason.stein(Y)
-        size = [abs(flint.acb(*parts)) for parts in _parts(samples)]
+        size = _sizes(samples, rows)
         reach = [flint.arb(level) + tail for tail in rows.tail.tolist()]
         total = _inner(samples, rows.y) + _sum(a * b for a, b in zip(size, reach, strict=True))
         total += _nuclear_norm(S, sarason) + _mismatched(-samples, S, rows, sarason, functional.x)
@@ -57,16 +59,27 @@ def enclose_support(
 
 def enclose_margin(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """A double below the bound of `evaluate_certificate`, evaluated without rounding errors."""
-    with _precision() as flint:
-        size = [abs(flint.acb(*parts)) for parts in _parts(samples)]
+    with _precision():
+        size = _sizes(samples, rows)
         weight = _sum(size)
         if not weight > 0:
             return 0.0
         total = _inner(samples, rows.y) - _nuclear_norm(ball, sarason)
-        total -= _mismatched(samples, ball, rows, sarason, np.zeros(sarason.pair.order))
+        total -= _mismatched(samples, ball, rows, sarason, np.zeros(sarason.size))
         total -= _leaked(samples, rows, upper, np.zeros(rows.P.shape[1]))
         total -= _sum(a * b for a, b in zip(size, rows.tail.tolist(), strict=True))
         return -_above(-total / weight)
+
+
+def _sizes(samples: np.ndarray, rows: Rows) -> list[Any]:
+    """|l| of every bound."""
+    flint = _flint()
+    if rows.cone is None:
+        return [abs(flint.acb(*parts)) for parts in _parts(samples)]
+    squares = [flint.arb(0)] * rows.cones
+    for cone, (re, im) in zip(rows.cone.tolist(), _parts(samples), strict=True):
+        squares[cone] += flint.arb(re) * re + flint.arb(im) * im
+    return [square.sqrt() for square in squares]
 
 
 @contextlib.contextmanager
@@ -116,23 +129,24 @@ def _inner(left: np.ndarray, right: np.ndarray) -> Any:
 
 def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
     """Above ||Y||_*, Y = S - A S A': with any U, s, V it is at most sum|s| ||U|| ||V|| + sqrt(n) ||Y - U diag(s) V'||_F."""
-    arb, n = _flint().arb, S.shape[0]
-    if not n:
+    arb = _flint().arb
+    if not S.size:
         return arb(0)
     Y = _matrix(S) - _shifted(S, sarason)
-    U, s, Vt = np.linalg.svd(np.array([float(a.mid()) for a in Y.entries()]).reshape(n, n))
-    left, right, scaled = _matrix(U), _matrix(Vt), _flint().arb_mat(n, n, np.diag(s).ravel().tolist())
+    U, s, Vt = np.linalg.svd(np.array([float(a.mid()) for a in Y.entries()]).reshape(S.shape), full_matrices=False)
+    left, right, scaled = _matrix(U), _matrix(Vt), _flint().arb_mat(s.size, s.size, np.diag(s).ravel().tolist())
     rest = Y - left * scaled * right
     total = _sum(arb(a) for a in s.tolist())
-    return total * _norm_above(left) * _norm_above(right) + arb(n).sqrt() * _frobenius(rest)
+    return total * _norm_above(left) * _norm_above(right.transpose()) + arb(s.size).sqrt() * _frobenius(rest)
 
 
 def _shifted(S: np.ndarray, sarason: SarasonMap) -> Any:
-    """A S A'."""
+    """A S A', of matrices with A (x) I."""
+    p, q = sarason.entries.outputs, sarason.entries.inputs
     if isinstance(sarason, ShiftMap):
-        return _matrix(np.pad(S[1:, 1:], ((0, 1), (0, 1))))
-    A = _matrix(sarason.pair.A)
-    return A * _matrix(S) * A.transpose()
+        return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
+    A = sarason.pair.A
+    return _matrix(np.kron(A, np.eye(p))) * _matrix(S) * _matrix(np.kron(A, np.eye(q))).transpose()
 
 
 def _norm_above(Q: Any) -> Any:
@@ -143,22 +157,40 @@ def _norm_above(Q: Any) -> Any:
 
 
 def _mismatched(samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray) -> Any:
-    """||wanted + E'l - c S||."""
+    """Above r ||wanted + E'l - c S||, r the largest norm of x."""
+    arb, entries = _flint().arb, sarason.entries
     if not wanted.size:
-        return _flint().arb(0)
-    proved = _matrix(S).transpose() * _matrix(sarason.pair.c[0])
-    return _frobenius(_matrix(wanted) + _adjoint(rows.E, samples) - proved)
+        return arb(0)
+    inputs = np.kron(sarason.pair.c[0], np.eye(entries.outputs))
+    proved = (_matrix(inputs) * _matrix(S)).entries()  # p x nq, in the order (output, coefficient, input)
+    row = np.arange(len(proved)).reshape(entries.outputs, -1, entries.inputs).transpose(0, 2, 1)
+    if not entries.symmetric:
+        column = [proved[k] for k in row.ravel()]
+    else:
+        column = []
+        for a, b in itertools.combinations_with_replacement(range(entries.outputs), 2):
+            for one, two in zip(row[a, b], row[b, a], strict=True):
+                column.append(proved[one] if a == b else (proved[one] + proved[two]) * HALF)
+    rest = _matrix(wanted) + _adjoint(rows.E, samples) - _flint().arb_mat(len(column), 1, column)
+    return _frobenius(rest) * arb(min(entries.outputs, entries.inputs)).sqrt() * (1 + 4 * _EPS)
 
 
-def _adjoint(E: DenseColumns | ShiftColumns, samples: np.ndarray) -> Any:
+def _adjoint(E: Any, samples: np.ndarray) -> Any:
     """Re E^H l, as a column."""
     if isinstance(E, ShiftColumns):
         return _shift_adjoint(E, samples)
+    if isinstance(E, BlockColumns):
+        total = [_flint().arb(0)] * E.shape[1]
+        for part in E.parts:
+            found = _adjoint(part.block, samples[part.rows]).entries()
+            for k, value in zip(range(*part.columns.indices(E.shape[1])), found, strict=True):
+                total[k] += value
+        return _flint().arb_mat(len(total), 1, total)
     re, im = _transposed(E)
     return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=16)
 def _transposed(E: DenseColumns) -> tuple[Any, Any]:
     return _matrix(np.real(E.array).T), _matrix(np.imag(E.array).T)
 
@@ -213,7 +245,8 @@ def _parameter_bound(upper: float, rows: Rows) -> Any:
     off = _frobenius(_matrix(inverse) * _matrix(P) - identity)
     if not off < 1:
         return arb.pos_inf()
-    reach = _norm(rows.y) + _larger(rows.E.norm, math.prod(rows.E.shape)) + upper * arb(rows.y.size).sqrt()
+    reach = _norm(rows.y) + upper * arb(rows.cones).sqrt()
+    reach += _larger(rows.E.norm, math.prod(rows.E.shape)) * _larger(rows.reach, 1)
     reach += _norm(rows.tail)
     reach += _norm(rows.P[:, rows.held]) * _norm(np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0))
     return _norm(inverse) * reach / (1 - off)

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, freeze
+from robustid._arrays import Channel, Frozen, as_array, freeze
 from robustid.bases import as_basis
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.interpolation.channels import check_channels, check_excitation
+from robustid.interpolation.entries import Entries
 from robustid.interpolation.prior import Prior
 
 # Angles closer than this, relatively, are one node with several discs on one value.
@@ -25,29 +27,34 @@ class MixedProblem(Frozen):
     """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
 
     Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
-    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound.
+    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound. With several channels F is a matrix: every
+    measured entry is a sample, p are free real matrices (residues), and the prior bounds the largest singular value of G.
 
     Parameters
     ----------
     frequency : FrequencyResponse or sequence of them, optional
     time : TimeRecord or sequence of them, optional
-        At least one of the two; one input and one output each; one common dt.
+        At least one of the two; the same inputs and outputs everywhere; one common dt. Entries that were not measured have an
+        infinite bound.
     prior : Prior
         The class of the non-parametric part.
     parametric : ParametricBasis, control.StateSpace, or a sequence of them, optional
         Known functions with free real coefficients (`kautz`); integrators at z = 1 are allowed where no
         frequency line lies on them.
-    parameter_bounds : (m, 2) array, optional
+    parameter_bounds : (m, 2) or (m, ny, nu, 2) array, optional
         What is known of the coefficients of `parametric`, hard: lower and upper end of each, in the units of
         `Identification.parameters`. Two equal ends fix a coefficient, two infinite ones leave it free; for a known sign
         alone, give as the other end a size that is surely not exceeded. Unlike the bounds of the samples they do not grow
         with the margin: data that contradict them have a margin above 1.
+    symmetric : bool
+        Whether F is a symmetric matrix, as that of collocated inputs and outputs of a reciprocal structure, in the same order.
 
     Raises
     ------
     InputError
-        Missing bounds, different dt, several channels, a line on an integrator, functions that the data
-        cannot tell apart, parameter bounds of another shape, in the wrong order or with one infinite end.
+        Missing bounds, different dt, different channels, an input that no experiment excites or an output that none sees,
+        inputs that always move together, a line on an integrator, functions that the data cannot tell apart, parameter bounds
+        of another shape, in the wrong order or with one infinite end.
 
     Notes
     -----
@@ -67,7 +74,9 @@ class MixedProblem(Frozen):
     prior: Prior
     parametric: Any = None
     parameter_bounds: Any = None
+    symmetric: bool = False
 
+    entries: Entries = dataclasses.field(init=False, repr=False)
     angles: np.ndarray = dataclasses.field(init=False, repr=False)
     taylor: int = dataclasses.field(init=False, repr=False)
 
@@ -80,10 +89,14 @@ class MixedProblem(Frozen):
             raise InputTypeError(f"`prior` must be a Prior; got {type(self.prior).__name__}")
         _check_same_dt((*frequency, *time))
         self._set(frequency=frequency, time=time)
+        check_channels((*frequency, *time))
+        self._set(entries=self._entries())
+        self.prior.scales(self.entries.outputs, self.entries.inputs)
+        check_excitation((*frequency, *time))
         if self.parametric is not None:
             self._set(parametric=as_basis(self.parametric, self.dt))
         if self.parameter_bounds is not None:
-            self._set(parameter_bounds=freeze(_intervals(self.parameter_bounds, self.parametric)))
+            self._set(parameter_bounds=freeze(_intervals(self.parameter_bounds, self.parametric, self.entries)))
         self._set(angles=freeze(_merge(self._all_angles())), taylor=self._taylor())
         self._check_integrators()
 
@@ -94,19 +107,42 @@ class MixedProblem(Frozen):
 
     @property
     def coefficients(self) -> int:
-        """Number n of real coefficients of the non-parametric part: order of the exact form."""
+        """Number n of real coefficients of an entry of the non-parametric part: order of the exact form."""
         return self.taylor + sum(1 if angle in (0.0, np.pi) else 2 for angle in self.angles)
 
     @property
     def samples(self) -> int:
-        """Number of samples: one per frequency line and per used time sample."""
-        return sum(f.omega.size for f in self.frequency) + sum(int(np.isfinite(t.bound).sum()) for t in self.time)
+        """Number of samples: one per frequency line and measured entry, and per used time sample."""
+        return sum(int(np.isfinite(item.bound).sum()) for item in (*self.frequency, *self.time))
 
     @property
-    def channel(self) -> tuple[Any, Any]:
-        """The (output, input) channels, names and units."""
-        first = (*self.frequency, *self.time)[0]
-        return first.outputs[0], first.inputs[0]
+    def outputs(self) -> tuple[Channel, ...]:
+        """The outputs, names and units."""
+        return (*self.frequency, *self.time)[0].outputs
+
+    @property
+    def inputs(self) -> tuple[Channel, ...]:
+        """The inputs, names and units."""
+        return (*self.frequency, *self.time)[0].inputs
+
+    @property
+    def channel(self) -> tuple[Channel, Channel]:
+        """The first output and the first input: all there are of one channel."""
+        return self.outputs[0], self.inputs[0]
+
+    @property
+    def unknown_bounds(self) -> np.ndarray:
+        """The parameter bounds of the independent parameters, entry by entry, (count m, 2)."""
+        ends = np.moveaxis(self.parameter_bounds, 0, 2) if self.parameter_bounds.ndim == 4 else self.parameter_bounds
+        pairs = np.broadcast_to(ends, (self.entries.outputs, self.entries.inputs, *ends.shape[-2:]))
+        parts = {}
+        for output, input in np.ndindex(pairs.shape[:2]):
+            number, part = self.entries.place(output, input)
+            low, high = (pairs[output, input] / part).T
+            if number in parts:
+                low, high = np.maximum(low, parts[number][:, 0]), np.minimum(high, parts[number][:, 1])
+            parts[number] = np.stack([low, high], axis=1)
+        return np.concatenate([parts[number] for number in sorted(parts)])
 
     def with_prior(self, **changes: float) -> MixedProblem:
         """The same data with another gain bound or decay rate."""
@@ -126,8 +162,17 @@ class MixedProblem(Frozen):
         return np.concatenate(angles) if angles else np.zeros(0)
 
     def _taylor(self) -> int:
-        last = [np.flatnonzero(np.isfinite(t.bound[:, 0]))[-1] + 1 for t in self.time if t.initial != "periodic"]
+        used = [np.isfinite(t.bound).any(axis=1) for t in self.time if t.initial != "periodic"]
+        last = [np.flatnonzero(one)[-1] + 1 for one in used]
         return int(max(last, default=0))
+
+    def _entries(self) -> Entries:
+        p, q = len(self.outputs), len(self.inputs)
+        if self.symmetric and p != q:
+            raise InputError(
+                f"`symmetric` needs as many outputs as inputs, in the same order; got {p} outputs and {q} inputs"
+            )
+        return Entries(p, q, bool(self.symmetric) and p > 1)
 
     def _check_integrators(self) -> None:
         if self.parametric is None or not self.parametric.has_integrator:
@@ -144,8 +189,9 @@ class MixedProblem(Frozen):
 
 
 def excited_lines(record: TimeRecord) -> np.ndarray:
-    """DFT lines of the record at which its input is not zero."""
-    spectrum = np.abs(np.fft.rfft(record.u[:, 0]))
+    """DFT lines of the record at which its inputs are not zero."""
+    spectrum = np.abs(np.fft.rfft(record.u, axis=0))
+    spectrum = (spectrum / np.maximum(spectrum.max(axis=0), np.finfo(float).tiny)).max(axis=1)
     return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
 
 
@@ -160,7 +206,6 @@ def _experiments(name: str, value: Any, kind: type) -> tuple:
             raise InputError(
                 f"`{name}` must be discrete-time: give the FrequencyResponse the sample time `dt` of its plant"
             )
-        _check_single(name, item)
         if item.bound is None:
             raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
         if kind is TimeRecord and not np.any(np.isfinite(item.bound)):
@@ -168,19 +213,21 @@ def _experiments(name: str, value: Any, kind: type) -> tuple:
     return items
 
 
-def _intervals(value: Any, basis: Any) -> np.ndarray:
-    """The parameter bounds, (m, 2), checked."""
+def _intervals(value: Any, basis: Any, entries: Entries) -> np.ndarray:
+    """The parameter bounds, checked."""
     if basis is None:
         raise InputError(
             "`parameter_bounds` bounds the coefficients of `parametric`, which is missing; give both or none"
         )
     ends = as_array("parameter_bounds", value, finite=False)
-    if ends.shape != (basis.size, 2):
+    each = (basis.size, entries.outputs, entries.inputs, 2)
+    if ends.shape != (basis.size, 2) and (entries.single or ends.shape != each):
         raise InputError(
             f"`parameter_bounds` must have shape (m, 2) with m = {basis.size} from `parametric`, a lower and an upper end"
-            f" of each; got {ends.shape}"
+            f" of each{'' if entries.single else f', or (m, ny, nu, 2) = {each}'}; got {ends.shape}"
         )
-    for number, (low, high) in enumerate(ends):
+    for place in np.ndindex(ends.shape[:-1]):
+        number, (low, high) = place[0], ends[place]
         name = f"`parameter_bounds`: number {number} ({basis.labels[number]})"
         if np.isnan([low, high]).any():
             raise InputError(f"{name} must not be NaN; a free coefficient has the ends -inf and inf")
@@ -192,15 +239,6 @@ def _intervals(value: Any, basis: Any) -> np.ndarray:
                 " exceeded, or -inf and inf"
             )
     return ends
-
-
-def _check_single(name: str, item: Any) -> None:
-    inputs, outputs = len(item.inputs), len(item.outputs)
-    if (inputs, outputs) != (1, 1):
-        raise InputError(
-            f"`{name}` must have one input and one output; got {outputs} outputs and {inputs} inputs."
-            " Pick one entry with .channel(output, input)"
-        )
 
 
 def _merge(angles: np.ndarray) -> np.ndarray:

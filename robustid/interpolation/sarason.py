@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, freeze
 from robustid.bases import InputNormalPair, Sections, shift_pair, solve_stein
+from robustid.interpolation.entries import SINGLE, Entries
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,6 +19,15 @@ class SarasonMap(Frozen):
     A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1. For one channel
     T X is symmetric, hence the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n.
 
+    Matrix functions, p x q, have n coefficients an entry, and the condition is the same for X(x) = sum_j X(e_j) (x) x_j
+    (Kronecker products), of size np x nq.
+
+    Attributes
+    ----------
+    pair : InputNormalPair
+    entries : Entries
+        Outputs and inputs; x is a vector of `size` numbers.
+
     Notes
     -----
     Source: Sarason; Caratheodory-Fejer for A a shift, Nevanlinna-Pick for distinct nodes. `inanc2001` Theorem 1 is
@@ -25,14 +35,33 @@ class SarasonMap(Frozen):
     """
 
     pair: InputNormalPair
+    entries: Entries = SINGLE
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns x."""
+        return self.pair.order * self.entries.count
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of X, (np, nq)."""
+        return self.pair.order * self.entries.outputs, self.pair.order * self.entries.inputs
 
     @functools.cached_property
     def basis(self) -> np.ndarray:
-        """X(e_j) for every unit vector, shape (n, n, n)."""
+        """X(e_j) of one entry for every unit vector, shape (n, n, n)."""
         n = self.pair.order
         unit = np.zeros((n, n, n))
         unit[np.arange(n), :, np.arange(n)] = self.pair.c[0]
         return freeze(solve_stein(self.pair.A.T, self.pair.A, unit))
+
+    @functools.cached_property
+    def unit_matrices(self) -> np.ndarray:
+        """X of every unit vector of all entries, (size, np, nq)."""
+        if self.entries.single:
+            return self.basis
+        parts = self.entries.basis[:, None, None, :, None, :] * self.basis[None, :, :, None, :, None]
+        return freeze(parts.reshape(self.size, *self.shape))
 
     @functools.cached_property
     def symmetry(self) -> np.ndarray:
@@ -46,20 +75,52 @@ class SarasonMap(Frozen):
         return freeze((H + H.transpose(0, 2, 1)) / 2)
 
     def turned(self, M: np.ndarray) -> np.ndarray:
-        """T M."""
-        return self.symmetry @ M
+        """T M, of matrices (T (x) I) M."""
+        n = self.pair.order
+        return self._turned(M.reshape(n, -1)).reshape(M.shape)
+
+    def turned_back(self, M: np.ndarray) -> np.ndarray:
+        """T' M, of matrices (T' (x) I) M: T is symmetric and orthogonal."""
+        return self.turned(M)
 
     def matrix(self, x: np.ndarray) -> np.ndarray:
-        """X(x), directly from its Stein equation."""
-        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
+        """X(x)."""
+        if self.entries.single:
+            return self._matrix(x)
+        return self.joined(np.array([[self._matrix(entry) for entry in row] for row in self.entries.expand(x)]))
 
     def stein(self, Y: np.ndarray) -> np.ndarray:
-        """The S with S - A S A' = Y: <Y, X(x)> = <c S, x> for all x."""
-        return solve_stein(self.pair.A, self.pair.A.T, Y)
+        """The S with S - A S A' = Y: <Y, X(x)> = <`first_row`(S), x> for all x; entry by entry of matrices."""
+        if self.entries.single:
+            return self._stein(Y)
+        return self.joined(np.array([[self._stein(entry) for entry in row] for row in self.parted(Y)]))
+
+    def first_row(self, S: np.ndarray) -> np.ndarray:
+        """The weights c S of x, (size,)."""
+        return self.entries.collapse(self.pair.c[0] @ self.parted(S))
+
+    def parted(self, M: np.ndarray) -> np.ndarray:
+        """The matrix (np, nq) entry by entry, (p, q, n, n)."""
+        n, p, q = self.pair.order, self.entries.outputs, self.entries.inputs
+        return M.reshape(n, p, n, q).transpose(1, 3, 0, 2)
+
+    def joined(self, parts: np.ndarray) -> np.ndarray:
+        """The matrix (np, nq) of its entries (p, q, n, n)."""
+        return parts.transpose(2, 0, 3, 1).reshape(self.shape)
 
     def norm(self, x: np.ndarray) -> float:
         """||X(x)||, the smallest gain of any function with these data."""
         return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
+
+    def _matrix(self, x: np.ndarray) -> np.ndarray:
+        """X(x) of one entry, from its Stein equation."""
+        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
+
+    def _stein(self, Y: np.ndarray) -> np.ndarray:
+        return solve_stein(self.pair.A, self.pair.A.T, Y)
+
+    def _turned(self, M: np.ndarray) -> np.ndarray:
+        return self.symmetry @ M
 
 
 class ShiftMap(SarasonMap):
@@ -68,25 +129,24 @@ class ShiftMap(SarasonMap):
     T is the flip and H(x) a Hankel matrix; nothing of size L^3 is stored.
     """
 
-    def __init__(self, length: int):
-        super().__init__(shift_pair(length))
+    def __init__(self, length: int, entries: Entries = SINGLE):
+        super().__init__(shift_pair(length), entries)
 
     def __reduce__(self):
-        return ShiftMap, (self.pair.order,)
+        return ShiftMap, (self.pair.order, self.entries)
 
-    def matrix(self, x: np.ndarray) -> np.ndarray:
-        """X(x)."""
+    def _matrix(self, x: np.ndarray) -> np.ndarray:
         padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
         return np.lib.stride_tricks.sliding_window_view(padded, self.pair.order)[::-1].copy()
 
-    def stein(self, Y: np.ndarray) -> np.ndarray:
-        """The S with S - A S A' = Y: sums along the diagonals, from the lower right corner."""
+    def _stein(self, Y: np.ndarray) -> np.ndarray:
+        """Sums along the diagonals, from the lower right corner."""
         S = np.array(Y)
         for row in range(S.shape[0] - 2, -1, -1):
             S[row, :-1] += S[row + 1, 1:]
         return S
 
-    def turned(self, M: np.ndarray) -> np.ndarray:
+    def _turned(self, M: np.ndarray) -> np.ndarray:
         """M upside down."""
         return M[::-1]
 
@@ -126,8 +186,7 @@ class SectionMap(SarasonMap):
         blocks[1:] += np.tensordot(parts[:-1], Q, 1)
         return blocks
 
-    def matrix(self, x: np.ndarray) -> np.ndarray:
-        """X(x)."""
+    def _matrix(self, x: np.ndarray) -> np.ndarray:
         return antidiagonal_blocks(self.blocks(x))[::-1].reshape(2 * (self.pair.order,))
 
 

@@ -50,11 +50,12 @@ class SupportCertificate(Frozen):
     For any multipliers `samples` l (one per sample, complex for discs) and any matrix Y = `left` `right`', with the S that solves
     S - A S A' = Y,
 
-        f <= Re<l, y> + sum|l_k| reach_k + ||Y||_* + ||w - E'l - c S|| + max (d - P'l)'p + tail
+        f <= Re<l, y> + sum|l_k| reach_k + ||Y||_* + r ||w - E'l - c S|| + max (d - P'l)'p + tail
 
     because y = E x + P p + e with |e_k| <= reach_k (level, and the tail of the sample), <c S, x> = <Y, X(x)> with ||X(x)|| <= 1,
-    which implies ||x|| <= 1, and the parameters are in their intervals or bounded by the samples. w and d are the weights of f.
-    The right-hand side is evaluated as sums and products, Y as S - A S A' of the S found, with an allowance for their rounding.
+    which implies ||x|| <= r (r and |l_k| as in `MarginCertificate`), and the parameters are in their intervals or bounded by the
+    samples. w and d are the weights of f. The right-hand side is evaluated as sums and products, Y as S - A S A' of the S found,
+    with an allowance for their rounding.
 
     Attributes
     ----------
@@ -75,10 +76,9 @@ class SupportCertificate(Frozen):
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("samples", "left", "right")})
 
-    @property
-    def shares(self) -> np.ndarray:
-        """Part of each sample in the proof, (N,); they sum to one."""
-        size = np.abs(self.samples)
+    def shares(self, rows: Rows) -> np.ndarray:
+        """Part of each bound in the proof, (M,); they sum to one."""
+        size = rows.sizes(self.samples)
         return size / max(float(size.sum()), np.finfo(float).tiny)
 
     def verify(self, functional: Functional, rows: Rows, sarason: SarasonMap) -> bool:
@@ -94,11 +94,11 @@ def certify_support(
 
     Free parameters may be very large: their equation P'l = d is met to rounding first.
     """
-    count, n = rows.y.size, sarason.pair.order
+    count, (high, wide) = rows.y.size, sarason.shape
     if not (np.all(np.isfinite(samples)) and np.all(np.isfinite(Y))):
-        return SupportCertificate(np.zeros(count, complex), np.zeros((n, 0)), np.zeros((n, 0)), level, np.inf)
+        return SupportCertificate(np.zeros(count, complex), np.zeros((high, 0)), np.zeros((wide, 0)), level, np.inf)
     multipliers = _match_parameters(np.asarray(samples, complex), functional.p, rows)
-    left, singular, right = np.linalg.svd(Y)
+    left, singular, right = np.linalg.svd(Y, full_matrices=False)
     rank = int(np.sum(singular > _DROPPED * singular.max(initial=0.0)))
     root = np.sqrt(singular[:rank])
     factors = left[:, :rank] * root, right[:rank].T * root
@@ -112,13 +112,13 @@ def evaluate_support(
 ) -> float:
     """The upper bound of the functional that the multipliers prove, rounding errors allowed for."""
     count, eps, size = rows.y.size, float(np.finfo(float).eps), np.abs(samples)
-    if functional.x.shape != (sarason.pair.order,) or functional.p.shape != (rows.P.shape[1],):
+    if functional.x.shape != (sarason.size,) or functional.p.shape != (rows.P.shape[1],):
         return np.inf
     long = 2 * (count + 2) * eps
     S = sarason.stein(Y)
     reach = level + rows.tail
     fit = float(np.real(samples.conj() @ rows.y)) + long * float(size @ np.abs(rows.y))
-    total = fit + float(size @ reach) * (1 + long)
+    total = fit + float(rows.sizes(samples) @ reach) * (1 + long)
     total += nuclear_norm(S, sarason)
     total += mismatched(-samples, S, rows, sarason, functional.x)
     total += leaked(-samples, rows, level, functional.p) + functional.tail

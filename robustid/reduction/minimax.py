@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.solve.ball import DenseBall
+from robustid.solve.ball import DenseMap, SymmetricBall
 from robustid.solve.design import DenseDesign
+from robustid.solve.discs import Cones
 from robustid.solve.structured import Limits, Program, path, start
 
 _RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
@@ -49,8 +50,9 @@ def smallest_maximum(
     ones, zeros = np.ones(count), np.zeros(count)
     limits = np.concatenate([zeros, np.ones(held.sum())]), np.concatenate([ones, np.zeros(held.sum())])
     program = Program(
-        DenseBall(np.zeros((0, 0, 0))),
+        SymmetricBall(DenseMap(np.zeros((0, 0, 0)))),
         DenseDesign(rows, discs),
+        Cones(rows.shape[0]),
         np.concatenate([y, np.zeros(held.sum())]),
         Limits((1.0, 0.0), limits),
         1.0,

@@ -12,8 +12,8 @@ import scipy.linalg
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.ellipses import tilted
 from robustid.interpolation import MixedProblem
+from robustid.interpolation.assembly import initial_state
 from robustid.interpolation.problem import excited_lines
-from robustid.interpolation.rows import initial_state
 
 
 @dataclasses.dataclass(frozen=True)

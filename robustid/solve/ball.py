@@ -1,4 +1,7 @@
-"""The ball ||X(x)|| <= b as two semidefinite blocks bI -+ H(x), H = T X symmetric."""
+"""The ball ||X(x)|| <= b as semidefinite blocks b I + A_k(x).
+
+One channel: two, A = -+H(x), H = T X symmetric. Matrices: one of size n(p + q), A = [0 H; H' 0], H = (T (x) I) X.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,58 @@ import scipy.fft
 import scipy.linalg
 
 from robustid.interpolation import SarasonMap, SectionMap, ShiftMap, antidiagonal_blocks
+from robustid.solve.matrix_ball import MatrixBall
 
 
 class Ball(Protocol):
+    """The linear maps x -> A_k(x) = sum_j x_j A_kj into symmetric matrices, their adjoint, and their curvature."""
+
+    size: int
+    blocks: tuple[int, ...]
+
+    def matrices(self, x: np.ndarray) -> list[np.ndarray]:
+        """The A_k(x), fresh arrays."""
+        ...
+
+    def adjoint(self, Z: list[np.ndarray]) -> np.ndarray:
+        """Inner products sum_k tr(A_kj Z_k), (n,)."""
+        ...
+
+    def times(self, x: np.ndarray, M: list[np.ndarray]) -> list[np.ndarray]:
+        """The A_k(x) M_k."""
+        ...
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(A_ki P A_kj Q) over the pairs (P, Q) of block k, symmetric positive definite, (n, n)."""
+        ...
+
+
+class SymmetricBall:
+    """One channel: -+H(x) of a symmetric map."""
+
+    def __init__(self, symmetric: SymmetricMap):
+        self._map, self.size = symmetric, symmetric.size
+        self.blocks = (symmetric.size, symmetric.size)
+
+    def matrices(self, x: np.ndarray) -> list[np.ndarray]:
+        """-H(x) and H(x)."""
+        H = self._map.matrix(x)
+        return [-H, H]
+
+    def adjoint(self, Z: list[np.ndarray]) -> np.ndarray:
+        """Inner products tr(H_j (Z_2 - Z_1))."""
+        return self._map.adjoint(Z[1] - Z[0])
+
+    def times(self, x: np.ndarray, M: list[np.ndarray]) -> list[np.ndarray]:
+        """-H(x) M_1 and H(x) M_2."""
+        return [-self._map.times(x, M[0]), self._map.times(x, M[1])]
+
+    def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Sum of tr(H_i P H_j Q)."""
+        return self._map.curvature(pairs)
+
+
+class SymmetricMap(Protocol):
     """The linear map x -> H(x) = sum_j x_j H_j into symmetric matrices, its adjoint, and its curvature."""
 
     size: int
@@ -33,7 +85,7 @@ class Ball(Protocol):
         ...
 
 
-class HankelBall:
+class HankelMap:
     """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients.
 
     The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab
@@ -84,7 +136,7 @@ class HankelBall:
         return np.asarray(scipy.fft.fft(scipy.fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
 
 
-class BlockHankelBall:
+class BlockHankelMap:
     """H of a repeated section: block U(x_s) + V(x_(s-1)) where the block indices sum to M-1+s, U = T P and V = T Q.
 
     With J_s the blocks whose indices sum to M-1+s, H_(s,a) = J_s x U_a + J_(s+1) x V_a, so that the curvature
@@ -144,7 +196,7 @@ class BlockHankelBall:
         return np.asarray(scipy.fft.fft(half, self._length, axis=0, overwrite_x=True))
 
 
-class DenseBall:
+class DenseMap:
     """H of any input-normal pair from its stored basis; O(n^4) for the curvature, as one large matrix product."""
 
     def __init__(self, basis: np.ndarray):
@@ -176,10 +228,10 @@ class DenseBall:
         return total
 
 
-class TurnedBall:
-    """H(V y) of another ball, V orthogonal."""
+class TurnedMap:
+    """H(V y) of another map, V orthogonal."""
 
-    def __init__(self, ball: Ball, axes: np.ndarray):
+    def __init__(self, ball: SymmetricMap, axes: np.ndarray):
         self._ball, self._axes, self.size = ball, axes, ball.size
 
     def matrix(self, x: np.ndarray) -> np.ndarray:
@@ -204,13 +256,20 @@ def _symmetrised(stack: np.ndarray) -> np.ndarray:
     return (stack + np.swapaxes(stack, -1, -2)) / 2
 
 
-def ball_of(sarason: SarasonMap) -> Ball:
-    """The fast form that the basis allows."""
+def ball_of(sarason: SarasonMap, axes: np.ndarray | None = None) -> Ball:
+    """The fast form that the basis allows; of H(axes y) where there are axes."""
+    if not sarason.entries.single:
+        return MatrixBall(sarason)
+    symmetric = _symmetric_map(sarason)
+    return SymmetricBall(symmetric if axes is None else TurnedMap(symmetric, axes))
+
+
+def _symmetric_map(sarason: SarasonMap) -> SymmetricMap:
     if isinstance(sarason, ShiftMap):
-        return HankelBall(sarason.pair.order)
+        return HankelMap(sarason.pair.order)
     if isinstance(sarason, SectionMap):
-        return BlockHankelBall(sarason)
-    return DenseBall(sarason.symmetric_basis)
+        return BlockHankelMap(sarason)
+    return DenseMap(sarason.symmetric_basis)
 
 
 def longest_step(factor: np.ndarray, direction: np.ndarray) -> float:

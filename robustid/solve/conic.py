@@ -14,7 +14,7 @@ from robustid.interpolation import Rows, SarasonMap, SectionMap
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConvexData(Frozen):
-    """Samples and contraction of one problem: |y - E x - P p|_k <= s, -I <= H(x) <= I, p in its intervals.
+    """Samples and contraction of one problem: |y - E x - P p|_k <= s, ||X(x)|| <= 1, p in its intervals.
 
     The parameters enter as q = R (p - `origin`), with orthonormal columns Q of P R^{-1} and of the intervals' rows, so that
     free parameters and narrow intervals cost no conditioning; p that are fixed are left out of q.
@@ -113,12 +113,12 @@ class Candidate:
     Attributes
     ----------
     x : (n,) array
-        Coefficients of the non-parametric part.
+        Coefficients of the non-parametric part, all entries.
     p : (m,) array
         Scaled parameters.
     samples : (N,) complex array
         Multipliers of the samples.
-    ball : (n, n) array
+    ball : (n, n) array, of matrices (np, nq)
         Multiplier of the contraction X.
     solver : str
     """

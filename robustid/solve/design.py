@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg
 
 from robustid.data.ellipses import tilted
-from robustid.interpolation import DenseColumns, ShiftColumns
+from robustid.interpolation import BlockColumns, DenseColumns, ShiftColumns
 from robustid.solve.nonuniform import NonuniformSums
 
 
@@ -25,6 +25,10 @@ class Design(Protocol):
 
     def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Re G^H diag(a) G + Re G^T diag(b) G, (n, n), for real a and complex b."""
+        ...
+
+    def turned(self, c: np.ndarray, sums: Any) -> np.ndarray:
+        """The rows sums Re conj(c) G, (M, n), `sums` a sparse matrix (M, N)."""
         ...
 
 
@@ -60,6 +64,12 @@ class DenseDesign:
         rows[d : 2 * d] = np.imag(across)[:, None] * real[:d] + np.real(across)[:, None] * imag
         rows[2 * d :] = np.sqrt(a[d:] + np.real(b[d:]))[:, None] * real[d:]
         return rows.T @ rows
+
+    def turned(self, c: np.ndarray, sums: Any) -> np.ndarray:
+        """The rows sums Re conj(c) G."""
+        rows = np.real(c)[:, None] * self._real
+        rows[: self._discs] += np.imag(c[: self._discs])[:, None] * self._imag
+        return sums @ rows
 
 
 class ShiftDesign:
@@ -113,6 +123,11 @@ class ShiftDesign:
         corner = np.real(weighted.conj() @ self._Q)
         return np.block([[inner, cross.T], [cross, (corner + corner.T) / 2]])
 
+    def turned(self, c: np.ndarray, sums: Any) -> np.ndarray:
+        """The rows sums Re conj(c) G."""
+        columns = np.hstack([self._columns.dense(), self._Q])
+        return sums @ np.real(c.conj()[:, None] * columns)
+
     def _adjoint(self, z: np.ndarray) -> np.ndarray:
         """Re E^H z of every row of z."""
         columns, F = self._columns, self._lines
@@ -120,6 +135,48 @@ class ShiftDesign:
         if F:
             weights = columns.gain * tilted(z[:, :F].T, columns.tilt).T.conj()
             out += columns.decay * np.real([self._short.over_angles(row) for row in weights])
+        return out
+
+
+class BlockDesign:
+    """G = [E Q] for the entries of a matrix: every part of the rows with the columns that it acts on."""
+
+    def __init__(self, columns: BlockColumns, Q: np.ndarray, discs: int):
+        self._shape, last = (columns.shape[0], columns.shape[1] + Q.shape[1]), np.arange(Q.shape[1])
+        self._parts = []
+        for part in columns.parts:
+            rows = range(*part.rows.indices(columns.shape[0]))
+            index = np.concatenate([np.arange(*part.columns.indices(columns.shape[1])), columns.shape[1] + last])
+            within = min(max(discs - rows.start, 0), len(rows))
+            self._parts.append((part.rows, index, design_of(part.block, Q[part.rows], within)))
+
+    def apply(self, v: np.ndarray) -> np.ndarray:
+        """G v."""
+        out = np.zeros(self._shape[0], complex)
+        for rows, index, design in self._parts:
+            out[rows] = design.apply(v[index])
+        return out
+
+    def adjoint(self, z: np.ndarray) -> np.ndarray:
+        """Re G^H z."""
+        out = np.zeros(self._shape[1])
+        for rows, index, design in self._parts:
+            out[index] += design.adjoint(z[rows])
+        return out
+
+    def gram(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Weighted Gram matrix."""
+        out = np.zeros((self._shape[1], self._shape[1]))
+        for rows, index, design in self._parts:
+            out[np.ix_(index, index)] += design.gram(a[rows], b[rows])
+        return out
+
+    def turned(self, c: np.ndarray, sums: Any) -> np.ndarray:
+        """The rows sums Re conj(c) G."""
+        out = np.zeros((sums.shape[0], self._shape[1]))
+        for rows, index, design in self._parts:
+            if np.any(c[rows]):
+                out[:, index] += design.turned(c[rows], sums[:, rows])
         return out
 
 
@@ -147,9 +204,15 @@ class IntervalDesign:
         out[first:, first:] += B.T @ ((a + np.real(b))[count:, None] * B)
         return out
 
+    def turned(self, c: np.ndarray, sums: Any) -> np.ndarray:
+        """The rows sums Re conj(c) G: those of the intervals have none."""
+        return self._samples.turned(c[: self._count], sums[:, : self._count])
 
-def design_of(columns: DenseColumns | ShiftColumns, Q: np.ndarray, discs: int) -> Design:
+
+def design_of(columns: DenseColumns | ShiftColumns | BlockColumns, Q: np.ndarray, discs: int) -> Design:
     """The fast form that the columns allow; Q holds the columns of the parameters."""
+    if isinstance(columns, BlockColumns):
+        return BlockDesign(columns, Q, discs)
     if isinstance(columns, ShiftColumns):
         return ShiftDesign(columns, Q)
     return DenseDesign(np.hstack([columns.array, Q]), discs)

@@ -1,7 +1,8 @@
-"""The samples |e_k| <= r_k as second-order cones (r, e) in R x C, with their Nesterov-Todd scaling.
+"""The samples |e_k| <= r_k as second-order cones (r, e) in R x C^d, with their Nesterov-Todd scaling.
 
-Real samples are discs whose imaginary parts are zero throughout. J(a, b) = (a, -b); products of pairs are
-(a, b) o (c, d) = (ac + Re conj(b) d, ad + cb); inner products <(a, b), (c, d)> = ac + Re conj(b) d. All arrays (N,).
+Most cones hold one sample, d = 1; a bound on several samples together has all of them. Real samples are discs whose imaginary
+parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c, d) = (ac + Re <b, d>, ad + cb); inner products
+<(a, b), (c, d)> = ac + Re <b, d>. First parts (M,), second ones (N,).
 """
 
 from __future__ import annotations
@@ -11,42 +12,68 @@ import numpy as np
 Pair = tuple[np.ndarray, np.ndarray]
 
 
-def dot(b: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Re conj(b) d."""
-    return np.real(b) * np.real(d) + np.imag(b) * np.imag(d)
+class Cones:
+    """Which sample belongs to which cone.
 
+    Parameters
+    ----------
+    count : int
+        M.
+    cone : (N,) int array or None
+        Number of the cone of each sample; None where sample k is alone in cone k.
+    """
 
-def determinant(s: Pair) -> np.ndarray:
-    """r^2 - |e|^2, positive inside the cone."""
-    size = np.abs(s[1])
-    return (s[0] - size) * (s[0] + size)
+    def __init__(self, count: int, cone: np.ndarray | None = None):
+        self.count, self.cone = count, cone
 
+    def each(self, first: np.ndarray) -> np.ndarray:
+        """The number of its cone for every sample, (N,)."""
+        return first if self.cone is None else first[self.cone]
 
-def inverse(s: Pair) -> Pair:
-    """J s / det(s): s o s^-1 = (1, 0)."""
-    gap = determinant(s)
-    return s[0] / gap, -s[1] / gap
+    def sums(self, second: np.ndarray) -> np.ndarray:
+        """Sums of real numbers over every cone, (M,)."""
+        return second if self.cone is None else np.bincount(self.cone, second, minlength=self.count)
 
+    def followed_by(self, more: int) -> Cones:
+        """With further cones of one sample each."""
+        cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
+        return Cones(self.count + more, cone)
 
-def product(a: Pair, b: Pair) -> Pair:
-    """A o b."""
-    return a[0] * b[0] + dot(a[1], b[1]), a[0] * b[1] + b[0] * a[1]
+    def dot(self, b: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Re <b, d>, (M,)."""
+        return self.sums(np.real(b) * np.real(d) + np.imag(b) * np.imag(d))
 
+    def size(self, e: np.ndarray) -> np.ndarray:
+        """||e||, (M,)."""
+        return np.abs(e) if self.cone is None else np.sqrt(self.dot(e, e))
 
-def divide(a: Pair, b: Pair) -> Pair:
-    """The c with a o c = b."""
-    first = (a[0] * b[0] - dot(a[1], b[1])) / determinant(a)
-    return first, (b[1] - first * a[1]) / a[0]
+    def determinant(self, s: Pair) -> np.ndarray:
+        """r^2 - |e|^2, positive inside the cone."""
+        size = self.size(s[1])
+        return (s[0] - size) * (s[0] + size)
 
+    def inverse(self, s: Pair) -> Pair:
+        """J s / det(s): s o s^-1 = (1, 0)."""
+        gap = self.determinant(s)
+        return s[0] / gap, -s[1] / self.each(gap)
 
-def longest_step(s: Pair, d: Pair) -> float:
-    """Largest a for which s + a d stays in every cone."""
-    A, B, C = d[0] ** 2 - np.abs(d[1]) ** 2, s[0] * d[0] - dot(s[1], d[1]), determinant(s)
-    # B^2 - AC >= 0 for s inside its cone: only rounding makes it negative.
-    below = np.sqrt(np.maximum(B * B - A * C, 0)) - B
-    with np.errstate(divide="ignore", invalid="ignore"):
-        steps = np.where(below > 0, C / below, np.inf)
-    return float(steps.min(initial=np.inf))
+    def product(self, a: Pair, b: Pair) -> Pair:
+        """A o b."""
+        return a[0] * b[0] + self.dot(a[1], b[1]), self.each(a[0]) * b[1] + self.each(b[0]) * a[1]
+
+    def divide(self, a: Pair, b: Pair) -> Pair:
+        """The c with a o c = b."""
+        first = (a[0] * b[0] - self.dot(a[1], b[1])) / self.determinant(a)
+        return first, (b[1] - self.each(first) * a[1]) / self.each(a[0])
+
+    def longest_step(self, s: Pair, d: Pair) -> float:
+        """Largest a for which s + a d stays in every cone."""
+        A, B, C = d[0] ** 2 - self.size(d[1]) ** 2, s[0] * d[0] - self.dot(s[1], d[1]), self.determinant(s)
+        # B^2 - AC >= 0 for s inside its cone: only rounding makes it negative.
+        below = np.sqrt(np.maximum(B * B - A * C, 0)) - B
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(below > 0, C / below, np.inf)
+        return float(steps.min(initial=np.inf))
 
 
 class Scaling:
@@ -57,11 +84,12 @@ class Scaling:
     Source: `nesterov1997`; formulas as in `vandenberghe2010` section 4.2.
     """
 
-    def __init__(self, s: Pair, z: Pair):
-        size_s, size_z = np.sqrt(determinant(s)), np.sqrt(determinant(z))
-        a, b = (s[0] / size_s, s[1] / size_s), (z[0] / size_z, z[1] / size_z)
-        g = np.sqrt(2 * (1 + a[0] * b[0] + dot(a[1], b[1])))
-        self.w = (a[0] + b[0]) / g, (a[1] - b[1]) / g
+    def __init__(self, cones: Cones, s: Pair, z: Pair):
+        each, size_s, size_z = cones.each, np.sqrt(cones.determinant(s)), np.sqrt(cones.determinant(z))
+        a, b = (s[0] / size_s, s[1] / each(size_s)), (z[0] / size_z, z[1] / each(size_z))
+        g = np.sqrt(2 * (1 + a[0] * b[0] + cones.dot(a[1], b[1])))
+        self._cones = cones
+        self.w = (a[0] + b[0]) / g, (a[1] - b[1]) / each(g)
         self.squared = size_s / size_z
         self.point = self.apply(z)
 
@@ -69,25 +97,33 @@ class Scaling:
         """W d."""
         root = np.sqrt(self.squared)
         first, second = self._unit(d, 1.0)
-        return root * first, root * second
+        return root * first, self._cones.each(root) * second
 
     def solve(self, d: Pair) -> Pair:
         """W^-1 d."""
         root = np.sqrt(self.squared)
         first, second = self._unit(d, -1.0)
-        return first / root, second / root
+        return first / root, second / self._cones.each(root)
 
     def solve_twice(self, d: Pair) -> Pair:
         """W^-2 d."""
-        along = 2 * (self.w[0] * d[0] - dot(self.w[1], d[1]))
-        return (along * self.w[0] - d[0]) / self.squared, (d[1] - along * self.w[1]) / self.squared
+        along, each = 2 * (self.w[0] * d[0] - self._cones.dot(self.w[1], d[1])), self._cones.each
+        return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) / each(self.squared)
 
     @property
-    def curvature(self) -> Pair:
-        """The block of W^-2 on e as weights (a, b): e'W^-2 e = a |e|^2 + Re(b e^2)."""
-        return (1 + np.abs(self.w[1]) ** 2) / self.squared, self.w[1].conj() ** 2 / self.squared
+    def curvature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """The block of W^-2 on e as weights (a, b, c): e'W^-2 e = sum a |e|^2 + Re(b e^2) + sum (Re <c, e>)^2 over the cones.
+
+        Samples alone in their cone need no c; it is None where all are.
+        """
+        squared, w, cone = self._cones.each(self.squared), self.w[1], self._cones.cone
+        if cone is None:
+            return (1 + np.abs(w) ** 2) / squared, w.conj() ** 2 / squared, None
+        alone = np.bincount(cone)[cone] == 1
+        a = np.where(alone, 1 + np.abs(w) ** 2, 1.0) / squared
+        return a, np.where(alone, w.conj() ** 2, 0.0) / squared, np.where(alone, 0.0, w * np.sqrt(2 / squared))
 
     def _unit(self, d: Pair, sign: float) -> Pair:
-        w1 = sign * self.w[1]
-        along = dot(w1, d[1])
-        return self.w[0] * d[0] + along, w1 * (d[0] + along / (1 + self.w[0])) + d[1]
+        w1, each = sign * self.w[1], self._cones.each
+        along = self._cones.dot(w1, d[1])
+        return self.w[0] * d[0] + along, w1 * each(d[0] + along / (1 + self.w[0])) + d[1]

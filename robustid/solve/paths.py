@@ -10,9 +10,10 @@ import numpy as np
 
 from robustid.errors import SolverError
 from robustid.interpolation import DenseColumns
-from robustid.solve.ball import TurnedBall, ball_of
+from robustid.solve.ball import ball_of
 from robustid.solve.conic import Candidate, ConvexData
 from robustid.solve.design import IntervalDesign, design_of
+from robustid.solve.discs import Cones
 from robustid.solve.structured import Iterate, Limits, Program, center, extent, path, start
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
@@ -21,23 +22,28 @@ _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
-    E, ball, y = rows.E, ball_of(data.sarason), data.y
+    E, ball, y, cones = rows.E, ball_of(data.sarason, data.axes), data.y, Cones(rows.cones, rows.cone)
     if data.axes is not None:
-        E, ball = DenseColumns(E.dense() @ data.axes), TurnedBall(ball, data.axes)
+        E = DenseColumns(E.dense() @ data.axes)
     design = design_of(E, Q, rows.discs)
     if a.size:
+        cones = cones.followed_by(a.size)
         design, y = IntervalDesign(design, y.size, B), np.concatenate([y, a])
         constant, slope = limits.reach
         reach = np.concatenate([constant, np.ones(a.size)]), np.concatenate([slope, np.zeros(a.size)])
         limits = dataclasses.replace(limits, reach=reach)
     w = np.zeros(ball.size + Q.shape[1]) if linear is None else linear
-    return Program(ball, design, y, limits, cost, w)
+    return Program(ball, design, cones, y, limits, cost, w)
 
 
 def _candidate(data: ConvexData, at: Iterate) -> Candidate:
-    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, <Y, X> <= ||Y||_* for Y = T (Z+ - Z-)."""
-    n = data.sarason.pair.order
-    Y = data.sarason.turned(at.Z[0] - at.Z[1])
+    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, and <Y, X> <= ||Y||_*.
+
+    Of one channel Y = T (Z+ - Z-), of matrices Y = -2 (T (x) I) Z_12.
+    """
+    n, sarason = data.sarason.size, data.sarason
+    high = sarason.shape[0]
+    Y = sarason.turned_back(at.Z[0] - at.Z[1] if sarason.entries.single else -2 * at.Z[0][:high, high:])
     x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
     return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
@@ -53,14 +59,14 @@ def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
 
     The tails are left out of s. Ends at the limit of working precision.
     """
-    rows, n = data.rows, data.sarason.pair.order
-    count = rows.y.size
+    rows, n = data.rows, data.sarason.size
+    count = rows.cones
     program = _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
     # Least squares of the free parameters; the others are inside their intervals where q is counted from.
     p, free = data.origin.copy(), ~rows.held
     p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rows.real(data.y), rcond=None)[0]
     v = np.concatenate([np.zeros(n), data.orthonormal_parameters(p)])
-    worst = float(np.abs(data.y - program.design.apply(v)[:count]).max(initial=0.0))
+    worst = float(rows.sizes(data.y - program.design.apply(v)[: rows.y.size]).max(initial=0.0))
     # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
     floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
     for at in path(program, start(program, v, 2 * max(worst, floor))):
@@ -92,7 +98,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
     SolverError
         Where the path ends outside: the level is not above the smallest margin, to working precision.
     """
-    count, tail, best = data.rows.y.size, data.rows.tail, np.inf
+    count, tail, best = data.rows.cones, data.rows.tail, np.inf
     program = _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
     for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
         worst = data.margin(point.x, point.p)
@@ -115,7 +121,7 @@ def support_path(
     With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), nearly.
     The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
     """
-    count = data.rows.y.size
+    count = data.rows.cones
     reach = level + data.rows.tail if outer else level - data.rows.tail
     direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
     w, limits = (

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 
 from robustid.solve import discs
 from robustid.solve.ball import Ball, longest_step
@@ -39,24 +42,32 @@ class Program:
 
     ball: Ball
     design: Design
+    cones: discs.Cones
     y: np.ndarray
     limits: Limits
     cost: float | None
     linear: np.ndarray
 
+    @functools.cached_property
+    def sums(self) -> Any:
+        """The sparse matrix (M, N) that adds up the samples of every cone."""
+        count = self.y.size
+        cone = np.arange(count) if self.cones.cone is None else self.cones.cone
+        return scipy.sparse.csr_array((np.ones(count), (cone, np.arange(count))), shape=(self.cones.count, count))
+
     @property
     def degree(self) -> int:
         """Parameter nu of the barrier: <s, z> = nu mu on the central path."""
-        return 2 * self.ball.size + self.y.size
+        return sum(self.ball.blocks) + self.cones.count
 
 
 @dataclasses.dataclass
 class Iterate:
     """A strictly feasible primal point, with multipliers inside the dual cones.
 
-    The primal slacks S+- = ball I -+ H(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly;
+    The primal slacks S_k = ball I + A_k(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly;
     `dual` is the norm of what is missing in the dual equalities
-    linear + H*(Z+ - Z-) + G'z1 = 0 and cost - ball' tr(Z+ + Z-) - <reach', z0> = 0.
+    linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
     """
 
     v: np.ndarray
@@ -77,21 +88,19 @@ class _State:
 
     def __init__(self, program: Program, at: Iterate):
         self.program, self.at = program, at
-        limits, n = program.limits, program.ball.size
-        H, radius = program.ball.matrix(at.v[:n]), limits.ball[0] + limits.ball[1] * at.t
-        self.S = [_shifted(-H, radius), _shifted(H, radius)]
-        self.s = limits.reach[0] + limits.reach[1] * at.t, program.y - program.design.apply(at.v)
-        if min(discs.determinant(self.s).min(initial=1), discs.determinant(at.z).min(initial=1)) <= 0:
+        cones = program.cones
+        self.S, self.s = _slacks(program, at.v, at.t)
+        if min(cones.determinant(self.s).min(initial=1), cones.determinant(at.z).min(initial=1)) <= 0:
             raise np.linalg.LinAlgError("a sample has left its cone")
         self.root_S = [np.linalg.cholesky(S) for S in self.S]
         self.root_Z = [np.linalg.cholesky(Z) for Z in at.Z]
         self.inverse = [_inverse(root) for root in self.root_S]
-        at.gap = inner(self.S, at.Z, self.s, at.z)
+        at.gap = inner(cones, self.S, at.Z, self.s, at.z)
         self.mu = at.gap / program.degree
         self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
         at.dual = float(np.linalg.norm(self.residual))
-        self.scaling = discs.Scaling(self.s, at.z)
-        if not discs.determinant(self.scaling.point).min(initial=1) > 0:
+        self.scaling = discs.Scaling(cones, self.s, at.z)
+        if not cones.determinant(self.scaling.point).min(initial=1) > 0:
             raise np.linalg.LinAlgError("a scaled point has lost its digits")
 
     def _dual_residual(
@@ -100,21 +109,25 @@ class _State:
         """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
         program = self.program
         out = linear + program.design.adjoint(z[1])
-        out[: program.ball.size] += program.ball.adjoint(Z[0] - Z[1])
+        out[: program.ball.size] -= program.ball.adjoint(Z)
         if program.cost is None:
             return out
-        traces = program.limits.ball[1] * (np.trace(Z[0]) + np.trace(Z[1]))
+        traces = program.limits.ball[1] * sum(map(np.trace, Z))
         return np.append(out, (cost or 0.0) - traces - program.limits.reach[1] @ z[0])
 
     def factorise(self) -> None:
-        """The condensed Newton matrix G'W^-2 G + H*(Z H(.) S^-1), and its Cholesky factor at unit diagonal.
+        """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal.
 
         For the semidefinite blocks the direction of Helmberg, Rendl, Vanderbei and Wolkowicz (`helmberg1996`): it needs two
         Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is
         as symmetric.
         """
         program, n = self.program, self.program.ball.size
-        inside = program.design.gram(*self.scaling.curvature)
+        a, b, c = self.scaling.curvature
+        inside = program.design.gram(a, b)
+        if c is not None:
+            together = program.design.turned(c, program.sums)
+            inside += together.T @ together
         inside[:n, :n] += program.ball.curvature(list(zip(self.at.Z, self.inverse, strict=True)))
         if program.cost is not None:
             inside = self._bordered(inside)
@@ -126,12 +139,12 @@ class _State:
         """With the row of t."""
         program, n = self.program, self.program.ball.size
         slope, reach = program.limits.ball[1], program.limits.reach[1]
-        along = self.scaling.solve_twice((reach, np.zeros(reach.size, complex)))
+        along = self.scaling.solve_twice((reach, np.zeros(program.y.size, complex)))
         column, corner = -program.design.adjoint(along[1]), reach @ along[0]
         if slope:
             mixed = [_symmetric(Z @ inverse) for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
-            column[:n] -= slope * program.ball.adjoint(mixed[0] - mixed[1])
-            corner += slope**2 * (np.trace(mixed[0]) + np.trace(mixed[1]))
+            column[:n] += slope * program.ball.adjoint(mixed)
+            corner += slope**2 * sum(map(np.trace, mixed))
         return np.block([[inside, column[:, None]], [column, corner]])
 
     def solve(self, right: np.ndarray) -> np.ndarray:
@@ -148,12 +161,10 @@ class _State:
         missing = self._dual_residual(target, aim, 0.0, 0.0)
         step = self.solve(-self.residual - missing)
         dv, dt = (step, 0.0) if program.cost is None else (step[:-1], float(step[-1]))
-        dH, grow = program.ball.matrix(dv[:n]), program.limits.ball[1] * dt
-        dS = [_shifted(-dH, grow), _shifted(dH, grow)]
-        turned = [
-            grow * inverse - sign * program.ball.times(dv[:n], inverse)
-            for sign, inverse in zip((1, -1), self.inverse, strict=True)
-        ]
+        grow = program.limits.ball[1] * dt
+        dS = [_shifted(A, grow) for A in program.ball.matrices(dv[:n])]
+        products = program.ball.times(dv[:n], self.inverse)
+        turned = [grow * inverse + product for inverse, product in zip(self.inverse, products, strict=True)]
         dZ = [goal - _symmetric(Z @ turn) for goal, Z, turn in zip(target, at.Z, turned, strict=True)]
         ds = program.limits.reach[1] * dt, -program.design.apply(dv)
         back = self.scaling.solve_twice(ds)
@@ -166,24 +177,26 @@ class _State:
     def centring(self, mu: float, affine: _Direction) -> _Direction:
         """To the point mu of the central path, with Mehrotra's second-order correction by the affine direction."""
         target = [mu * inverse - Z for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
-        point = self.scaling.point
-        squared = discs.product(point, point)
+        point, cones = self.scaling.point, self.program.cones
+        squared = cones.product(point, point)
         first, second = mu - squared[0], -squared[1]
-        for k in (0, 1):
+        for k in range(len(target)):
             target[k] = target[k] - _symmetric(affine.dZ[k] @ affine.turned[k])
-        bend = discs.product(self.scaling.solve(affine.ds), self.scaling.apply(affine.dz))
+        bend = cones.product(self.scaling.solve(affine.ds), self.scaling.apply(affine.dz))
         first, second = first - bend[0], second - bend[1]
-        return self.direction(target, self.scaling.solve(discs.divide(point, (first, second))))
+        return self.direction(target, self.scaling.solve(cones.divide(point, (first, second))))
 
     def longest_steps(self, d: _Direction) -> tuple[float, float]:
         """Of the primal and of the dual part, to the border of the cones."""
-        primal = min(discs.longest_step(self.s, d.ds), *map(longest_step, self.root_S, d.dS))
-        dual = min(discs.longest_step(self.at.z, d.dz), *map(longest_step, self.root_Z, d.dZ))
+        cones = self.program.cones
+        primal = min(cones.longest_step(self.s, d.ds), *map(longest_step, self.root_S, d.dS))
+        dual = min(cones.longest_step(self.at.z, d.dz), *map(longest_step, self.root_Z, d.dZ))
         return primal, dual
 
     def gap_after(self, d: _Direction, primal: float, dual: float) -> float:
         """<s, z> after a step."""
         return inner(
+            self.program.cones,
             [S + primal * dS for S, dS in zip(self.S, d.dS, strict=True)],
             [Z + dual * dZ for Z, dZ in zip(self.at.Z, d.dZ, strict=True)],
             (self.s[0] + primal * d.ds[0], self.s[1] + primal * d.ds[1]),
@@ -209,28 +222,34 @@ class _Direction:
         return Iterate(at.v + primal * self.dv, at.t + primal * self.dt, Z, z)
 
 
-def inner(S: list[np.ndarray], Z: list[np.ndarray], s: discs.Pair, z: discs.Pair) -> float:
+def inner(cones: discs.Cones, S: list[np.ndarray], Z: list[np.ndarray], s: discs.Pair, z: discs.Pair) -> float:
     """<S, Z> + <s, z>."""
     blocks = sum(float(np.vdot(a, b)) for a, b in zip(S, Z, strict=True))
-    return blocks + float(s[0] @ z[0] + np.sum(discs.dot(s[1], z[1])))
+    return blocks + float(s[0] @ z[0] + np.sum(cones.dot(s[1], z[1])))
 
 
 def start(program: Program, v: np.ndarray, t: float) -> Iterate:
     """A strictly feasible (v, t) with multipliers mu (slack)^-1, mu such that those of t sum to its cost (1 without t).
 
-    They are the gradient of mu times the barrier -log det S+ - log det S- - sum log(r^2 - |e|^2).
+    They are the gradient of mu times the barrier -sum log det S_k - sum log(r^2 - |e|^2).
     """
-    limits, n = program.limits, program.ball.size
-    radius = limits.ball[0] + limits.ball[1] * t
-    H = program.ball.matrix(v[:n])
-    s = limits.reach[0] + limits.reach[1] * t, program.y - program.design.apply(v)
-    inverse = [_inverse(np.linalg.cholesky(_shifted(block, radius))) for block in (-H, H)]
-    back, mu = discs.inverse(s), 1.0
+    limits = program.limits
+    S, s = _slacks(program, v, t)
+    inverse = [_inverse(np.linalg.cholesky(block)) for block in S]
+    back, mu = program.cones.inverse(s), 1.0
     z = 2 * back[0], 2 * back[1]
     if program.cost is not None:
-        weight = float(limits.reach[1] @ z[0] + limits.ball[1] * (np.trace(inverse[0]) + np.trace(inverse[1])))
+        weight = float(limits.reach[1] @ z[0] + limits.ball[1] * sum(map(np.trace, inverse)))
         mu = program.cost / weight if weight > 0 else 1.0
     return Iterate(v, t, [mu * block for block in inverse], (mu * z[0], mu * z[1]))
+
+
+def _slacks(program: Program, v: np.ndarray, t: float) -> tuple[list[np.ndarray], discs.Pair]:
+    """The slacks S_k of the ball and (r, e) of the samples."""
+    limits, n = program.limits, program.ball.size
+    radius = limits.ball[0] + limits.ball[1] * t
+    S = [_shifted(A, radius) for A in program.ball.matrices(v[:n])]
+    return S, (limits.reach[0] + limits.reach[1] * t, program.y - program.design.apply(v))
 
 
 def path(program: Program, at: Iterate) -> Iterator[Iterate]:

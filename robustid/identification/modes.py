@@ -1,0 +1,56 @@
+"""The modes of a parametric part with matrix residues."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid._arrays import Frozen, freeze
+from robustid.bases import ParametricBasis
+
+_SAME_POLE = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mode(Frozen):
+    """One pole pair (or real pole) of the parametric part: R/(z - a) + conj(R)/(z - conj(a)), of a simple pole.
+
+    Attributes
+    ----------
+    omega : float, rad/s
+        Natural frequency |log a|/dt.
+    damping : float
+        Damping ratio.
+    residue : (ny, nu) complex array
+        R.
+    rank_ratio : float
+        Second singular value of R over the first: 0 where R has rank one, as that of a single mode of a structure has.
+    """
+
+    omega: float
+    damping: float
+    residue: np.ndarray
+    rank_ratio: float
+
+    def __post_init__(self) -> None:
+        self._set(residue=freeze(self.residue))
+
+
+def modes_of(basis: ParametricBasis, residues: np.ndarray) -> tuple[Mode, ...]:
+    """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
+    values, right = np.linalg.eig(basis.A)
+    near = np.abs(values[:, None] - values) <= _SAME_POLE
+    found = []
+    inverse = np.linalg.pinv(right)
+    for k, pole in enumerate(values):
+        if np.sum(near[k]) > 1 or np.imag(pole) < 0 or pole == 0:
+            continue
+        weights = (basis.C @ right[:, k]) * (inverse[k] @ basis.B[:, 0])
+        R = np.tensordot(weights, residues, 1)
+        log = np.log(pole) / basis.dt
+        singular = np.linalg.svd(R, compute_uv=False)
+        ratio = float(singular[1] / singular[0]) if singular.size > 1 and singular[0] > 0 else 0.0
+        damping = float(-log.real / abs(log)) if log != 0 else 0.0
+        found.append(Mode(float(abs(log)), damping, R, ratio))
+    return tuple(sorted(found, key=lambda mode: mode.omega))
