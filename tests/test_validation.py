@@ -206,7 +206,7 @@ CONTINUOUS = FrequencyResponse([0.0, 1.0], [1.0, 1.0])
 @pytest.mark.parametrize(
     ("model", "data", "says"),
     [
-        (ONE, np.ones(4), "TimeRecord or a FrequencyResponse"),
+        (ONE, np.ones(4), "TimeRecord, FrequencyResponse or TangentialResponse"),
         (control.tf([1], [1, 0.5], DT), RECORD, "control.ss"),
         (control.StateSpace([[0.5]], [[1]], [[1]], 0, None), RECORD, "dt = None"),
         (control.StateSpace([[0.5]], [[np.nan]], [[1]], 0, DT), RECORD, "matrix B"),

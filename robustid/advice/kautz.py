@@ -91,7 +91,8 @@ def suggest_kautz(
     Parameters
     ----------
     frf : FrequencyResponse
-        One input, one output. Without `bound`, 5 % of the magnitude takes its place; of an ellipse, the disc around it.
+        One input, one output; lines that are missing are left out. Without `bound`, 5 % of the magnitude takes its place; of an
+        ellipse, the disc around it.
     dt : float, s
         Sample time of the basis; default that of `frf`.
     modes : int
@@ -197,6 +198,7 @@ def _checked(frf: Any, dt: Any) -> LineData:
             f"`frf` must have one input and one output; got {frf.values.shape[1]} outputs and {frf.values.shape[2]} inputs."
             " Pick one entry with .channel(output, input)"
         )
+    frf = frf.select(~frf.missing[:, 0, 0])
     given = frf.dt if dt is None else dt
     if given is None:
         raise InputError("`dt` is needed: `frf` is of continuous time; give the sample time of the model in s")

@@ -10,6 +10,7 @@ from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.frf import estimate_frf
 from robustid.data.rest import RestNoise, bounds_from_rest
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
+from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "FrequencyResponse",
     "RestNoise",
     "SimulatedExperiment",
+    "TangentialResponse",
     "TimeRecord",
     "bounds_from_rest",
     "datasets",

@@ -129,7 +129,7 @@ def _checked(path: Path, meta: str) -> dict[str, Any]:
         version, kind = meta["robustid"], meta["kind"]  # type: ignore[index]
     except (ValueError, KeyError, TypeError, RecursionError):
         raise FileFormatError(f"{path.name}: the description that robustid.save wrote is damaged; save again") from None
-    if version != FORMAT or kind not in ("frequency", "time"):
+    if version != FORMAT or kind not in ("frequency", "tangential", "time"):
         raise FileFormatError(
             f"{path.name} was written in format {version!r} ({kind!r}), unknown here; use a newer robustid"
         )

@@ -18,18 +18,22 @@ from robustid.data._readers import FORMAT
 from robustid.data._roles import Lookup
 from robustid.data._table import Table
 from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError
 
 _ARRAYS = {
-    "frequency": ("omega", "values", "bound", "tilt", "covariance", "coherence", "noise", "distortion"),
+    "frequency": FrequencyResponse.PER_LINE,
+    "tangential": TangentialResponse.PER_LINE,
     "time": ("u", "y", "bound", "reference"),
 }
 _FACTS = {
-    "frequency": ("dt", "note", "bound_kind", "probability", "dof"),
+    "frequency": ("dt", "note", "bound_kind", "probability", "dof", "joint"),
+    "tangential": ("dt", "note", "bound_kind", "probability"),
     "time": ("dt", "initial", "past_input_bound", "note", "bound_kind"),
 }
-CLASSES = {"frequency": FrequencyResponse, "time": TimeRecord}
+CLASSES = {"frequency": FrequencyResponse, "tangential": TangentialResponse, "time": TimeRecord}
+_COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left")
 _ROWS = 20_000
 
 
@@ -95,10 +99,10 @@ def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
     arrays = {name: _array(table, meta, name, tuple(shape)) for name, shape in meta["shapes"].items()}
     facts = {name: meta[name] for name in _FACTS[meta["kind"]] if name in meta}  # older files know fewer
     names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
-    if meta["kind"] == "frequency":
+    if meta["kind"] != "time":
         options.pop("initial", None)
     data = CLASSES[meta["kind"]](**arrays, **facts, **names)
-    if len(arrays["omega" if meta["kind"] == "frequency" else "u"]) != meta["samples"]:
+    if len(arrays["u" if meta["kind"] == "time" else "omega"]) != meta["samples"]:
         raise FileFormatError(f"the file was written with {meta['samples']} samples and has fewer or more now")
     bound = options.pop("bound", None)
     data = data if bound is None else data.with_bound(bound)
@@ -113,7 +117,7 @@ def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]
         return column.reshape(-1, *shape)
     if math.prod(shape) > len(table.columns):
         raise FileFormatError(f"{name!r} of shape {shape} has more columns than the file; save again, or give `fields`")
-    if name not in ("values", "tilt", "covariance"):
+    if name not in _COMPLEX:
         return _stack(table, _column_names(name, shape, "")).reshape(-1, *shape)
     real, imag = (_stack(table, _column_names(name, shape, part)) for part in ("real", "imag"))
     if np.iscomplexobj(real) or np.iscomplexobj(imag):

@@ -112,6 +112,7 @@ def estimate_delay(
     if not isinstance(frf, FrequencyResponse):
         hint = "; call estimate_frf first" if type(frf).__name__ == "TimeRecord" else ""
         raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}{hint}")
+    frf.require_complete("`estimate_delay`")
     searched = _search_grid(frf, longest)
     fit = PoleFit(frf, feedthrough=feedthrough)
     if order is not None:

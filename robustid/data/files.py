@@ -14,6 +14,7 @@ from robustid.data._saved import CLASSES, WRITERS, unpack
 from robustid.data._structures import from_structure
 from robustid.data._table import Table
 from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
@@ -29,7 +30,7 @@ def load(
     inputs: Any = None,
     outputs: Any = None,
     initial: str | None = None,
-) -> FrequencyResponse | TimeRecord:
+) -> FrequencyResponse | TangentialResponse | TimeRecord:
     r"""Read a measured frequency response or time record from a file.
 
     Parameters
@@ -69,7 +70,7 @@ def load(
 
     Returns
     -------
-    FrequencyResponse or TimeRecord
+    FrequencyResponse or TimeRecord, or a TangentialResponse that `save` wrote
         Row and column vectors of MATLAB become (N,). Other axes are taken as they are: time or frequency
         first.
 
@@ -150,8 +151,8 @@ def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None)
     return Origin(None if fields else lookup.looks(), unit_known, step, source)
 
 
-def save(path: str | os.PathLike, data: FrequencyResponse | TimeRecord) -> None:
-    """Write a frequency response or time record, so that `load` gives back exactly the same.
+def save(path: str | os.PathLike, data: FrequencyResponse | TangentialResponse | TimeRecord) -> None:
+    """Write a frequency response, time record or tangential response, so that `load` gives back exactly the same.
 
     Parameters
     ----------
@@ -159,8 +160,8 @@ def save(path: str | os.PathLike, data: FrequencyResponse | TimeRecord) -> None:
         ``.npz``; ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or
         ``.mat`` (v5): plain arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names
         of the channels. The file appears whole or not at all.
-    data : FrequencyResponse or TimeRecord
-        What to write, with its bounds, covariance, channel names and note.
+    data : FrequencyResponse, TangentialResponse or TimeRecord
+        What to write, with its bounds and their meaning, covariance, channel names and note.
 
     Raises
     ------
@@ -182,7 +183,9 @@ def save(path: str | os.PathLike, data: FrequencyResponse | TimeRecord) -> None:
     """
     kind = next((name for name, cls in CLASSES.items() if isinstance(data, cls)), None)
     if kind is None:
-        raise InputTypeError(f"`data` must be a FrequencyResponse or a TimeRecord; got {type(data).__name__}")
+        raise InputTypeError(
+            f"`data` must be a FrequencyResponse, TangentialResponse or TimeRecord; got {type(data).__name__}"
+        )
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
         raise InputError(f"`path` must end in {', '.join(WRITERS)}; got {str(path)!r}")

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data._lines import as_probability
 from robustid.data.conditioning import record_problems
-from robustid.data.frequency_response import FrequencyResponse, as_probability
+from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.frf_bounds import Estimate, bound
 from robustid.data.local import local
 from robustid.data.periodic import periodic

@@ -145,7 +145,7 @@ class RestNoise(Frozen):
             f" {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
             f" {index.size} lines with probability {max(0.0, 1 - peak.size * beyond):.3g}"
         )
-        return dataclasses.replace(frf, bound=bound, tilt=None, bound_kind="rest", probability=None, note=note)
+        return dataclasses.replace(frf.with_bound(bound, note), tilt=None, bound_kind="rest")
 
     def _whole(self, window: int) -> np.ndarray:
         """The deviation of whole windows."""

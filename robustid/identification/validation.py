@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 from robustid._arrays import Frozen, freeze
 from robustid.data.ellipses import bound_ratio
 from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.simulation import simulate
@@ -29,29 +30,29 @@ class Validation(Frozen):
 
     Attributes
     ----------
-    data : TimeRecord or FrequencyResponse
+    data : TimeRecord, FrequencyResponse or TangentialResponse
         What the model was held against.
-    predicted : (T, ny) or (F, ny, nu) array
+    predicted : (T, ny), (F, ny, nu) or (F, l, r) array
         What the model says, in the units of the data.
     residuals : array, same shape
         Measured minus predicted.
-    fit : (ny,) or (ny, nu) array
+    fit : (ny,), (ny, nu) or (l, r) array
         NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per channel: 1 is perfect, 0 no better
-        than the mean, negative worse.
+        than the mean, negative worse, nan where nothing was measured.
     ratio : float or None
-        Largest ``|residual| / bound`` (of an ellipse ``|residual + tilt conj(residual)| / bound``); None where the data
+        Largest residual in units of its bound, as the bound means it (see `FrequencyResponse.ratio`); None where the data
         have no bound.
     worst : tuple of int, or None
-        Index of that sample in `residuals`.
+        Index of that sample in `residuals`; of a joint bound (line, 0, input) or (line, 0, 0).
     outside : int or None
-        Number of samples outside their bound.
+        Number of samples (of a joint bound: of columns, or lines) outside their bound.
     whiteness : (ny,) array or None
         Time records: p value of the Ljung-Box test of each residual over 20 lags (fewer in short records).
         Below 0.01 the residual is not white at 99 %: something predictable is left. nan where it can't be
         tested.
     """
 
-    data: TimeRecord | FrequencyResponse
+    data: TimeRecord | FrequencyResponse | TangentialResponse
     _: dataclasses.KW_ONLY
     predicted: np.ndarray
     residuals: np.ndarray
@@ -73,10 +74,12 @@ class Validation(Frozen):
         samples = self.residuals.shape[0]
         lines = [f"validation on {samples} {'samples' if time else 'frequencies'}"]
         for index in np.ndindex(self.fit.shape):
-            output = data.outputs[index[0]]
-            channel = f"{output}" if time else f"{data.inputs[index[1]]} -> {output}"
-            largest = np.max(np.abs(self.residuals[(slice(None), *index)]))
-            line = f"  {channel}: fit {100 * self.fit[index]:.2f} %, largest |residual| {largest:.3g}"
+            residuals = self.residuals[(slice(None), *index)][_used(data)[(slice(None), *index)]]
+            if not residuals.size:
+                lines.append(f"  {self._channel(index)}: not measured")
+                continue
+            largest = np.max(np.abs(residuals))
+            line = f"  {self._channel(index)}: fit {100 * self.fit[index]:.2f} %, largest |residual| {largest:.3g}"
             if self.whiteness is not None and np.isfinite(self.whiteness[index]):
                 p = self.whiteness[index]
                 line += f", residual {'white' if p >= _WHITE else 'not white'} (Ljung-Box p = {p:.2g})"
@@ -89,15 +92,23 @@ class Validation(Frozen):
             lines.append(f"  largest |residual|/bound {self.ratio:.4g} at {where} (index {self.worst}); {verdict}")
         return "\n".join(lines)
 
+    def _channel(self, index: tuple[int, ...]) -> str:
+        data = self.data
+        if isinstance(data, TimeRecord):
+            return str(data.outputs[index[0]])
+        if isinstance(data, FrequencyResponse):
+            return f"{data.inputs[index[1]]} -> {data.outputs[index[0]]}"
+        return f"direction {index[1] + 1} -> sensor {index[0] + 1}"
 
-def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse) -> Validation:
-    """Hold a model against a time record or a frequency response.
+
+def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
+    """Hold a model against a time record, a frequency response or a response in directions.
 
     Parameters
     ----------
     model : control.StateSpace
         Discrete with the dt of the data, or continuous for a frequency response without dt.
-    data : TimeRecord or FrequencyResponse
+    data : TimeRecord, FrequencyResponse or TangentialResponse
         A time record is simulated as its `initial` says: from rest; from the initial state that fits best
         (least squares, each sample weighted by 1/bound, else each channel by its size); or in periodic steady
         state. Samples with an infinite bound count nowhere.
@@ -129,10 +140,12 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse) ->
     system = check_model("model", model)
     if isinstance(data, TimeRecord):
         measured, shape = data.y, (data.y.shape[1], data.u.shape[1])
-    elif isinstance(data, FrequencyResponse):
-        measured, shape = data.values, data.values.shape[1:]
+    elif isinstance(data, FrequencyResponse | TangentialResponse):
+        measured, shape = data.values, (len(data.outputs), len(data.inputs))
     else:
-        raise InputTypeError(f"`data` must be a TimeRecord or a FrequencyResponse; got {type(data).__name__}")
+        raise InputTypeError(
+            f"`data` must be a TimeRecord, FrequencyResponse or TangentialResponse; got {type(data).__name__}"
+        )
     if (system.noutputs, system.ninputs) != shape:
         raise InputError(
             f"`model` must have the {shape[0]} outputs and {shape[1]} inputs of `data`;"
@@ -141,10 +154,10 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse) ->
     _check_time_base(system, data)
     predicted = _simulate_record(system, data) if isinstance(data, TimeRecord) else _evaluate(system, data)
     residuals = measured - predicted
-    used = np.ones(measured.shape, dtype=bool) if data.bound is None else np.isfinite(data.bound)
+    used = _used(data)
     result: dict[str, Any] = {}
     if data.bound is not None:
-        ratios = bound_ratio(residuals, data.bound, getattr(data, "tilt", None))
+        ratios = bound_ratio(residuals, data.bound) if isinstance(data, TimeRecord) else data.ratio(residuals)
         worst = tuple(int(i) for i in np.unravel_index(np.argmax(ratios), ratios.shape))
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
@@ -186,7 +199,7 @@ def _describe_pole(pole: complex, dt: Any) -> str:
     return text if not dt else f"{text[:-1]}, |z| = {abs(pole):.9g})"
 
 
-def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse) -> None:
+def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse | TangentialResponse) -> None:
     if not model.nstates or (model.dt is True and data.dt is not None):
         return
     if data.dt is None:
@@ -204,7 +217,7 @@ def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse) -> None:
         raise InputError(f"`model` has dt = {model.dt:g} s, `data` has dt = {data.dt:g} s; they must agree")
 
 
-def _evaluate(model: Any, data: FrequencyResponse) -> np.ndarray:
+def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> np.ndarray:
     points = 1j * data.omega if data.dt is None else np.exp(1j * data.omega * data.dt)
     values = np.moveaxis(model(points, squeeze=False, warn_infinite=False), -1, 0)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
@@ -212,7 +225,7 @@ def _evaluate(model: Any, data: FrequencyResponse) -> np.ndarray:
         raise InputError(
             f"`model` has a pole at the line {data.freq_hz[bad][0]:g} Hz of `data`: remove this line (data.select)"
         )
-    return values
+    return values if isinstance(data, FrequencyResponse) else data.left @ values @ data.right
 
 
 def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
@@ -267,14 +280,21 @@ def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndar
     return rows @ state
 
 
+def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> np.ndarray:
+    """Which samples count: those of a finite bound, or all."""
+    if data.bound is None:
+        return np.ones((data.y if isinstance(data, TimeRecord) else data.values).shape, dtype=bool)
+    return np.isfinite(data.bound)
+
+
 def _fit(measured: np.ndarray, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:
-    count = np.maximum(np.sum(used, axis=0), 1)
-    mean = np.sum(np.where(used, measured, 0), axis=0) / count
+    count = np.sum(used, axis=0)
+    mean = np.sum(np.where(used, measured, 0), axis=0) / np.maximum(count, 1)
     rest = np.linalg.norm(np.where(used, residuals, 0), axis=0)
     size = np.linalg.norm(np.where(used, measured - mean, 0), axis=0)
     # A constant signal has nothing to explain: perfect if it is met, else infinitely bad.
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(rest == 0, 1.0, 1 - rest / size)
+        return np.where(count == 0, np.nan, np.where(rest == 0, 1.0, 1 - rest / size))
 
 
 def _ljung_box(residual: np.ndarray, used: np.ndarray) -> float:

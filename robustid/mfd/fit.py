@@ -126,6 +126,7 @@ def fit_mfd(
     Parameters
     ----------
     frf : FrequencyResponse
+        Entries that are missing have no weight.
     order : int
         McMillan degree, with the two states of every rigid-body mode.
     domain : {"s", "z"}, optional

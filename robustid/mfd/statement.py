@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from robustid._arrays import as_array, as_count
 from robustid.data import FrequencyResponse
+from robustid.data.joint_bounds import stacked
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.criterion import Weight
 from robustid.mfd.problem import FractionProblem
@@ -49,11 +51,13 @@ def stated(
             " the measurements"
         )
     order = as_count("order", order, least=1)
-    given = weight is not None
+    given, measured = weight is not None, ~frf.missing
+    frf = _filled(frf)
     if not given:
-        weight = _default_weight(frf)
+        weight = _default_weight(frf, measured)
     elif not isinstance(weight, Weight):
         weight = Weight(as_array("weight", weight, ndim=3))
+    weight = _only(weight, measured) if given else weight
     dt = frf.dt if domain == "z" else None
     problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=bool(feedthrough))
     for names, axis in ((frf.outputs, 2), (frf.inputs, 1)):
@@ -69,11 +73,36 @@ def stated(
     return Statement(problem, data if given or data.noise is None else data._replace(weight=data.noise), form)
 
 
-def _default_weight(frf: FrequencyResponse) -> Weight:
+def _filled(frf: FrequencyResponse) -> FrequencyResponse:
+    """Zeros where entries are missing, with errors that are independent of all others': what has no weight says nothing."""
+    if not np.any(frf.missing):
+        return frf
+    covariance, known = frf.covariance, stacked(~frf.missing)
+    if covariance is not None:
+        covariance = np.where(known[:, :, None] & known[:, None, :], covariance, np.eye(known.shape[1]))
+    return dataclasses.replace(frf, values=np.where(frf.missing, 0, frf.values), covariance=covariance)
+
+
+def _only(weight: Weight, measured: np.ndarray) -> Weight:
+    """A weight of the user's without the entries that are missing."""
+    if np.all(measured):
+        return weight
+    if not (weight.output is None and weight.input is None and weight.matrix is None):
+        raise InputError(
+            "`weight` mixes the entries of a line, and `frf` misses some: give a weight per entry, or the covariance"
+        )
+    if weight.shape != measured.shape:
+        raise InputError(f"`weight` must have shape {measured.shape} as the values; got {weight.shape}")
+    return weight.scaled(measured)
+
+
+def _default_weight(frf: FrequencyResponse, measured: np.ndarray) -> Weight:
     if not np.any(frf.values):
         raise InputError("`frf` is zero everywhere; there is nothing to fit")
-    ny, nu = frf.values.shape[1:]
-    return Weight.relative(frf.values) if frf.covariance is None else Weight.from_covariance(frf.covariance, ny, nu)
+    if frf.covariance is None:
+        return Weight.relative(np.where(measured, frf.values, 1)).scaled(measured)
+    full = Weight.from_covariance(frf.covariance, *measured.shape[1:])
+    return dataclasses.replace(full, entries=full.entries * measured)
 
 
 def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str) -> Samples:

@@ -53,6 +53,7 @@ class FrfView:
     def __post_init__(self) -> None:
         if not isinstance(self.frf, FrequencyResponse):
             raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(self.frf).__name__}")
+        self.frf.require_complete("a report of a frequency response")
         object.__setattr__(self, "records", _checked(self.records, self.frf))
 
     @property

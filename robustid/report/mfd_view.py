@@ -58,7 +58,9 @@ class FitView:
             return
         if not isinstance(self.data, FrequencyResponse):
             raise InputTypeError(f"`data` must be a FrequencyResponse; got {type(self.data).__name__}")
-        same = np.array_equal(self.data.omega, self.omega) and np.array_equal(self.data.values, self.values)
+        # A fit knows zeros where entries are missing.
+        measured = np.where(self.data.missing, 0, self.data.values)
+        same = np.array_equal(self.data.omega, self.omega) and np.array_equal(measured, self.values)
         if not same:
             raise InputError(
                 f"`data` must be the response that was fitted, {self.omega.size} lines of {self.ny} outputs and"
