@@ -178,7 +178,7 @@ def test_a_certificate_belongs_to_its_intervals():
         result = rid.identify(problem, solver="structured")
         proof, own = result.certificate, pose(problem).data
         assert proof.verify(own.rows, own.sarason)
-        assert proof.shares.sum() == pytest.approx(1)
+        assert proof.shares(own.rows).sum() == pytest.approx(1)
         middle, half = problem.parameter_bounds.mean(axis=1), np.diff(problem.parameter_bounds)[:, 0] / 2
         for factor in (1.5, 4.0, 1e3):
             wider = dataclasses.replace(

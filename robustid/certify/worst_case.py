@@ -203,7 +203,8 @@ class WorstCaseError(Frozen):
 
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
-        return int(np.argmax(sum(c.shares for c in self.values[index].certificates)))
+        rows = self._consistent.data.rows
+        return int(np.argmax(sum(c.shares(rows) for c in self.values[index].certificates)))
 
     def save(self, path: Folder) -> None:
         """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import ParametricBasis, Sections
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError
 from robustid.identification.forms import Claim, level_of, pose
 from robustid.identification.model import nominal_model
@@ -68,7 +68,7 @@ def usable(path: str | os.PathLike[str]) -> Iterator[None]:
         raise FileFormatError(f"`path`: {text} and {numbers.name} can't be used: {error}") from None
 
 
-_CLASSES = {cls.__name__: cls for cls in (FrequencyResponse, TimeRecord)}
+_CLASSES = {cls.__name__: cls for cls in (FrequencyResponse, TangentialResponse, TimeRecord)}
 
 
 def _read_problem(arrays: dict[str, np.ndarray], text: dict[str, Any]) -> MixedProblem:

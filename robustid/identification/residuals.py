@@ -72,7 +72,7 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
         predicted = (
             _steady_state(record, model) if record.initial == "periodic" else simulate(model, record.u[:count])[0]
         )
-        for output in np.flatnonzero(used.any(axis=0)):
+        for output in map(int, np.flatnonzero(used.any(axis=0))):
             samples = np.flatnonzero(used[:, output])
             error = record.y[samples, output] - predicted[samples, output]
             columns, widen = initial_state(problem, record, samples, output)
@@ -83,7 +83,7 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
             else:
                 weights = _least_largest(columns / bound[:, None], error / bound)
             error = error - columns @ weights
-            out.append(Residual("time", i, record.time[samples], error, bound, entry=(int(output), None)))
+            out.append(Residual("time", i, record.time[samples], error, bound, entry=(output, None)))
     return out
 
 
@@ -127,11 +127,11 @@ def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[R
             out.append(Residual("frequency", index, frf.omega[used], *found, entry=(None, None)))
         return out
     error = frf.values - predicted
-    if getattr(frf, "joint", "entry") == "matrix":
+    if frf.joint == "matrix":
         stacked = error.transpose(0, 2, 1).reshape(frf.omega.size, -1, 1)
         white = np.linalg.solve(np.linalg.cholesky(frf.ellipsoid), stacked)[..., 0]
         return [Residual("frequency", index, frf.omega, white, np.ones(white.shape), entry=(None, None))]
-    if getattr(frf, "joint", "entry") == "column":
+    if frf.joint == "column":
         for column in sorted({j for _, j in measured_entries(frf)}):
             used = np.isfinite(frf.bound[:, :, column]).any(axis=1)
             some, bound = error[used, :, column], frf.bound[used, :, column]

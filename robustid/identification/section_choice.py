@@ -92,7 +92,7 @@ def _felt(frf: Any, scales: np.ndarray) -> np.ndarray:
     if not isinstance(frf, FrequencyResponse):
         nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)
         return (frf.bound / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))
-    if getattr(frf, "joint", "entry") == "matrix":
+    if frf.joint == "matrix":
         whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid)) * scales.T.ravel()
         return 1 / (np.linalg.norm(whiten, 2, axis=(1, 2)) * np.sqrt(min(scales.shape)))
     return (frf.inner_radius / scales).min(axis=(1, 2))

@@ -60,10 +60,10 @@ class Assembly:
             return self._directions(frf, angles)
         values = None if isinstance(self.functions, TaylorFunctions) else self.functions.lines(angles)
         response = self._responses(angles)
-        if getattr(frf, "joint", "entry") == "matrix":
+        if frf.joint == "matrix":
             return self._ellipsoids(frf, angles)
         blocks = [self._entry(frf, output, input, values, response) for output, input in measured_entries(frf)]
-        return self._columns(frf, blocks) if getattr(frf, "joint", "entry") == "column" else blocks
+        return self._columns(frf, blocks) if frf.joint == "column" else blocks
 
     def _entry(self, frf: FrequencyResponse, output: int, input: int, values: Any, response: np.ndarray) -> Block:
         """The lines of one entry, in discs or ellipses."""

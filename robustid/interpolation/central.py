@@ -216,8 +216,9 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndar
         raise InputError("`E` must be stable")
     poles = np.linalg.eigvals(E.A) if E.nstates else np.zeros(0)
     angles = np.concatenate([np.linspace(0, np.pi, 2049), np.abs(np.angle(poles))])
-    values = transfer((E.A, E.B, E.C, E.D), np.exp(-1j * angles))
+    a, b, c, d = (np.asarray(part) for part in (E.A, E.B, E.C, E.D))
+    values = transfer((a, b, c, d), np.exp(-1j * angles))
     peak = float(np.linalg.norm(values, 2, axis=(1, 2)).max())
     if peak > 1 + 1e-9:
         raise InputError(f"`E` must have H-infinity norm <= 1; got at least {peak:.6g}")
-    return np.asarray(E.A), np.asarray(E.B), np.asarray(E.C), np.asarray(E.D)
+    return a, b, c, d

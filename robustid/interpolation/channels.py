@@ -81,7 +81,7 @@ def _excitation(item: Any) -> np.ndarray:
     if isinstance(item, TimeRecord):
         last = np.flatnonzero(used.any(axis=1))[-1] + 1
         u = item.u if item.initial == "periodic" else item.u[:last]
-        return np.linalg.qr(u, mode="r") if u.shape[0] > u.shape[1] else u
+        return np.asarray(np.linalg.qr(u, mode="r")) if u.shape[0] > u.shape[1] else u
     if hasattr(item, "right"):
         rows = (item.right * used.any(axis=1)[:, None, :]).transpose(0, 2, 1).reshape(-1, item.right.shape[1])
         return np.concatenate([np.real(rows), np.imag(rows)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid._arrays import Channel, Frozen, as_array, freeze
 from robustid.bases import as_basis
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.interpolation.channels import check_channels, check_excitation
 from robustid.interpolation.entries import Entries
@@ -32,7 +32,7 @@ class MixedProblem(Frozen):
 
     Parameters
     ----------
-    frequency : FrequencyResponse or sequence of them, optional
+    frequency : FrequencyResponse or TangentialResponse or sequence of them, optional
     time : TimeRecord or sequence of them, optional
         At least one of the two; the same inputs and outputs everywhere; one common dt. Entries that were not measured have an
         infinite bound.
@@ -81,8 +81,8 @@ class MixedProblem(Frozen):
     taylor: int = dataclasses.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        frequency = _experiments("frequency", self.frequency, FrequencyResponse)
-        time = _experiments("time", self.time, TimeRecord)
+        frequency = _experiments("frequency", self.frequency, (FrequencyResponse, TangentialResponse))
+        time = _experiments("time", self.time, (TimeRecord,))
         if not frequency and not time:
             raise InputError("`frequency` and `time` are both missing; give at least one experiment")
         if not isinstance(self.prior, Prior):
@@ -195,20 +195,22 @@ def excited_lines(record: TimeRecord) -> np.ndarray:
     return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
 
 
-def _experiments(name: str, value: Any, kind: type) -> tuple:
+def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple:
     if value is None:
         return ()
     items = tuple(value) if isinstance(value, Sequence) else (value,)
     for item in items:
-        if not isinstance(item, kind):
-            raise InputTypeError(f"`{name}` must be a {kind.__name__} or a sequence of them; got {type(item).__name__}")
+        if not isinstance(item, kinds):
+            raise InputTypeError(
+                f"`{name}` must be a {kinds[0].__name__} or a sequence of them; got {type(item).__name__}"
+            )
         if item.dt is None:
             raise InputError(
                 f"`{name}` must be discrete-time: give the FrequencyResponse the sample time `dt` of its plant"
             )
         if item.bound is None:
             raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
-        if kind is TimeRecord and not np.any(np.isfinite(item.bound)):
+        if not np.any(np.isfinite(item.bound)):
             raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
     return items
 

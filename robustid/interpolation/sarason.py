@@ -76,8 +76,7 @@ class SarasonMap(Frozen):
 
     def turned(self, M: np.ndarray) -> np.ndarray:
         """T M, of matrices (T (x) I) M."""
-        n = self.pair.order
-        return self._turned(M.reshape(n, -1)).reshape(M.shape)
+        return self._turned(M.reshape(self.pair.order, M.size // max(self.pair.order, 1))).reshape(M.shape)
 
     def turned_back(self, M: np.ndarray) -> np.ndarray:
         """T' M, of matrices (T' (x) I) M: T is symmetric and orthogonal."""

@@ -122,7 +122,7 @@ class _Products:
             (P[1, 1][a][c], Q[2, 2][b][d]),
             (P[1, 2][a][d], Q[2, 1][b][c]),
         )
-        return sum(before @ after.T for (before, _), (_, after) in terms)
+        return np.asarray(sum(before @ after.T for (before, _), (_, after) in terms))
 
     def _before(self, U: np.ndarray) -> np.ndarray:
         n = U.shape[0]
