@@ -73,7 +73,8 @@ def _measurement(out: Any, path: Path, options: Options) -> Any:
     with reading(path, kind):
         found = origin(path, kind, fields)
         if found.kind not in (None, kind):
-            raise InputError(f"{path.name} holds {found.kind} data; use --{found.kind} {path}")
+            hint = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
+            raise InputError(f"{path.name} holds {found.kind} data; {hint}")
         data = load(path, kind=kind, fields=fields, dt=options.dt, bound=options.bound,
                     frequency_unit=options.unit, initial=options.initial)  # fmt: skip
         if data.dt is None:

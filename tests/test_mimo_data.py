@@ -13,6 +13,8 @@ from scipy.special import chdtri
 import robustid as rid
 from robustid.data import load, save
 from robustid.errors import InputError
+from robustid.report.mfd_charts import response_charts
+from robustid.report.mfd_view import FitView
 
 DT = 0.01
 
@@ -321,6 +323,35 @@ def test_the_default_weight_is_that_of_the_measured_part():
         known = ~frf.missing[k].T.ravel()
         e, C = error[k].T.ravel()[known], frf.covariance[k][np.ix_(known, known)]
         assert found[k] == pytest.approx((e.conj() @ np.linalg.solve(C, e)).real, rel=1e-9, abs=1e-12)
+
+
+def test_a_report_of_a_fit_draws_what_was_measured():
+    frf = measured(np.random.default_rng(3))
+    view = FitView(rid.fit_mfd(frf, order=3), frf)
+    for (i, j), chart in zip(np.ndindex(2, 2), response_charts(view), strict=True):
+        for panel in chart.panels:
+            shown = {layer.name: layer for layer in panel.layers}
+            assert "data without weight" not in shown
+            assert len(shown["data"].x) == np.sum(~frf.missing[:, i, j])
+
+
+def test_bounds_from_rest_are_of_entries():
+    rng = np.random.default_rng(5)
+    u = np.tile(rng.standard_normal(100), 4)
+    y = np.stack([2 * u, -u], axis=1) + 0.01 * rng.standard_normal((400, 2))
+    record = rid.TimeRecord(u, y, dt=DT, initial="periodic")
+    noise = rid.bounds_from_rest(rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT))
+    frf = rid.estimate_frf(record, period=100)
+    expected = noise.bound_response(frf, record, period=100)
+    assert expected.joint == "entry"
+    same(noise.bound_response(frf.with_column_bound(1.0), record, period=100), expected)
+
+
+def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
+    frf = dataclasses.replace(rid.flexible_structure().frequency, joint="column")
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
+    result.save(tmp_path / "result")
+    same(rid.load_identification(tmp_path / "result").problem.frequency[0], frf)
 
 
 def test_a_weight_of_one_s_own():

@@ -30,7 +30,8 @@ class TangentialResponse(Lines):
     values : (F,) or (F, l, r) complex array
         What is seen of each direction; NaN is allowed where `bound` is infinite.
     right : (nu,), (nu, r) or (F, nu, r) array, optional
-        The columns are directions of the inputs, real or complex; default: each input alone, nu = r.
+        The columns are directions of the inputs, real or complex; default: each input alone, nu = r. One direction that
+        changes from line to line is (F, nu, 1).
     left : (ny,), (l, ny) or (F, l, ny) array, optional
         The rows are what is seen of the outputs; default: each output alone, ny = l.
     bound : scalar, (F,) or (F, l, r) array, optional

@@ -70,7 +70,8 @@ def _entry(
         magnitude.append(Layer(name="σ of the data", x=at, y=level, colour=FAINT, dash="dot"))
     # Drawn over the samples, thin: where both agree both are seen.
     curve: dict[str, Any] = {"name": name, "x": x, "colour": NOMINAL, "dash": "solid", "size": 0.5}
-    groups = ((used, "data", DATA, "circle"), (~used, "data without weight", FAINT, "circle-open"))
+    unused = ~used & (measured != 0)  # a fit knows zeros where entries are missing
+    groups = ((used, "data", DATA, "circle"), (unused, "data without weight", FAINT, "circle-open"))
     for mask, label, colour, marker in groups:
         part = kept[mask[kept]]
         if not part.size:
