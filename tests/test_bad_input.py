@@ -40,9 +40,9 @@ def test_prior(changes, words):
         ({"frequency": rid.FrequencyResponse([1.0], [1.0], dt=0.1)}, rid.InputError, "bound"),
         ({"frequency": rid.FrequencyResponse([1.0], [1.0], bound=1.0)}, rid.InputError, "dt"),
         (
-            {"frequency": rid.FrequencyResponse([1.0], np.ones((1, 2, 2)), bound=1.0, dt=0.1)},
+            {"frequency": rid.FrequencyResponse([1.0], np.ones((1, 2, 2)), bound=1.0, dt=0.1), "time": RECORD},
             rid.InputError,
-            "channel",
+            "inputs. differ",
         ),
         ({"time": rid.TimeRecord([1.0], [1.0], dt=0.1)}, rid.InputError, "time.*bound"),
         ({"time": rid.TimeRecord([1.0], [1.0], dt=0.2, bound=1.0)}, rid.InputError, "dt.*differs"),

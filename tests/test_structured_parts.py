@@ -171,7 +171,9 @@ def test_longest_step_in_the_discs_by_bisection():
             middle = (low + high) / 2
             low, high = (middle, high) if inside(middle) else (low, middle)
         assert step == pytest.approx(low, rel=1e-6 if seed % 4 == 1 else 1e-9)
-    assert discs.Cones(0).longest_step((np.zeros(0), np.zeros(0, complex)), (np.zeros(0), np.zeros(0, complex))) == np.inf
+    assert (
+        discs.Cones(0).longest_step((np.zeros(0), np.zeros(0, complex)), (np.zeros(0), np.zeros(0, complex))) == np.inf
+    )
 
 
 # --- the design -------------------------------------------------------------------------------------------------------

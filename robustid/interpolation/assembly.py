@@ -179,7 +179,8 @@ class Assembly:
             columns, E = slice(0, self.entries.count * n), self._placed(E, output)
         else:
             columns, E = slice(output * q * n, (output + 1) * q * n), E.reshape(y.size, -1)
-        y, E, P, free = (a / total.reshape(-1, *(1,) * (a.ndim - 1)) for a in (y, E, P, free))
+        unit = 1 / total
+        y, E, P, free = (a * unit.reshape(-1, *(1,) * (a.ndim - 1)) for a in (y, E, P, free))
         return Block(y, DenseColumns(E), columns, P, free, bound / total, tail / total, np.arange(y.size), False)
 
     def _placed(self, row: np.ndarray, output: int) -> np.ndarray:
