@@ -155,19 +155,18 @@ class Errors(NamedTuple):
 def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray) -> Errors:
     """Of all entries at one frequency, around a nominal value (ny, nu)."""
     sets = {one.entry: one for one in found}
-    upper, lower, slack = np.zeros((3, *nominal.shape))
+    upper, lower, slack = (np.zeros(nominal.shape) for _ in range(3))
     for entry in np.ndindex(*nominal.shape):
         one = sets[entry] if entry in sets else sets[entry[::-1]]
-        upper[entry], lower[entry] = one.farthest(nominal[entry])
+        upper[entry], lower[entry] = one.farthest(complex(nominal[entry]))
         slack[entry] = one.slack
     sigma = float(norm_of_bounds(upper))
     if upper.size == 1:
         return Errors(upper, lower, sigma, float(lower[0, 0]))
     matrices = np.concatenate([one.matrices for one in found])
-    matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    reached = float(np.linalg.norm(matrices - nominal, 2, axis=(1, 2)).max()) if matrices.size else 0.0
-    reached = max(reached - schur_bound(slack), float(lower.max()))
-    return Errors(upper, lower, sigma, min(reached, sigma))
+    reached = np.linalg.norm(matrices[~np.isnan(matrices).any(axis=(1, 2))] - nominal, 2, axis=(1, 2))
+    attained = max(float(reached.max(initial=0.0)) - schur_bound(slack), float(lower.max()))
+    return Errors(upper, lower, sigma, min(attained, sigma))
 
 
 def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
@@ -177,9 +176,9 @@ def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
     """
     if bounds.shape[-2:] == (1, 1):
         return bounds[..., 0, 0]
-    finite = np.isfinite(bounds).all(axis=(-2, -1))
-    norm = np.linalg.norm(np.where(finite[..., None, None], bounds, 0.0), 2, axis=(-2, -1)) * (1 + 1e-12)
-    return np.where(finite, norm, np.inf)
+    infinite = np.max(bounds, axis=(-2, -1)) == np.inf
+    norm = np.linalg.norm(np.where(bounds == np.inf, 0.0, bounds), 2, axis=(-2, -1)) * (1 + 1e-12)
+    return np.where(infinite, np.inf, norm)
 
 
 def schur_bound(scales: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -154,7 +155,7 @@ class WorstCaseError(Frozen):
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
         consistent = self._consistent
         yield from parameter_claims(consistent, self.parameters)
-        for sets in by_frequency(self._sets()).values():
+        for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
             yield from value_set_claims(consistent, *sets)
 
     @property
@@ -277,11 +278,11 @@ class WorstCaseError(Frozen):
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
         if not self.identification.problem.entries.single:
-            entry = np.unravel_index(int(np.argmax(self.upper)), self.upper.shape)
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
             lines.append(
                 "norm       largest singular value of F - model, at most the norm of the bounds of its entries"
             )
-            lines.append(f"entry      the largest bound of an entry{self._where(entry[1:])}: {self.upper[entry]:.4g}")
+            lines.append(f"entry      at most {self.upper.max():.4g}{self._where((output, input))}")
         for w, high, low, label in self.worst():
             lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
         if any(note.startswith("Modes taken") for note in self.identification.notes):
