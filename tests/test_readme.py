@@ -53,6 +53,16 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
         assert Path(name).stat().st_size > 0
 
 
+def test_the_snippet_with_several_channels_runs_as_printed(capsys):
+    names = {}
+    exec(compile(block("python", after=r"### Several inputs and outputs\n.*?"), "README.md", "exec"), names)
+    assert names["plate"].consistent
+    assert names["plate"].verification.passed
+    assert (names["plate"].model.noutputs, names["plate"].model.ninputs) == (2, 2)
+    assert len(names["plate"].modes) == 2
+    assert "2 inputs (left [V], right [V]), symmetric" in capsys.readouterr().out
+
+
 def run(words, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit) as stop:
