@@ -71,11 +71,12 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
 # --- an independent solver --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("seeds", [5, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_margin_against_the_paper_s_theorem(kind):
+def test_margin_against_the_paper_s_theorem(kind, seeds):
     """Clarabel on the printed inequality with the intervals written out; Taylor forms enclose the same number."""
     active = positive = 0
-    for seed in range(20):
+    for seed in range(seeds):
         problem = bounded(tight(seed), kind, seed)
         judge = judge_margin(problem)
         result = rid.identify(problem, solver="structured")
@@ -95,8 +96,8 @@ def test_margin_against_the_paper_s_theorem(kind):
             assert taylor.verification.passed
             assert taylor.margin_lower - 1e-6 * size <= judge <= taylor.margin + 1e-6 * size
             assert taylor.margin - taylor.margin_lower <= 1e-4 * size
-    assert positive >= 15
-    assert active >= {"outside": 15, "one side": 5, "far": 5}.get(kind, 0)
+    assert positive >= 3 * seeds // 4
+    assert active >= {"outside": 3, "one side": 1, "far": 1}.get(kind, 0) * seeds // 4
 
 
 @pytest.mark.parametrize("kind", KINDS)

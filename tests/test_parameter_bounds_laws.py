@@ -19,7 +19,7 @@ from robustid.solve import margin_path
 @pytest.mark.parametrize("power", [-60, 60])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_units_do_not_matter(power, form):
-    for kind in KINDS:
+    for kind in KINDS[power > 0 :: 2]:
         problem = bounded(tight(3), kind, 3)
         unit = 2.0**power
         scaled = rid.MixedProblem(
@@ -35,9 +35,10 @@ def test_units_do_not_matter(power, form):
         assert np.array_equal(second.parameters, unit * first.parameters)
 
 
+@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
-def test_intervals_around_the_truth_never_refute(form):
-    for seed in range(6):
+def test_intervals_around_the_truth_never_refute(form, seeds):
+    for seed in range(seeds):
         problem, p = truthful(seed)
         free = rid.identify(problem, form=form)
         before = free.margin
