@@ -201,14 +201,15 @@ def test_duplicated_lines_and_silent_channels_are_refused():
         fit_mfd(rid.FrequencyResponse(OMEGA, truth, covariance=covariance), order=4)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["right", "left"])
-def test_poles_are_a_start(form, seeds):
-    """Poles 2 % off lead to the optimum."""
-    for seed in range(seeds):
+def test_poles_are_a_start(form, every):
+    """Poles 2 % off lead to the optimum; 2 of 2 seeds."""
+    omega = OMEGA[::every]
+    for seed in range(2):
         system = random_modal_system(seed, 2, 2, 4)
-        truth = system.response(1j * OMEGA)
-        frf = rid.FrequencyResponse(OMEGA, noisy(np.random.default_rng([seed, 5]), truth, 0.01))
+        truth = system.response(1j * omega)
+        frf = rid.FrequencyResponse(omega, noisy(np.random.default_rng([seed, 5]), truth, 0.01))
         best = fit_mfd(frf, order=8, form=form)
         other = fit_mfd(frf, order=8, form=form, start=system.poles * 1.02)
         assert other.cost == pytest.approx(best.cost, rel=1e-4)
