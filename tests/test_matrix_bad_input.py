@@ -95,7 +95,7 @@ def test_two_records_that_move_alike_together_move_both():
 
 def test_forms_of_one_channel_say_so():
     for form in ("sections", "classical"):
-        with pytest.raises(rid.InputError, match='`form` = ".*" is for one input and one output; got 2x2'):
+        with pytest.raises(rid.InputError, match=r'`form` = ".*" is for one input and one output; got 2x2'):
             rid.identify(rid.MixedProblem(frequency=FRF, prior=PRIOR), form=form)
 
 
@@ -106,5 +106,5 @@ def test_a_mode_that_no_sample_of_an_entry_shows_is_named():
     frf = rid.FrequencyResponse([1.0, 2.0, 3.0], np.ones((3, 2, 2)), bound=bound, dt=0.1)
     basis = [rid.kautz(1.0, 0.1, dt=0.1), rid.kautz(2.0, 0.1, dt=0.1)]
     problem = rid.MixedProblem(frequency=frf, prior=PRIOR, parametric=basis)
-    with pytest.raises(rid.InputError, match="cannot tell .* apart.*of the entry from u2 to y1"):
+    with pytest.raises(rid.InputError, match=r"cannot tell .* apart.*of the entry from u2 to y1"):
         rid.identify(problem)
