@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 import importlib.metadata
 import json
 import os
@@ -244,8 +245,26 @@ def _guarantees(
 
 def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:
     """A page with its figures, by the name of their chart, as text."""
-    import jinja2
     from plotly.offline import get_plotlyjs
+
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            figures=drawn,
+            versions=versions(),
+            date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+            # The only text that isn't escaped: the library itself, and JSON made safe below.
+            plotly=_script(get_plotlyjs()),
+            data=_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
+            **context,
+        )
+    )
+
+
+@functools.cache  # it keeps the compiled templates, which take longer than a page
+def _environment() -> Any:
+    import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("robustid.report", "."),
@@ -255,15 +274,7 @@ def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
-    return environment.get_template(template).render(
-        figures=drawn,
-        versions=versions(),
-        date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-        # The only text that isn't escaped: the library itself, and JSON made safe below.
-        plotly=_script(get_plotlyjs()),
-        data=_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
-        **context,
-    )
+    return environment
 
 
 def further_models(reduction: Reduction | None, models: Mapping[str, control.StateSpace] | None) -> dict[str, Any]:
