@@ -206,13 +206,6 @@ def independent_entries(entries: Entries) -> list[Entry]:
     return [(a, b) for a, b in places if a <= b or not entries.symmetric]
 
 
-def of_entry(problem: MixedProblem, entry: Entry) -> str:
-    """Which entry, in words to follow others; none of one channel."""
-    if problem.entries.single:
-        return ""
-    return f", from {problem.inputs[entry[1]].name} to {problem.outputs[entry[0]].name}"
-
-
 def check_one_channel(problem: MixedProblem, what: str) -> None:
     """Refuse matrices, and say the way out."""
     if not problem.entries.single:

@@ -14,11 +14,11 @@ import numpy as np
 from robustid._arrays import Frozen, as_count, as_positive, freeze
 from robustid.certify.claims import SupportClaim
 from robustid.certify.consistent_set import ConsistentSet, check_one_channel, set_of
+from robustid.certify.nominal import as_frequencies, as_nominal
 from robustid.certify.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.certify.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
 from robustid.certify.workers import worker_pool
-from robustid.certify.worst_case import as_frequencies, as_nominal
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.margin import prove_margin

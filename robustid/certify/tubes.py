@@ -15,9 +15,9 @@ from robustid.certify.circle import known_part
 from robustid.certify.consistent_set import Extreme, check_one_channel
 from robustid.certify.horizon import Outputs, consistent_outputs
 from robustid.certify.impulse_tail import tail_bounds
+from robustid.certify.nominal import as_nominal
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.certify.sweep import Progress
-from robustid.certify.worst_case import as_nominal
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import simulate
