@@ -47,9 +47,11 @@ class SupportClaim(Frozen):
     @property
     def _fits(self) -> bool:
         """Whether the multipliers are numbers, as many as the problem asks for."""
-        proof, n = self.certificate, self.sarason.pair.order
-        shapes = proof.samples.shape == self.rows.y.shape and proof.left.shape == proof.right.shape == (
-            n,
-            *proof.left.shape[1:],
+        proof, (high, wide) = self.certificate, self.sarason.shape
+        rank = proof.left.shape[1:]
+        shapes = (proof.samples.shape, proof.left.shape, proof.right.shape) == (
+            self.rows.y.shape,
+            (high, *rank),
+            (wide, *rank),
         )
         return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))

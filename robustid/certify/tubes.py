@@ -206,7 +206,7 @@ class ResponseTube(Frozen):
         problem, count = self.identification.problem, self.u.size
         K, rho, basis = problem.prior.gain_bound, problem.prior.decay_rate, problem.parametric
         first = K * rho ** -float(count)
-        total, largest = tail_bounds(*known_part(self.model, basis, self.identification.parameters), count)
+        total, largest = tail_bounds(*known_part(self.model, self.identification), count)
         sums = [first / (1 - 1 / rho) + float(total[0]), first + float(largest[0])]
         if basis is not None:
             loose = self._reach > 0
