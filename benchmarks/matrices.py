@@ -1,7 +1,7 @@
 """Problems of several channels: all of identify(), stage by stage, and the margin against Clarabel.
 
-Run: OPENBLAS_NUM_THREADS=2 python benchmarks/matrices.py [--full]. A plant of two modes with residues of rank one and a random smooth
-rest, a bound on every entry of every line. Every figure is of a process of its own. --full adds the sizes that take minutes.
+Run: OPENBLAS_NUM_THREADS=2 python benchmarks/matrices.py [--full]. A plant of two modes with residues of rank one and a random
+smooth rest, a bound on every entry of every line. Every figure is of a process of its own. --full adds the sizes that take minutes.
 """
 
 import argparse
@@ -111,7 +111,9 @@ def main():
         found["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
         sys.stdout.write(json.dumps(found) + "\n")
         return
-    print("identify(), two modes, L Taylor coefficients an entry, bounds on all entries of all lines; seconds of the stages")
+    print(
+        "identify(), two modes, L Taylor coefficients an entry, bounds on all entries of all lines; seconds of the stages"
+    )
     stages = ("margin", "centre", "model", "verification")
     print(f"{'plant':>6}{'L':>5}{'lines':>7}{'s':>8}" + "".join(f"{name:>14}" for name in stages), end="")
     print(f"{'GB':>6}{'systems':>9}{'margin':>9}{'width':>8}{'order':>7}")
@@ -126,7 +128,9 @@ def main():
     for p, q, length, lines in PEER if arguments.full else PEER[:2]:
         found = run("margins", (p, q, length, lines))
         print(f"{p}x{q}".rjust(6) + f"{length:5d}{length * (p + q):7d}{found['seconds']:9.3f}", end="")
-        print(f"{found['peer']:12.3f}{found['peer'] / found['seconds']:8.0f}  {abs(found['ours'] - found['theirs']):.0e}")
+        print(
+            f"{found['peer']:12.3f}{found['peer'] / found['seconds']:8.0f}  {abs(found['ours'] - found['theirs']):.0e}"
+        )
 
 
 if __name__ == "__main__":
