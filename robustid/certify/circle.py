@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
-from robustid.certify.value_set import ValueSet
+from robustid.certify.parameters import ParameterIntervals
+from robustid.certify.value_set import ValueSet, norm_of_bounds, schur_bound
 from robustid.identification import Identification
 from robustid.identification.model import parametric_states
 from robustid.interpolation import Prior
@@ -128,6 +129,22 @@ def known_part(model: Any, identification: Identification) -> StateSpace:
     residues = identification.parameters.reshape(-1, *model.D.shape)
     a, b, c, _ = parametric_states(problem, residues)
     return np.asarray(scipy.linalg.block_diag(A, a)), np.vstack([B, b]), np.hstack([C, c])
+
+
+def norms_of_class(
+    identification: Identification, parameters: ParameterIntervals, nominal: np.ndarray, omega: np.ndarray
+) -> np.ndarray:
+    """Bound of the largest singular value of F - nominal from the class and the intervals of the parameters alone, (F,)."""
+    problem, (_, p, q) = identification.problem, nominal.shape
+    known, loose, rounding = -nominal, np.zeros(nominal.shape), np.linalg.norm(nominal, axis=(1, 2))
+    if problem.parametric is not None:
+        functions = problem.parametric.response(omega * problem.dt)
+        reach = parameters.reach(identification.parameters).reshape(-1, p, q)
+        outside = np.tensordot(functions, identification.parameters.reshape(-1, p, q), 1)
+        known, loose = known + outside, np.tensordot(np.abs(functions), reach, 1)
+        rounding = rounding + np.linalg.norm(outside, axis=(1, 2))
+    ball = problem.prior.gain_bound * schur_bound(problem.prior.scales(p, q))
+    return (ball + np.linalg.norm(known, 2, axis=(1, 2)) + norm_of_bounds(loose) + 1e-9 * rounding) * (1 + 1e-9)
 
 
 def interpolant_part(identification: Identification) -> StateSpace:

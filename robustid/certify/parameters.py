@@ -35,6 +35,10 @@ class ParameterIntervals(Frozen):
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("lower", "upper", "attained")})
 
+    def reach(self, parameters: np.ndarray) -> np.ndarray:
+        """How far each coefficient can be from given ones, in the shape of `lower`."""
+        return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
+
 
 def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> ParameterIntervals:
     """Smallest and largest value of every parametric coefficient over the set, to a part `gap`."""

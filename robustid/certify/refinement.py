@@ -9,8 +9,7 @@ import numpy as np
 
 from robustid.certify.circle import CircleBound, Curvature, interpolant_part, known_part
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
-from robustid.certify.value_set import ValueSet, by_frequency, largest_errors, norm_of_bounds
-from robustid.identification.simulation import responses
+from robustid.certify.value_set import ValueSet, by_frequency, norm_of_bounds
 
 if TYPE_CHECKING:
     from robustid.certify.worst_case import WorstCaseError
@@ -54,7 +53,7 @@ def refine(
         limits |= {arc: curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
         bends = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
         bounds = np.maximum(entries[:-1], entries[1:]) + bends
-        bend, bound = norm_of_bounds(bends), norm_of_bounds(bounds)
+        bend, bound = norm_of_bounds(bends), _norms(bounds, upper, bends)
         open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
         values = tuple(one for w in edges.tolist() for one in known[w])
         result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0, values, bounds)
@@ -80,20 +79,24 @@ def supported(error: WorstCaseError, circle: CircleBound) -> bool:
     if not np.array_equal(omega, circle.edges) or _range(error) != (omega[0], omega[-1]):
         return False
     dt, curvature = error.identification.problem.dt, _curvature(error)
-    entries, _, _ = _errors(error, sets)
-    for k, (a, b) in enumerate(itertools.pairwise(circle.edges.tolist())):
-        bend = curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8
-        if not np.all(np.maximum(entries[k], entries[k + 1]) + bend <= circle.entries[k] * (1 + 1e-9)):
-            return False
-    return bool(np.all(norm_of_bounds(circle.entries) <= circle.bound * (1 + 1e-9)))
+    entries, upper, _ = _errors(error, sets)
+    arcs = itertools.pairwise(circle.edges.tolist())
+    bends = np.array([curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8 for a, b in arcs])
+    bounds = np.maximum(entries[:-1], entries[1:]) + bends
+    norms = _norms(bounds, upper, bends)
+    return all(bool(np.all(a <= b * (1 + 1e-9))) for a, b in ((bounds, circle.entries), (norms, circle.bound)))
+
+
+def _norms(bounds: np.ndarray, upper: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """Of the largest singular value on every arc, (C,): from the bounds of the entries, or from those of itself at the ends."""
+    return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
 
 
 def _errors(
     error: WorstCaseError, sets: dict[float, tuple[ValueSet, ...]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Bounds of the entries of F - model, (F, ny, nu), and the bound and an attained one of its largest singular value, (F,)."""
-    nominal = responses(error.model, np.array(list(sets)) * error.identification.problem.dt)
-    found = [largest_errors(one, m) for one, m in zip(sets.values(), nominal, strict=True)]
+    found = error.errors_at(sets)
     sigma = np.array([(e.sigma_upper, e.sigma_lower) for e in found])
     return np.array([e.upper for e in found]), sigma[:, 0], sigma[:, 1]
 
@@ -110,9 +113,9 @@ def _range(error: WorstCaseError) -> tuple[float, float]:
 
 def _curvature(error: WorstCaseError) -> Curvature:
     identification, own = error.identification, error.is_own
-    basis, q = identification.problem.parametric, identification.parameters
+    basis = identification.problem.parametric
     parts = interpolant_part(identification) if own else known_part(error.model, identification)
-    reach = np.maximum(np.abs(error.parameters.lower - q), np.abs(error.parameters.upper - q))
+    reach = error.parameters.reach(identification.parameters)
     functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
     # A reduced interpolant is near the ball, not in it.
     inside = own and identification.sections is None

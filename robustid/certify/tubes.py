@@ -161,8 +161,7 @@ class ResponseTube(Frozen):
     @property
     def _reach(self) -> np.ndarray:
         """How far each parameter can be from that of the identification, (m,)."""
-        q = self.identification.parameters
-        return np.maximum(np.abs(self.parameters.lower - q), np.abs(self.parameters.upper - q))
+        return self.parameters.reach(self.identification.parameters)
 
     @functools.cached_property
     def _errors(self) -> np.ndarray:

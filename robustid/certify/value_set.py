@@ -166,17 +166,17 @@ class Errors(NamedTuple):
     sigma_lower: float
 
 
-def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray) -> Errors:
-    """Of all entries at one frequency, around a nominal value (ny, nu)."""
+def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray, limit: float) -> Errors:
+    """Of all entries at one frequency, around a nominal value (ny, nu); `limit` is a known bound of the largest singular value."""
     sets = {one.entry: one for one in found}
     upper, lower, slack = (np.zeros(nominal.shape) for _ in range(3))
     for entry in np.ndindex(*nominal.shape):
         one = sets[entry] if entry in sets else sets[entry[::-1]]
         upper[entry], lower[entry] = one.farthest(complex(nominal[entry]))
         slack[entry] = one.slack
-    sigma = float(norm_of_bounds(upper))
     if upper.size == 1:
-        return Errors(upper, lower, sigma, float(lower[0, 0]))
+        return Errors(upper, lower, float(upper[0, 0]), float(lower[0, 0]))
+    sigma = min(float(norm_of_bounds(upper)), limit)
     matrices = np.concatenate([one.matrices for one in found])
     reached = np.linalg.norm(matrices[~np.isnan(matrices).any(axis=(1, 2))] - nominal, 2, axis=(1, 2))
     attained = max(float(reached.max(initial=0.0)) - schur_bound(slack), float(lower.max()))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, as_count, as_positive, freeze
-from robustid.certify.circle import CircleBound
+from robustid.certify.circle import CircleBound, norms_of_class
 from robustid.certify.claims import SupportClaim, which
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
 from robustid.certify.nominal import as_frequencies, as_nominal, default_grid
@@ -82,7 +82,14 @@ class WorstCaseError(Frozen):
 
     @functools.cached_property
     def _errors(self) -> tuple[Errors, ...]:
-        return tuple(largest_errors(sets, m) for sets, m in zip(self._sets_at.values(), self._nominal, strict=True))
+        return self.errors_at(self._sets_at)
+
+    def errors_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
+        """Bounds of F - model at frequencies, from the value sets of their entries."""
+        omega = np.array(list(sets))
+        nominal = responses(self.model, omega * self.identification.problem.dt)
+        limits = norms_of_class(self.identification, self.parameters, nominal, omega)
+        return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
 
     def _of_channels(self, array: np.ndarray) -> np.ndarray:
         """(F, ny, nu, ...), without the axes of the channels where there is one."""
@@ -112,10 +119,12 @@ class WorstCaseError(Frozen):
 
     @property
     def sigma_upper(self) -> np.ndarray:
-        """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`.
+        """Guaranteed bound of the largest singular value of F - model, (F,).
 
-        No entry exceeds the norm of its matrix, hence this is at most sqrt(ny nu)/cos(pi/directions) times the truth, nearly, and
-        close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at least.
+        The norm of the matrix `upper`, or what the class allows whatever the data are, ||G|| + ||q'P - model|| + ||(p - q)'P||,
+        if that is less. No entry exceeds the norm of its matrix, hence it is at most sqrt(ny nu)/cos(pi/directions) times the
+        truth, nearly, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at
+        least.
         """
         return freeze(np.array([e.sigma_upper for e in self._errors]))
 
@@ -274,12 +283,9 @@ class WorstCaseError(Frozen):
         ]
         if not self.identification.problem.entries.single:
             _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
-            lines.append(
-                "norm       largest singular value of F - model, at most the norm of the bounds of its entries"
-            )
-            lines.append(
-                f"entry      at most {self.upper.max():.4g}{which(self.identification.problem, (output, input))}"
-            )
+            name = which(self.identification.problem, (output, input))
+            lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
+            lines.append(f"entry      at most {self.upper.max():.4g}{name}")
         for w, high, low, label in self.worst():
             lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
         if any(note.startswith("Modes taken") for note in self.identification.notes):
