@@ -7,7 +7,15 @@ import dataclasses
 import numpy as np
 
 from robustid._arrays import Frozen
-from robustid.interpolation import Functional, Rows, SarasonMap, SupportCertificate, verify_support_exactly
+from robustid.identification.residuals import entry_name
+from robustid.interpolation import (
+    Functional,
+    MixedProblem,
+    Rows,
+    SarasonMap,
+    SupportCertificate,
+    verify_support_exactly,
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,3 +63,9 @@ class SupportClaim(Frozen):
             (wide, *rank),
         )
         return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))
+
+
+def which(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:
+    """An entry in words that follow others; none of one channel."""
+    name = entry_name(problem, entry)
+    return f" ({name})" if name else ""

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid._arrays import Frozen
 from robustid.bases import input_normal_pair, solve_stein
-from robustid.errors import InconsistentDataError
+from robustid.errors import InconsistentDataError, InputError
 from robustid.identification import Identification
 from robustid.identification.forms import Posed, pose
 from robustid.interpolation import (
@@ -206,8 +206,10 @@ def independent_entries(entries: Entries) -> list[Entry]:
     return [(a, b) for a, b in places if a <= b or not entries.symmetric]
 
 
-def of_entry(problem: MixedProblem, entry: Entry) -> str:
-    """Which entry, in words to follow others; none of one channel."""
-    if problem.entries.single:
-        return ""
-    return f", from {problem.inputs[entry[1]].name} to {problem.outputs[entry[0]].name}"
+def check_one_channel(problem: MixedProblem, what: str) -> None:
+    """Refuse matrices, and say the way out."""
+    if not problem.entries.single:
+        raise InputError(
+            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
+            " Identify an entry by itself, from frf.channel(output, input), and take that"
+        )

@@ -97,11 +97,15 @@ def unpack_values(
     ends = np.cumsum(arrays["sides"])
     shape = entries.outputs, entries.inputs
     points = arrays["points"].reshape(-1, *shape)
-    if {len(certificates), arrays["support"].size, len(points)} != {int(ends[-1]) if ends.size else 0}:
+    # Of several channels every polygon comes with one more value than it has sides.
+    more = 0 if entries.single else 1
+    total = int(ends[-1]) if ends.size else 0
+    if (len(certificates), arrays["support"].size, len(points)) != (total, total, total + more * ends.size):
         raise ValueError("its polygons and certificates differ in number")
     expected = independent_entries(entries)
     places = arrays.get("entry", np.zeros((ends.size, 2), int))  # files of one channel may have none
-    if len(places) % len(expected) or not np.array_equal(places, expected * (len(places) // len(expected))):
+    repeated = np.reshape(expected * (len(places) // len(expected)), (-1, 2))
+    if not np.array_equal(places, repeated):
         raise ValueError("its polygons are not those of all entries, one after the other")
     if np.any(np.ptp(arrays["omega"].reshape(-1, len(expected)), axis=1)):
         raise ValueError("the polygons of its entries are not at the same frequencies")
@@ -109,9 +113,10 @@ def unpack_values(
     for k, end in enumerate(ends):
         at = slice(end - angles[k].size, end)
         omega, slack = float(arrays["omega"][k]), float(arrays["slack"][k])
-        entry = expected[k % len(expected)]
-        proved = omega, angles[k], arrays["support"][at], points[at][:, *entry], slack, certificates[at]
-        found.append(ValueSet(*proved, entry, points[at]))
+        entry, matrices = expected[k % len(expected)], points[at.start + more * k : at.stop + more * (k + 1)]
+        attained = matrices[: angles[k].size, *entry]
+        proved = omega, angles[k], arrays["support"][at], attained, slack, certificates[at]
+        found.append(ValueSet(*proved, entry, matrices))
     return found
 
 

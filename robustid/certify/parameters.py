@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.certify.claims import SupportClaim
-from robustid.certify.consistent_set import ConsistentSet, independent_entries, of_entry
+from robustid.certify.claims import SupportClaim, which
+from robustid.certify.consistent_set import ConsistentSet, independent_entries
 from robustid.interpolation import Functional, SupportCertificate
 
 
@@ -59,8 +59,9 @@ def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> Paramet
 def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:
     """What the intervals say, end by end."""
     data, problem = consistent.data, consistent.posed.problem
-    basis, entries, nothing = problem.parametric, problem.entries, np.zeros(data.sarason.size)
-    size, proofs = 0 if basis is None else basis.size, iter(found.certificates)
+    labels = () if problem.parametric is None else problem.parametric.labels
+    size, entries, nothing = len(labels), problem.entries, np.zeros(data.sarason.size)
+    proofs = iter(found.certificates)
     if len(found.certificates) != 2 * size * entries.count:
         raise ValueError("its intervals and their certificates differ in number")
     stated = np.stack([-found.lower, found.upper], axis=-1).reshape(size, entries.outputs, entries.inputs, 2)
@@ -68,6 +69,6 @@ def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> It
         both = (entry, entry[::-1]) if entries.symmetric else (entry,)
         for index, side in np.ndindex(size, 2):
             functional = Functional(nothing, (2.0 * side - 1) * consistent.parameter_weights(index, entry))
-            name = f"{'upper' if side else 'lower'} end of the coefficient of {basis.labels[index]}{of_entry(problem, entry)}"
+            name = f"{'upper' if side else 'lower'} end of the coefficient of {labels[index]}{which(problem, entry)}"
             value = min(float(stated[index, *place, side]) for place in both)
             yield SupportClaim(name, functional, value, next(proofs), data.rows, data.sarason)

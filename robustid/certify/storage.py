@@ -11,12 +11,13 @@ import numpy as np
 from robustid._arrays import as_count
 from robustid._version import __version__
 from robustid.certify.circle import CircleBound
+from robustid.certify.nominal import as_nominal
 from robustid.certify.packing import Arrays, pack_certificates, pack_values, part, unpack_certificates, unpack_values
 from robustid.certify.parameters import ParameterIntervals
 from robustid.certify.pole_band import PoleBand
 from robustid.certify.pole_cells import PoleCell, box_of
 from robustid.certify.pole_proofs import KeptCell, RefutedCell
-from robustid.certify.worst_case import WorstCaseError, as_nominal
+from robustid.certify.worst_case import WorstCaseError
 from robustid.identification import Identification
 from robustid.identification.loading import read, rebuild, usable
 from robustid.identification.storage import describe, write

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.certify.claims import SupportClaim
-from robustid.certify.consistent_set import ConsistentSet, Entry, independent_entries, of_entry
+from robustid.certify.claims import SupportClaim, which
+from robustid.certify.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
 from robustid.interpolation import Functional, SupportCertificate
 
 
@@ -35,8 +35,8 @@ class ValueSet(Frozen):
     certificates : tuple of SupportCertificate
     entry : (int, int)
         Output and input.
-    matrices : (m, ny, nu) complex array
-        The whole values of the systems of `points`.
+    matrices : (m, ny, nu) complex array; of several channels (m + 1, ny, nu)
+        The whole values of the systems of `points`, and of one more that is far from the centre in the largest singular value.
     """
 
     omega: float
@@ -96,25 +96,39 @@ def directions_at(omega: float, dt: float, count: int) -> np.ndarray:
 
 
 def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> tuple[ValueSet, ...]:
-    """Support function and attained points at one frequency, of every independent entry."""
+    """Support function and attained points at one frequency, of every independent entry.
+
+    Of several channels each entry is followed by a step towards the largest singular value of F - C, C the value of the centre:
+    with the singular vectors of the farthest value so far, the largest Re u'(F - C)v over the set is no smaller.
+    """
     angles = directions_at(omega, consistent.posed.problem.dt, directions)
     here, entries = consistent.with_node(omega), consistent.posed.problem.entries
-    weights = {entry: here.value_weights(omega, entry) for entry in np.ndindex(entries.outputs, entries.inputs)}
-    found = []
+    shape = entries.outputs, entries.inputs
+    parts = [here.value_weights(omega, entry) for entry in np.ndindex(*shape)]
+    x, p, tail = (np.stack(part) for part in zip(*parts, strict=True))
+
+    def value(found: Extreme) -> np.ndarray:
+        return (x @ found.x + p @ found.p if np.isfinite(found.attained) else np.full(tail.size, np.nan)).reshape(shape)
+
+    sets, nothing = [], np.full(shape, np.nan)
+    centre, farthest = (x @ here.center.x + p @ here.center.p).reshape(shape), nothing
     for entry in independent_entries(entries):
-        x, p, tail = weights[entry]
-        support, certificates = np.zeros(angles.size), []
-        matrices = np.full((angles.size, entries.outputs, entries.inputs), np.nan, complex)
-        for k, angle in enumerate(angles):
-            best = here.extreme(_along(angle, x, p, tail), gap)
-            support[k] = best.upper
-            if np.isfinite(best.attained):
-                for place, (a, b, _) in weights.items():
-                    matrices[k, *place] = a @ best.x + b @ best.p
-            certificates.append(best.certificate)
-        points = matrices[:, *entry]
-        found.append(ValueSet(omega, angles, support, points, tail, tuple(certificates), entry, matrices))
-    return tuple(found)
+        k = int(np.ravel_multi_index(entry, shape))
+        found = [here.extreme(_along(angle, x[k], p[k], tail[k]), gap) for angle in angles]
+        matrices = [value(one) for one in found]
+        if not entries.single:
+            farthest = max([farthest, *matrices], key=lambda one: np.nan_to_num(np.linalg.norm(one - centre)))
+            farthest = (
+                nothing
+                if np.isnan(farthest).any()
+                else value(here.extreme(_outwards(farthest - centre, x, p, tail), gap))
+            )
+            matrices.append(farthest)
+        matrices = np.array(matrices)
+        support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
+        points = matrices[: angles.size, *entry]
+        sets.append(ValueSet(omega, angles, support, points, float(tail[k]), proofs, entry, matrices))
+    return tuple(sets)
 
 
 def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
@@ -133,7 +147,7 @@ def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[Su
         # Else the corners of the polygon are not where they are said to be.
         even = one.omega == omega and np.array_equal(angles, one.directions)
         for k, (angle, support, proof) in enumerate(zip(angles, one.support, one.certificates, strict=even)):
-            name = f"{omega:.6g} rad/s{of_entry(problem, one.entry)}, direction {k + 1} of {angles.size}"
+            name = f"{omega:.6g} rad/s{which(problem, one.entry)}, direction {k + 1} of {angles.size}"
             stated = float(support) if even else -np.inf
             yield SupportClaim(name, _along(angle, x, p, tail), stated, proof, here.data.rows, here.data.sarason)
 
@@ -155,19 +169,18 @@ class Errors(NamedTuple):
 def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray) -> Errors:
     """Of all entries at one frequency, around a nominal value (ny, nu)."""
     sets = {one.entry: one for one in found}
-    upper, lower, slack = np.zeros((3, *nominal.shape))
+    upper, lower, slack = (np.zeros(nominal.shape) for _ in range(3))
     for entry in np.ndindex(*nominal.shape):
         one = sets[entry] if entry in sets else sets[entry[::-1]]
-        upper[entry], lower[entry] = one.farthest(nominal[entry])
+        upper[entry], lower[entry] = one.farthest(complex(nominal[entry]))
         slack[entry] = one.slack
     sigma = float(norm_of_bounds(upper))
     if upper.size == 1:
         return Errors(upper, lower, sigma, float(lower[0, 0]))
     matrices = np.concatenate([one.matrices for one in found])
-    matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    reached = float(np.linalg.norm(matrices - nominal, 2, axis=(1, 2)).max()) if matrices.size else 0.0
-    reached = max(reached - schur_bound(slack), float(lower.max()))
-    return Errors(upper, lower, sigma, min(reached, sigma))
+    reached = np.linalg.norm(matrices[~np.isnan(matrices).any(axis=(1, 2))] - nominal, 2, axis=(1, 2))
+    attained = max(float(reached.max(initial=0.0)) - schur_bound(slack), float(lower.max()))
+    return Errors(upper, lower, sigma, min(attained, sigma))
 
 
 def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
@@ -177,9 +190,9 @@ def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
     """
     if bounds.shape[-2:] == (1, 1):
         return bounds[..., 0, 0]
-    finite = np.isfinite(bounds).all(axis=(-2, -1))
-    norm = np.linalg.norm(np.where(finite[..., None, None], bounds, 0.0), 2, axis=(-2, -1)) * (1 + 1e-12)
-    return np.where(finite, norm, np.inf)
+    infinite = np.max(bounds, axis=(-2, -1)) == np.inf
+    norm = np.linalg.norm(np.where(bounds == np.inf, 0.0, bounds), 2, axis=(-2, -1)) * (1 + 1e-12)
+    return np.where(infinite, np.inf, norm)
 
 
 def schur_bound(scales: np.ndarray) -> float:
@@ -196,3 +209,10 @@ def _along(angle: float, x: np.ndarray, p: np.ndarray, tail: float) -> Functiona
     """Re(exp(-j angle) F)."""
     turn = np.exp(-1j * angle)
     return Functional(np.real(turn * x), np.real(turn * p), tail)
+
+
+def _outwards(error: np.ndarray, x: np.ndarray, p: np.ndarray, tail: np.ndarray) -> Functional:
+    """Re u'Fv with the first singular vectors of an error."""
+    left, _, right = np.linalg.svd(error)
+    weights = np.outer(left[:, 0].conj(), right[0].conj()).ravel()
+    return Functional(np.real(weights @ x), np.real(weights @ p), float(np.abs(weights) @ tail))

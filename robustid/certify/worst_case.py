@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
+from robustid._arrays import Frozen, as_count, as_positive, freeze
 from robustid.certify.circle import CircleBound
-from robustid.certify.claims import SupportClaim
+from robustid.certify.claims import SupportClaim, which
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
+from robustid.certify.nominal import as_frequencies, as_nominal, default_grid
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.certify.refinement import refine, supported
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
@@ -21,11 +23,9 @@ from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import responses
-from robustid.interpolation import MixedProblem
 from robustid.solve import threads_for
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
-_GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -154,7 +154,7 @@ class WorstCaseError(Frozen):
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
         consistent = self._consistent
         yield from parameter_claims(consistent, self.parameters)
-        for sets in by_frequency(self._sets()).values():
+        for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
             yield from value_set_claims(consistent, *sets)
 
     @property
@@ -235,20 +235,12 @@ class WorstCaseError(Frozen):
         labels = [
             f"{r.kind} {r.index + 1} at "
             + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
-            + self._where(r.entry)
+            + which(self.identification.problem, r.entry)
             for r in self.identification.residuals
             for at in r.axis
         ]
         rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
         return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
-
-    def _where(self, entry: tuple[int | None, int | None]) -> str:
-        """Which channels a residual is of, in words to follow others; none of one channel."""
-        problem = self.identification.problem
-        if problem.entries.single:
-            return ""
-        ends = zip((" to ", " from "), (problem.outputs, problem.inputs), entry, strict=True)
-        return "".join(word + channels[number].name for word, channels, number in ends if number is not None)
 
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
@@ -277,11 +269,13 @@ class WorstCaseError(Frozen):
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
         if not self.identification.problem.entries.single:
-            entry = np.unravel_index(int(np.argmax(self.upper)), self.upper.shape)
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
             lines.append(
                 "norm       largest singular value of F - model, at most the norm of the bounds of its entries"
             )
-            lines.append(f"entry      the largest bound of an entry{self._where(entry[1:])}: {self.upper[entry]:.4g}")
+            lines.append(
+                f"entry      at most {self.upper.max():.4g}{which(self.identification.problem, (output, input))}"
+            )
         for w, high, low, label in self.worst():
             lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
         if any(note.startswith("Modes taken") for note in self.identification.notes):
@@ -386,61 +380,3 @@ def worst_case_error(
         directions=directions,
         gap=gap,
     )
-
-
-def as_nominal(model: Any, identification: Identification) -> Any:
-    """The model, checked: the channels and the dt of the data, stable (integrators where the parametric part has them)."""
-    import control
-
-    if model is None:
-        return identification.model
-    if not isinstance(model, control.StateSpace):
-        raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
-    dt, entries = identification.problem.dt, identification.problem.entries
-    if (model.ninputs, model.noutputs) != (entries.inputs, entries.outputs):
-        wanted = (
-            "one input and one output" if entries.single else f"{entries.inputs} inputs and {entries.outputs} outputs"
-        )
-        raise InputError(f"`model` must have {wanted}; got {model.ninputs} and {model.noutputs}")
-    if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
-        raise InputError(f"`model` must be discrete-time with the dt of the data, {dt:g} s; got dt = {model.dt}")
-    poles = np.linalg.eigvals(model.A) if model.nstates else np.zeros(0)
-    basis = identification.problem.parametric
-    allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
-    if np.any(np.abs(poles[~allowed]) >= 1):
-        raise InputError(
-            f"`model` must be stable: its error could not be bounded; got a pole of modulus {np.abs(poles[~allowed]).max():.6g}"
-        )
-    return model
-
-
-def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
-    """Frequencies in rad/s, checked and sorted."""
-    grid = np.unique(np.atleast_1d(as_array("omega", omega)))
-    dt, basis = problem.dt, problem.parametric
-    if grid.size == 0:
-        raise InputError("`omega` is empty; give at least one frequency")
-    if grid[0] < 0 or grid[-1] * dt > np.pi * (1 + 1e-9):
-        bad = grid[0] if grid[0] < 0 else grid[-1]
-        raise InputError(f"`omega` must lie between 0 and pi/dt = {np.pi / dt:g} rad/s (not Hz); got {bad:g}")
-    if basis is not None and basis.has_integrator and grid[0] == 0:
-        raise InputError("`omega` must not contain 0: the integrator of the parametric part is infinite there")
-    return np.minimum(grid, np.pi / dt)
-
-
-def default_grid(identification: Identification) -> np.ndarray:
-    """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
-    problem = identification.problem
-    top, basis = np.pi / problem.dt, problem.parametric
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
-    grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
-    if basis is not None:
-        poles = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
-        for pole in np.unique(np.round(poles, 12)):
-            width = -np.log(np.abs(pole)) * np.array([-2, -1, -0.5, 0, 0.5, 1, 2])
-            grid.append((np.angle(pole) + width) / problem.dt)
-    grid = np.concatenate(grid)
-    if basis is not None and basis.has_integrator and lines.size:
-        grid = grid[grid >= lines.min()]
-    return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))

@@ -260,20 +260,19 @@ class Identification(Frozen):
         outside = parametric_values(self.problem, self._posed.data.rows, self.scaled_parameters, angles)
         return K * scales * centre + outside, K * left, right
 
+    def limiting(self, share: float = 0.01) -> list[tuple[Residual, int, float]]:
+        """As `conflicting_samples`: the `residuals` that a sample belongs to, its number among them, and its share."""
+        places = [(r, k) for r in self.residuals for k in range(r.axis.size)]
+        weights = self.certificate.shares(self._posed.data.rows)
+        return [(*places[k], float(weights[k])) for k in np.argsort(-weights) if weights[k] >= share]
+
     def conflicting_samples(self, share: float = 0.01) -> list[tuple[str, int, float, float]]:
         """Samples that carry the proof: (kind, experiment, rad/s or s, share), largest first.
 
         The shares are the weights |l_k| of the certificate, which sum to one. For inconsistent data these samples alone
         contradict the class; for consistent ones they are what keeps the margin from being smaller.
         """
-        return [(r.kind, r.index, at, weight) for r, at, weight in self._limiting(share)]
-
-    def _limiting(self, share: float) -> list[tuple[Residual, float, float]]:
-        """The residuals that these samples belong to, where, and their shares."""
-        labels = [(r, float(at)) for r in self.residuals for at in r.axis]
-        weights = self.certificate.shares(self._posed.data.rows)
-        order = np.argsort(-weights)
-        return [(*labels[k], float(weights[k])) for k in order if weights[k] >= share]
+        return [(r.kind, r.index, float(r.axis[k]), weight) for r, k, weight in self.limiting(share)]
 
     def require(self) -> Identification:
         """The result itself if the data are consistent and every check holds; an exception otherwise."""
@@ -311,7 +310,8 @@ class Identification(Frozen):
             f"{'verified' if check.holds else 'FAILED':<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})"
             for check in self.verification.checks
         ]
-        for residual, at, share in self._limiting(0.02)[:6]:
+        for residual, k, share in self.limiting(0.02)[:6]:
+            at = residual.axis[k]
             place = f"{at / (2 * np.pi):.5g} Hz" if residual.kind == "frequency" else f"{at:.5g} s"
             name = entry_name(problem, residual.entry)
             where = f"{residual.kind} experiment {residual.index + 1}{f' ({name})' if name else ''} at {place}"

@@ -23,7 +23,7 @@ def orthonormal_columns(stacked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def smallest_maximum(
-    G: np.ndarray, y: np.ndarray, discs: int, first: np.ndarray, reach: np.ndarray
+    G: np.ndarray, y: np.ndarray, discs: int, first: np.ndarray, reach: np.ndarray, cone: np.ndarray | None = None
 ) -> tuple[np.ndarray, float]:
     """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j, and that maximum.
 
@@ -35,6 +35,8 @@ def smallest_maximum(
         Where to start; |first_j| < reach_j.
     reach : (m,) array
         inf where v is free.
+    cone : (N,) int array, optional
+        Number of the bound of each sample, whose norm counts where several share one; default: each has its own.
     """
     count, stacked = y.size, np.concatenate([np.real(G), np.imag(G[:discs])])
     U, V = orthonormal_columns(stacked)
@@ -43,16 +45,18 @@ def smallest_maximum(
     held = np.isfinite(reach)
     rows = np.vstack([complex_rows, V[held] / reach[held, None]])
     q = U.T @ (stacked @ first)
-    worst = float(np.abs(y - complex_rows @ q).max(initial=0.0))
+    bounds = count if cone is None else int(cone.max(initial=-1)) + 1
+    cones = Cones(bounds, None if bounds == count else cone)
+    worst = float(cones.size(y - complex_rows @ q).max(initial=0.0))
     floor = 1e3 * np.finfo(float).eps * max(1.0, float(np.abs(y).max(initial=0.0)))
     if worst <= floor or not q.size:
         return first, worst
-    ones, zeros = np.ones(count), np.zeros(count)
+    ones, zeros = np.ones(cones.count), np.zeros(cones.count)
     limits = np.concatenate([zeros, np.ones(held.sum())]), np.concatenate([ones, np.zeros(held.sum())])
     program = Program(
         SymmetricBall(DenseMap(np.zeros((0, 0, 0)))),
         DenseDesign(rows, discs),
-        Cones(rows.shape[0]),
+        cones.followed_by(int(held.sum())),
         np.concatenate([y, np.zeros(held.sum())]),
         Limits((1.0, 0.0), limits),
         1.0,
@@ -60,7 +64,7 @@ def smallest_maximum(
     )
     best, value = q, worst
     for at in path(program, start(program, q, 1.2 * worst)):
-        reached = float(np.abs(y - complex_rows @ at.v).max())
+        reached = float(cones.size(y - complex_rows @ at.v).max())
         if reached < value:
             best, value = at.v, reached
         if at.estimate < _GAP * at.t or at.t <= floor:

@@ -1,10 +1,15 @@
-"""The samples of a problem as a linear map of what a model puts out, in units of their bounds."""
+"""The samples of a problem as a linear map of what a model puts out, in units of their bounds.
+
+A model is seen from its side with fewer channels: its heads; the others are its tails. With fewer inputs than outputs that is
+the transposed model: its heads are the inputs. Every entry is then c_i (zI - A)^-1 x_j of a head i and a tail j.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -12,69 +17,90 @@ import scipy.linalg
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.ellipses import tilted
 from robustid.interpolation import MixedProblem
-from robustid.interpolation.assembly import initial_state
+from robustid.interpolation.assembly import initial_state, measured_entries
 from robustid.interpolation.problem import excited_lines
+
+Signals = list[np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """One experiment: the signal that enters the model, and how the samples are read from what comes out.
+    """One experiment: the signals that enter the model, and how the samples are read from what comes out.
 
     Attributes
     ----------
-    signal : (L,) array
-        Ones at the lines, the spectrum of a periodic input at its lines, or the input in time.
+    signal : (L, q) array
+        Ones at the lines, the spectrum of periodic inputs at their lines, or the inputs in time.
     points : (L,) complex array or None
-        The z of the lines; None: the signal is one of time, from rest.
+        The z of the lines; None: the signals are ones of time, from rest.
     rows : callable
-        From outputs (L, m) to samples (N, m), divided by the bounds.
+        From what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds.
     y : (N,) complex array
         The measured samples, divided by the bounds.
     free : (N, k) array
         Free responses that an unknown initial state allows, divided by the bounds.
+    cone : (N,) int array
+        Number of the bound of every sample.
     """
 
     signal: np.ndarray
     points: np.ndarray | None
-    rows: Callable[[np.ndarray], np.ndarray]
+    rows: Callable[[int, int, np.ndarray], np.ndarray]
     y: np.ndarray
     free: np.ndarray
+    cone: np.ndarray
 
-    def behind(self, signal: np.ndarray, pole: complex) -> np.ndarray:
-        """The response of 1/(z - pole), (L,)."""
+    def behind(self, signals: np.ndarray, pole: complex) -> np.ndarray:
+        """The responses of 1/(z - pole), (L, m)."""
         if self.points is None:
             import scipy.signal
 
-            return np.asarray(scipy.signal.lfilter([0.0, 1.0], [1.0, -pole], signal))
-        return signal / (self.points - pole)
+            return np.asarray(scipy.signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0))
+        return signals / (self.points - pole)[:, None]
 
-    def states(self, A: np.ndarray, c: np.ndarray, signal: np.ndarray) -> np.ndarray:
-        """The responses of the row c (zI - A)^-1, (L, n): complex Schur form, forward substitution."""
+    def states(self, A: np.ndarray, c: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        """The responses of the row c (zI - A)^-1 to each signal, (L, m, n): complex Schur form, forward substitution."""
         T, Q = scipy.linalg.schur(A, output="complex")[:2]
         into = c @ Q
-        v = np.empty((signal.size, into.size), complex)
+        v = np.empty((*signals.shape, into.size), complex)
         for j in range(into.size):
-            v[:, j] = self.behind(into[j] * signal + v[:, :j] @ T[:j, j], T[j, j])
+            v[..., j] = self.behind(into[j] * signals + v[..., :j] @ T[:j, j], T[j, j])
         v = v @ Q.conj().T
         return v.real if self.points is None else v
 
     def integrals(self, count: int) -> np.ndarray:
-        """The responses of 1/(z - 1), 1/(z - 1)^2, ..., (L, count)."""
-        out = np.empty((self.signal.size, count), self.signal.dtype)
-        signal = self.signal
-        for k in range(count):
-            out[:, k] = signal = self.behind(signal, 1.0)
-        return out
+        """The signals and their responses of 1/(z - 1), 1/(z - 1)^2, ..., (L, q, 1 + count)."""
+        out = [self.signal]
+        for _ in range(count):
+            out.append(self.behind(out[-1], 1.0))
+        return np.stack(out, axis=2)
 
 
 @dataclasses.dataclass(frozen=True)
 class SampleMap:
-    """All experiments of a problem, frequency lines first; `integrators` poles at z = 1 belong to every model."""
+    """All experiments of a problem, frequency lines first; `integrators` poles at z = 1 belong to every entry of a model."""
 
     tracks: tuple[Track, ...]
     discs: int
     dt: float
     integrators: int
+    outputs: int
+    inputs: int
+
+    @property
+    def flipped(self) -> bool:
+        """Whether the heads are the inputs."""
+        return self.inputs < self.outputs
+
+    @property
+    def heads(self) -> int:
+        """Channels of the side with fewer."""
+        return min(self.outputs, self.inputs)
+
+    @property
+    def tails(self) -> int:
+        """Channels of the other side."""
+        return max(self.outputs, self.inputs)
 
     @functools.cached_property
     def y(self) -> np.ndarray:
@@ -82,19 +108,80 @@ class SampleMap:
         return np.concatenate([track.y for track in self.tracks]).astype(complex)
 
     @functools.cached_property
+    def cone(self) -> np.ndarray:
+        """Number of the bound of every sample, (N,)."""
+        starts = np.cumsum([0, *(track.cone.max() + 1 for track in self.tracks)])
+        return np.concatenate([start + t.cone for start, t in zip(starts, self.tracks, strict=False)])
+
+    @functools.cached_property
     def fixed(self) -> np.ndarray:
-        """Columns that no pole changes, (N, k): feed-through, integrators, free responses."""
-        direct = [t.rows(np.column_stack([t.signal, t.integrals(self.integrators)])) for t in self.tracks]
+        """Columns that no pole changes, (N, k): feed-through by entry, integrators by power and entry, free responses."""
+        direct = []
+        for track in self.tracks:
+            parts = track.integrals(self.integrators)
+            each = [
+                track.rows(output, input, parts[:, input])
+                for output in range(self.outputs)
+                for input in range(self.inputs)
+            ]
+            direct.append(np.stack(each, axis=2).reshape(track.y.size, -1))
         return np.hstack([np.vstack(direct), np.asarray(scipy.linalg.block_diag(*(t.free for t in self.tracks)))])
 
-    def signals(self) -> list[np.ndarray]:
-        """What enters the model, by experiment."""
-        return [t.signal for t in self.tracks]
+    @functools.cached_property
+    def weights(self) -> np.ndarray:
+        """What a unit at each head is in units of the bounds, (heads,)."""
+        found = np.zeros((self.heads, self.tails))
+        for track in self.tracks:
+            ones = np.ones((track.signal.shape[0], 1))
+            for i, j in np.ndindex(found.shape):
+                found[i, j] = np.hypot(found[i, j], np.linalg.norm(self.read(track, i, j, ones)))
+        return found.max(axis=1)
 
-    def columns(self, A: np.ndarray, c: np.ndarray, signals: list[np.ndarray]) -> np.ndarray:
-        """Samples of c (zI - A)^-1 driven by these signals, (N, n)."""
-        states = [t.rows(t.states(A, c, s)) for t, s in zip(self.tracks, signals, strict=True)]
-        return np.vstack(states)
+    def read(self, track: Track, head: int, tail: int, out: np.ndarray) -> np.ndarray:
+        """Samples (N, m) of what the entry of a head and a tail puts out, (L, m)."""
+        return track.rows(tail, head, out) if self.flipped else track.rows(head, tail, out)
+
+    def into(self, track: Track, head: int) -> np.ndarray:
+        """The signals that enter the entries of a head, (L, tails)."""
+        if self.flipped:
+            return np.broadcast_to(track.signal[:, head : head + 1], (track.signal.shape[0], self.tails))
+        return track.signal
+
+    def columns(self, A: np.ndarray, C: np.ndarray) -> np.ndarray:
+        """Samples of the entries C (zI - A)^-1 x_j for unit vectors x_j, one tail after the other, (N, tails n)."""
+        parts = []
+        for track in self.tracks:
+            each = np.zeros((track.y.size, self.tails, A.shape[0]), complex)
+            for i, c in enumerate(C):
+                states = track.states(A, c, self.into(track, i))
+                for j in range(self.tails):
+                    each[:, j] += self.read(track, i, j, states[:, j])
+            parts.append(each.reshape(track.y.size, -1))
+        return np.vstack(parts)
+
+    def outputs_of(self, A: np.ndarray, C: np.ndarray, X: np.ndarray) -> Signals:
+        """What C_k (zI - A)^-1 x_j makes of the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
+
+        With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
+        """
+        out = []
+        for track in self.tracks:
+            signals = [self.into(track, i) for i in range(self.heads if self.flipped else 1)]
+            states = np.array([[track.states(A, c, one) for c in C] for one in signals])
+            out.append(np.einsum("iklja,aj->ilkj", states, X))
+        return out
+
+    def samples_of(self, outputs: Signals) -> np.ndarray:
+        """The samples of what the entries put out, (N,)."""
+        found = []
+        for track, out in zip(self.tracks, outputs, strict=True):
+            entries = np.ndindex(self.heads, self.tails)
+            found.append(sum(self.read(track, i, j, out[i % len(out), :, i, j, None])[:, 0] for i, j in entries))
+        return np.concatenate(found)
+
+    def sizes(self, error: np.ndarray) -> np.ndarray:
+        """The norm of the errors under each bound."""
+        return np.sqrt(np.bincount(self.cone, np.abs(error) ** 2))
 
     def real(self, a: np.ndarray) -> np.ndarray:
         """Real rows of complex ones: real parts of all samples, then imaginary parts of the discs."""
@@ -106,7 +193,7 @@ class SampleMap:
         low, high = [], []
         for track in self.tracks:
             if track.points is None:
-                low.append(np.pi / max(track.signal.size, 2))
+                low.append(np.pi / max(track.signal.shape[0], 2))
                 high.append(np.pi)
             elif np.any(turn := np.abs(np.angle(track.points)) > 0):
                 angles = np.abs(np.angle(track.points[turn]))
@@ -117,38 +204,106 @@ class SampleMap:
 
 def sample_map(problem: MixedProblem, integrators: int) -> SampleMap:
     """The samples of a problem as the judge `largest_ratio` takes them."""
-    tracks = [_line_track(f, problem) for f in problem.frequency]
-    for record in problem.time:
-        tracks.append(_periodic_track(record) if record.initial == "periodic" else _time_track(record, problem))
-    discs = sum(f.omega.size for f in problem.frequency)
-    return SampleMap(tuple(tracks), discs, problem.dt, integrators)
+    lines = [_line_track(f, problem) for f in problem.frequency]
+    records = [
+        _periodic_track(record) if record.initial == "periodic" else _time_track(record, problem)
+        for record in problem.time
+    ]
+    discs = sum(track.y.size for track in lines)
+    size = problem.entries.outputs, problem.entries.inputs
+    return SampleMap((*lines, *records), discs, problem.dt, integrators, *size)
 
 
-def _line_track(frf: FrequencyResponse, problem: MixedProblem) -> Track:
-    bound = frf.bound[:, 0, 0]
-    tilt = None if frf.tilt is None else frf.tilt[:, 0, 0]
-    points = np.exp(1j * frf.omega * problem.dt)
-    y = tilted(frf.values[:, 0, 0], tilt) / bound
-    none = np.zeros((points.size, 0))
-    return Track(np.ones(points.size, complex), points, lambda v: tilted(v, tilt) / bound[:, None], y, none)
+def _line_track(frf: Any, problem: MixedProblem) -> Track:
+    """A sample is sum_ij W_ij G_ij at its line, tilted where its bound is an ellipse."""
+    lines, points = frf.omega.size, np.exp(1j * frf.omega * problem.dt)
+    p, q = problem.entries.outputs, problem.entries.inputs
+    if not isinstance(frf, FrequencyResponse):
+        at, W, y, tilt = _directions(frf)
+        cone = np.arange(y.size)
+    elif frf.joint == "matrix":
+        white = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid))
+        W = white.reshape(lines * p * q, q, p).swapaxes(1, 2)
+        y = (white @ frf.values.swapaxes(1, 2).reshape(lines, p * q, 1)).ravel()
+        at = cone = np.repeat(np.arange(lines), p * q)
+        tilt = None
+    else:
+        at, i, j = np.nonzero(np.isfinite(frf.bound))
+        bound = frf.bound[at, i, j]
+        W = np.zeros((at.size, p, q))
+        W[np.arange(at.size), i, j] = 1 / bound
+        tilt = None if frf.tilt is None else frf.tilt[at, i, j]
+        y = tilted(frf.values[at, i, j] / bound, tilt)
+        cone = np.unique(at * q + j, return_inverse=True)[1] if frf.joint == "column" else np.arange(at.size)
+
+    def rows(output: int, input: int, out: np.ndarray) -> np.ndarray:
+        return tilted(out[at] * W[:, output, input, None], tilt)
+
+    return Track(np.ones((lines, q), complex), points, rows, y, np.zeros((y.size, 0)), cone)
+
+
+def _directions(frf: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, None]:
+    """Lines, weights and values of tangential samples, divided by their bounds."""
+    parts = []
+    for row, column in measured_entries(frf):
+        used = np.flatnonzero(np.isfinite(frf.bound[:, row, column]))
+        bound = frf.bound[used, row, column]
+        parts.append(
+            (used, frf.weights[used, row, column] / bound[:, None, None], frf.values[used, row, column] / bound)
+        )
+    at, W, y = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return at, W, y, None
 
 
 def _time_track(record: TimeRecord, problem: MixedProblem) -> Track:
-    used = np.flatnonzero(np.isfinite(record.bound[:, 0]))
-    free, widen = initial_state(problem, record, used)
-    bound = record.bound[used, 0] + widen
-    signal = record.u[: used[-1] + 1, 0]
-    return Track(signal, None, lambda v: v[used] / bound[:, None], record.y[used, 0] / bound, free / bound[:, None])
+    used = _used(record)
+    parts = {i: initial_state(problem, record, at, i) for i, at in used.items()}
+    bounds = {i: record.bound[at, i] + parts[i][1] for i, at in used.items()}
+    free = np.asarray(scipy.linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used)))
+    last = max(at[-1] for at in used.values())
+    return _record_track(record, record.u[: last + 1], None, bounds, lambda v: v, free)
 
 
 def _periodic_track(record: TimeRecord) -> Track:
-    used, lines = np.flatnonzero(np.isfinite(record.bound[:, 0])), excited_lines(record)
-    samples, bound = record.u.shape[0], record.bound[used, 0]
+    used, lines = _used(record), excited_lines(record)
+    samples = record.u.shape[0]
 
-    def rows(v: np.ndarray) -> np.ndarray:
+    def in_time(v: np.ndarray) -> np.ndarray:
         spectrum = np.zeros((samples // 2 + 1, v.shape[1]), complex)
         spectrum[lines] = v
-        return np.fft.irfft(spectrum, samples, axis=0)[used] / bound[:, None]
+        return np.fft.irfft(spectrum, samples, axis=0)
 
-    signal, points = np.fft.rfft(record.u[:, 0])[lines], np.exp(2j * np.pi * lines / samples)
-    return Track(signal, points, rows, record.y[used, 0] / bound, np.zeros((used.size, 0)))
+    signal, points = np.fft.rfft(record.u, axis=0)[lines], np.exp(2j * np.pi * lines / samples)
+    bounds = {i: record.bound[at, i] for i, at in used.items()}
+    free = np.zeros((sum(at.size for at in used.values()), 0))
+    return _record_track(record, signal, points, bounds, in_time, free)
+
+
+def _used(record: TimeRecord) -> dict[int, np.ndarray]:
+    """The samples that have a bound, of each output that has any."""
+    found = {i: np.flatnonzero(np.isfinite(bound)) for i, bound in enumerate(record.bound.T)}
+    return {i: at for i, at in found.items() if at.size}
+
+
+def _record_track(
+    record: TimeRecord,
+    signal: np.ndarray,
+    points: np.ndarray | None,
+    bounds: dict[int, np.ndarray],
+    in_time: Callable[[np.ndarray], np.ndarray],
+    free: np.ndarray,
+) -> Track:
+    """One output after the other."""
+    used = _used(record)
+    starts = dict(zip(used, np.cumsum([0, *(at.size for at in used.values())]), strict=False))
+    count = sum(at.size for at in used.values())
+
+    def rows(output: int, input: int, out: np.ndarray) -> np.ndarray:
+        found = np.zeros((count, out.shape[1]))
+        if output in used:
+            at = used[output]
+            found[starts[output] :][: at.size] = in_time(out)[at] / bounds[output][:, None]
+        return found
+
+    y = np.concatenate([record.y[at, i] / bounds[i] for i, at in used.items()])
+    return Track(signal, points, rows, y, free, np.arange(count))

@@ -15,7 +15,17 @@ from robustid.identification.residuals import largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
-from robustid.reduction.refinement import Fit, descended, inside, least_squares, levelled
+from robustid.reduction.refinement import (
+    Fit,
+    Pair,
+    apart,
+    descended,
+    inside,
+    least_squares,
+    levelled,
+    pole_functions,
+    with_poles,
+)
 from robustid.reduction.sample_map import SampleMap, sample_map
 
 _log = logging.getLogger("robustid")
@@ -104,9 +114,11 @@ def _integrators(identification: Identification, rigid_body: Any) -> int:
         return held
     if not isinstance(rigid_body, RigidBody):
         raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(1); got {type(rigid_body).__name__}")
-    if rigid_body.count > 1:
+    heads = min(problem.entries.outputs, problem.entries.inputs)
+    if rigid_body.count != heads:
         raise InputError(
-            f"`rigid_body` must be RigidBody(1) for one input and one output; got {rigid_body.count} modes"
+            f"`rigid_body` must be RigidBody({heads}), a mode for every channel on the side with fewer; got"
+            f" {rigid_body.count} modes"
         )
     if np.any(problem.angles == 0) or any(record.initial == "periodic" for record in problem.time):
         raise InputError(
@@ -120,12 +132,13 @@ class _Search:
     """Orders tried, with the best fit of each."""
 
     def __init__(self, identification: Identification, integrators: int):
-        self.identification, self.integrators = identification, integrators
+        self.identification = identification
         self.samples: SampleMap = sample_map(identification.problem, integrators)
-        self.families = starts.truncations(identification, integrators)
+        self.chains = integrators * self.samples.heads
+        self.families = starts.truncations(identification, self.samples)
         basis = identification.problem.parametric
         self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
-        poles = starts.without_integrators(identification.model.poles(), integrators)
+        poles = starts.without_integrators(identification.model.poles(), self.chains)
         self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
         self.fits: dict[int, Fit] = {}
@@ -135,8 +148,8 @@ class _Search:
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
         if not self.identification.consistent:
-            last = min(self.identification.order, _ONE_BY_ONE + self.integrators)
-            first = next((k for k in range(self.integrators, last) if self.suffices(k)), None)
+            last = min(self.identification.order, _ONE_BY_ONE + self.chains)
+            first = next((k for k in range(self.chains, last) if self.suffices(k)), None)
             if first is not None:
                 return self._result(self._downwards(first))
             self.limit = self.identification.margin * (1 + _ROUNDING)
@@ -144,7 +157,7 @@ class _Search:
 
     def _smallest(self) -> int:
         """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap; then down."""
-        full, low, high = self.identification.order, self.integrators - 1, self.integrators
+        full, low, high = self.identification.order, self.chains - 1, self.chains
         while high < full and not self.suffices(high):
             low, high = high, high + max(1, (high - _ONE_BY_ONE) // 6)
         high = min(high, full)
@@ -155,8 +168,8 @@ class _Search:
 
     def _downwards(self, order: int) -> int:
         """As far as the model of one order, truncated, leads to one of the order below."""
-        while order in self.fits and order > self.integrators:
-            self._try(order - 1, [starts.truncated(self.fits[order], order - 1 - self.integrators)])
+        while order in self.fits and order > self.chains:
+            self._try(order - 1, [starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)])
             if not self.suffices(order - 1):
                 break
             order -= 1
@@ -165,18 +178,18 @@ class _Search:
     def suffices(self, order: int) -> bool:
         """Whether a model of this order was found that keeps the limit."""
         if order not in self.found:
-            self._try(order, self._starts(order - self.integrators))
+            self._try(order, self._starts(order - self.chains))
         return order in self.found and self.found[order][0] <= self.limit
 
-    def _try(self, order: int, poles: Iterable[np.ndarray | None]) -> None:
+    def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
         """Refine these starts; the best model of the order is kept, judged anew at every sample."""
-        n = order - self.integrators
+        n = order - self.chains
         fit = self._parametric_kept(n)
         if fit is None or fit.worst > self.limit:
-            fit = self._best(poles, n)
+            fit = self._best(pairs, n)
         if fit is None:
             return
-        model = starts.statespace(fit, self.integrators, self.identification.model)
+        model = starts.statespace(self.samples, fit, self.identification.model)
         margin = largest_ratio(self.identification.problem, model)
         if order not in self.found or margin < self.found[order][0]:
             self.found[order], self.fits[order] = (margin, model), fit
@@ -184,45 +197,55 @@ class _Search:
 
     def _parametric_kept(self, n: int) -> Fit | None:
         """The best fit with the poles of the parametric part, those of a short rest refined, the numerators minimax."""
-        samples, held, best = self.samples, self.held, None
+        held, best = self.held, None
         if not held.size or not held.size <= n <= _REFINED:
             return None
-        rest = n - held.size
-        for poles in (*(family(n) for family in self.families[1:]), np.append(held, starts.spread(samples, rest))):
-            if poles is not None:
-                moving = inside(poles[held.size :], self.radius)
-                fit = _quiet(lambda p=moving: self._rest_refined(p))
+        for pair in self._with_held(n):
+            if pair is not None:
+                fit = _quiet(lambda p=pair: self._rest_refined(p))
                 best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
         return best
 
-    def _rest_refined(self, moving: np.ndarray) -> Fit:
+    def _with_held(self, n: int) -> Iterator[Pair | None]:
+        """Functions with the poles of the parametric part, the others inside; of several heads those poles alone."""
+        rest = n - self.held.size
+        if self.samples.heads > 1:
+            yield self.families[1](n) if not rest else None
+            return
+        spread = pole_functions(np.append(self.held, starts.spread(self.samples, rest)))
+        for pair in (*(family(n) for family in self.families[1:]), spread):
+            if pair is not None:
+                moving = inside(pole_functions(apart(pair.poles, self.held)), self.radius)
+                yield pole_functions(np.concatenate([self.held, moving.poles]))
+
+    def _rest_refined(self, pair: Pair) -> Fit:
         samples, radius, held = self.samples, self.radius, self.held
-        fit = descended(samples, least_squares(samples, np.concatenate([held, moving])), radius, held=held)
+        fit = descended(samples, least_squares(samples, pair), radius, held=held)
         steps = _STEPS if fit.cost <= self.limit else 0
         return levelled(samples, fit, radius, self.limit, steps, held)
 
     def _target(self) -> Fit:
         """A rich model in the coordinates of the samples."""
-        most = min(starts.RICH, self.identification.order - self.integrators)
-        poles = next(p for n in range(most, -1, -1) if (p := self.families[0](n)) is not None)
-        return least_squares(self.samples, inside(poles, self.radius))
+        most = min(starts.RICH, self.identification.order - self.chains)
+        pair = next(p for n in range(most, -1, -1) if (p := self.families[0](n)) is not None)
+        return least_squares(self.samples, inside(pair, self.radius))
 
-    def _starts(self, n: int) -> Iterator[np.ndarray | None]:
-        """Poles to start from, for n of them."""
+    def _starts(self, n: int) -> Iterator[Pair | None]:
+        """Functions to start from, n of them."""
         yield from (family(n) for family in self.families)
         if n > _REFINED:
             return
-        yield starts.from_lines(self.identification, n)
+        yield starts.from_lines(self.identification, self.samples, n)
         yield starts.sanathanan_koerner(self.samples, self.target, n)
         for step in (1, 2):
-            below = self.fits.get(n + self.integrators - step)
+            below = self.fits.get(n + self.chains - step)
             if below is not None:
                 yield from starts.grown(self.samples, below, n)
 
-    def _best(self, poles: Iterable[np.ndarray | None], n: int) -> Fit | None:
+    def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
         """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
         samples, radius = self.samples, self.radius
-        usable = [inside(starts.reflected(p), radius) for p in poles if p is not None and p.size == n]
+        usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
         fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= _REFINED:
             fits = [_quiet(lambda f=f: descended(samples, f, radius, _QUICK)) for f in fits if f is not None]

@@ -1,0 +1,147 @@
+"""The smallest model within the bounds with several channels: derivatives by differences, the judge, known truths."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.identification.residuals import largest_ratio, model_residuals
+from robustid.identification.simulation import responses, simulate
+from robustid.reduction.refinement import (
+    Pair,
+    direction_columns,
+    evaluated,
+    least_squares,
+    moved,
+    normal_functions,
+    numerators,
+    pole_columns,
+)
+from robustid.reduction.sample_map import sample_map
+from robustid.reduction.starts import statespace
+
+DT = 0.01
+HZ = np.array([4.0, 9.0, 17.0])
+
+
+def plant(rng, modes, outputs=2, inputs=2):
+    """Modes of rank one, 1 to 5 % damped."""
+    omega, damping = 2 * np.pi * HZ[:modes], rng.uniform(0.01, 0.05, modes)
+    poles = np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * DT)
+    A = np.kron(np.diag(poles.real), np.eye(2)) + np.kron(np.diag(poles.imag), [[0, -1], [1, 0]])
+    gain = np.repeat(1 - np.abs(poles), 2)
+    B = gain[:, None] * rng.standard_normal((2 * modes, inputs))
+    C = rng.standard_normal((outputs, 2 * modes))
+    return control.ss(A, B, C, 0, DT), rid.kautz(omega, damping, dt=DT, delay=1)
+
+
+def lines(rng, truth, bound=0.05, count=30):
+    omega = 2 * np.pi * np.linspace(1, 22, count)
+    exact = responses(truth, omega * DT)
+    noise = rng.uniform(-1, 1, (2, *exact.shape)) * bound / np.sqrt(2)
+    return rid.FrequencyResponse(omega, exact + noise[0] + 1j * noise[1], bound=bound, dt=DT)
+
+
+def record(rng, truth, kind="rest", bound=0.05):
+    u = np.sign(rng.standard_normal((40, truth.ninputs)))
+    repeats = 60 if kind == "periodic" else 1
+    y = simulate(truth, np.tile(u, (repeats, 1)))[0][-40:]
+    half = np.full(y.shape, bound)
+    half[::5, 0] = np.inf
+    y = y + bound * rng.uniform(-1, 1, y.shape)
+    return rid.TimeRecord(u, y, dt=DT, bound=half, initial=kind)
+
+
+def every_kind(rng, truth):
+    """Discs with a missing entry, ellipses, columns, ellipsoids, directions, records."""
+    frf = lines(rng, truth, count=6)
+    shape = frf.values.shape
+    holes = np.where(rng.random(shape) < 0.2, np.inf, 0.05)
+    size = shape[1] * shape[2]
+    root = rng.standard_normal((shape[0], size, size)) + 1j * rng.standard_normal((shape[0], size, size))
+    E = root @ root.conj().swapaxes(1, 2) + 0.1 * np.eye(size)
+    common = {"dt": DT}
+    directions = rng.standard_normal((shape[0], shape[2], 1))
+    return [
+        rid.FrequencyResponse(frf.omega, frf.values, bound=holes, **common),
+        rid.FrequencyResponse(frf.omega, frf.values, bound=0.05, tilt=0.3 * np.exp(1j * np.arange(6)), **common),
+        rid.FrequencyResponse(frf.omega, frf.values, bound=0.05, joint="column", **common),
+        rid.FrequencyResponse(frf.omega, frf.values, joint="matrix", ellipsoid=0.01 * E, **common),
+        rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, **common),
+    ]
+
+
+@pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2), (2, 3), (3, 1)])
+@pytest.mark.parametrize("integrators", [0, 1])
+def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrators):
+    rng = np.random.default_rng(outputs + 10 * inputs)
+    truth, basis = plant(rng, 2, outputs, inputs)
+    records = [record(rng, truth), *([] if integrators else [record(rng, truth, "periodic")])]
+    problem = rid.MixedProblem(
+        frequency=every_kind(rng, truth), time=records, prior=rid.Prior(gain_bound=1, decay_rate=1.2), parametric=basis
+    )
+    samples = sample_map(problem, integrators)
+    pair = Pair(np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3)))
+    v = rng.standard_normal(3 * samples.tails + samples.fixed.shape[1])
+    fit = evaluated(samples, pair, v)
+    model = statespace(samples, fit, truth)
+    assert model.nstates == 3 + integrators * samples.heads
+    assert np.sum(np.abs(model.poles() - 1) < 1e-12) == integrators * samples.heads
+    assert fit.worst == pytest.approx(largest_ratio(problem, model), rel=1e-9)
+    assert np.sort(fit.sizes) == pytest.approx(
+        np.sort(np.concatenate([r.ratio for r in model_residuals(problem, model)])), rel=1e-9
+    )
+    np.testing.assert_allclose(
+        fit.error, samples.y - numerators(samples, pair) @ v, atol=1e-9 * np.abs(fit.error).max()
+    )
+
+
+@pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2)])
+def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
+    rng = np.random.default_rng(1)
+    truth, _ = plant(rng, 2, outputs, inputs)
+    problem = rid.MixedProblem(
+        frequency=lines(rng, truth), time=record(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)
+    )
+    samples = sample_map(problem, 0)
+    pair = Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
+    v = rng.standard_normal(4 * samples.tails + outputs * inputs)
+    fit, step = evaluated(samples, pair, v), 1e-6
+    along_d, along_C = pole_columns(samples, pair, fit.outputs), direction_columns(samples, pair, fit.X)
+    for k in range(8):
+        change = step * np.eye(8)[k].reshape(2, 4)
+        by_poles = [evaluated(samples, moved(pair, s * change.T), v).error for s in (1, -1)]
+        by_C = [evaluated(samples, Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
+        for (plus, minus), J in ((by_poles, along_d), (by_C, along_C)):
+            np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
+
+
+def test_normal_form_spans_the_same_functions():
+    rng = np.random.default_rng(3)
+    truth, _ = plant(rng, 2)
+    samples = sample_map(
+        rid.MixedProblem(frequency=lines(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)), 0
+    )
+    weights = np.array([2.0, 5.0])
+    pair = Pair(truth.A, truth.C)
+    A, C, size = normal_functions(pair, weights)
+    np.testing.assert_allclose(A.T @ A + (weights[:, None] * C).T @ (weights[:, None] * C), np.eye(4), atol=1e-9)
+    assert np.sort(1 - size**2) == pytest.approx(np.sort(np.abs(truth.poles()) ** 2), rel=1e-9)
+    assert least_squares(samples, pair).cost == pytest.approx(least_squares(samples, Pair(A, C)).cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_truth_of_known_order_bounds_the_order_found(seed):
+    """Its own samples keep to the truth: an order above its order would be a miss."""
+    rng = np.random.default_rng(seed)
+    modes = 2 + seed % 2
+    truth, basis = plant(rng, modes)
+    frf = lines(rng, truth)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.2), parametric=basis)
+    assert largest_ratio(problem, truth) <= 1
+    small = rid.reduce_within_bounds(rid.identify(problem))
+    assert small.order <= 2 * modes
+    assert small.order == small.model.nstates
+    assert small.margin == pytest.approx(largest_ratio(problem, small.model), rel=1e-9)
+    assert small.margin <= 1
+    assert np.all(np.abs(small.model.poles()) < 1)
