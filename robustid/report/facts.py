@@ -250,7 +250,8 @@ def experiments(identification: Identification) -> list[Experiment]:
     alike: dict[tuple[Any, ...], list[Experiment]] = {}
     for r in identification.residuals:
         row = _experiment(identification, r, given[r.kind][r.index])
-        alike.setdefault((r.kind, r.index, row._replace(channel="")), []).append(row)
+        shared = row.channel if r.kind == "frequency" and None in r.entry else ""
+        alike.setdefault((r.kind, r.index, row._replace(channel=shared)), []).append(row)
     return [row for rows in alike.values() for row in _together(rows)]
 
 
