@@ -207,7 +207,11 @@ def _scaling_words(identification: Identification) -> str:
 
 def shared_words(identification: Identification) -> str:
     """What bounds that several samples share mean; empty where each has its own."""
-    kinds = {getattr(f, "joint", "entry") for f in identification.problem.frequency}
+    return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
+
+
+def joint_words(kinds: set[str]) -> str:
+    """What the bounds of these kinds (`FrequencyResponse.joint`) mean that several samples share."""
     words = ""
     if "column" in kinds:
         words += (
