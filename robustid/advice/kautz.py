@@ -91,8 +91,8 @@ def suggest_kautz(
     Parameters
     ----------
     frf : FrequencyResponse
-        One input, one output; lines that are missing are left out. Without `bound`, 5 % of the magnitude takes its place; of an
-        ellipse, the disc around it.
+        Lines that are missing are left out; the modes are common to all entries. Without `bound`, 5 % of the magnitude takes
+        its place; of an ellipse, the disc around it; of a joint bound, that of each entry alone.
     dt : float, s
         Sample time of the basis; default that of `frf`.
     modes : int
@@ -110,7 +110,7 @@ def suggest_kautz(
     Raises
     ------
     InputError
-        More than one channel, no sample time, too few lines for the modes asked.
+        No sample time, too few lines for the modes asked.
     InputTypeError
         Something that isn't a FrequencyResponse.
 
@@ -193,12 +193,7 @@ def _checked(frf: Any, dt: Any) -> LineData:
         raise InputTypeError(
             f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
         )
-    if frf.values.shape[1:] != (1, 1):
-        raise InputError(
-            f"`frf` must have one input and one output; got {frf.values.shape[1]} outputs and {frf.values.shape[2]} inputs."
-            " Pick one entry with .channel(output, input)"
-        )
-    frf = frf.select(~frf.missing[:, 0, 0])
+    frf = frf.select(~frf.missing.all(axis=(1, 2)))
     given = frf.dt if dt is None else dt
     if given is None:
         raise InputError("`dt` is needed: `frf` is of continuous time; give the sample time of the model in s")
@@ -208,12 +203,16 @@ def _checked(frf: Any, dt: Any) -> LineData:
         raise InputError(
             f"`dt` = {step:g} s allows frequencies up to {np.pi / step:g} rad/s; got {frf.omega.max():g} rad/s"
         )
-    value = frf.values[:, 0, 0]
+    measured = ~frf.missing.reshape(angle.size, -1)
+    value = np.where(measured, frf.values.reshape(angle.size, -1), 0.0)
     size = np.abs(value)
-    if not np.any(size > 0):
+    seen = size.max(axis=0) > 0
+    if not np.any(seen):
         raise InputError("`frf` is zero at all lines; check the output")
-    bound = np.maximum(0.05 * size, 1e-6 * size.max()) if frf.bound is None else frf.outer_radius[:, 0, 0]
-    data = LineData(angle, value, np.asarray(bound), step)
+    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.outer_radius
+    bound = np.where(measured, np.reshape(bound, value.shape), np.inf)
+    one = value.shape[1] == 1
+    data = LineData(angle, value[:, 0] if one else value[:, seen], bound[:, 0] if one else bound[:, seen], step)
     if data.room < 1:
         raise InputError(f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth rest")
     return data

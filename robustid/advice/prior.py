@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
 from robustid.advice.sensitivity import default_points, guaranteed
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
 from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem, Prior
@@ -130,7 +133,7 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     """
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    rates = _possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    rates = possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
     if rates.size == 0 or rates[0] <= 1:
@@ -141,9 +144,11 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
         if np.isinf(gains[k]):
             break  # a larger rho makes the class smaller still
-    floor = _sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
+    floor = response_sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
     priors = tuple(
-        Prior(gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho)) if np.isfinite(gain) else None
+        dataclasses.replace(problem.prior, gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho))
+        if np.isfinite(gain)
+        else None
         for rho, gain in zip(rates, gains, strict=True)
     )
     errors = np.full(rates.size, np.nan)
@@ -172,7 +177,7 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
 
 def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none."""
-    largest, smallest = _sizes(problem)
+    largest, smallest = response_sizes(problem)
     for ceiling in _CEILINGS:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
@@ -189,24 +194,75 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     return np.inf
 
 
-def _sizes(problem: MixedProblem) -> tuple[float, float]:
-    """Largest response in the data and smallest bound, both as a gain (output per input)."""
-    values = [float(np.abs(f.values).max()) for f in problem.frequency]
-    bounds = [float(f.inner_radius.min()) for f in problem.frequency]
+def response_sizes(problem: MixedProblem) -> tuple[float, float]:
+    """Largest response in the data and smallest bound, both as a gain (output per input), divided by the scaling."""
+    values, bounds = [], []
+    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    for f in problem.frequency:
+        values.append(float(entry_sizes(problem, f).max()))
+        weights = _largest_weights(f, scales)
+        bounds.append(float((f.inner_radius / weights)[np.isfinite(f.bound)].min()))
     for record in problem.time:
-        drive = float(np.abs(record.u).max()) or 1.0
-        values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)
-        bounds.append(float(record.bound.min()) / drive)
+        drive = np.linalg.norm(record.u[:, None] * scales, axis=2).max(axis=0)
+        drive = np.where(drive > 0, drive, 1.0)
+        values.append(float(np.where(np.isfinite(record.bound), np.abs(record.y) / drive, 0.0).max()))
+        bounds.append(float((record.bound / drive).min()))
     return max(*values, *bounds), min(bounds)
 
 
-def _possible_rates(problem: MixedProblem) -> np.ndarray:
+def entry_sizes(problem: MixedProblem, f: Any) -> np.ndarray:
+    """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
+    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    return (np.abs(f.values) / _largest_weights(f, scales))[np.isfinite(f.bound)]
+
+
+def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
+    """What the scaling makes of every sample; of one in directions, of the largest gain in them."""
+    if isinstance(f, TangentialResponse):
+        return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
+    return scales
+
+
+def suggest_scaling(data: Sequence[Any]) -> tuple[tuple[float, ...], ...] | None:
+    """Sizes of the outputs over sizes of the inputs, so that no channel dominates a prior; None for one channel.
+
+    Of frequency responses the median sizes of the entries, fitted by outer(sizes_y, 1/sizes_u) in the logarithm; without them, of
+    records, the root mean squares of the signals. Powers of two: of rank one exactly, and as exact in other units.
+    """
+    p, q = (len(data[0].outputs), len(data[0].inputs)) if data else (1, 1)
+    lines = [f for f in data if isinstance(f, FrequencyResponse)]
+    if p == q == 1:
+        return None
+    if lines:
+        values = np.concatenate([np.where(f.missing, np.nan, np.abs(f.values)) for f in lines])
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # an entry that was measured nowhere
+            logs = np.log(np.nanmedian(values, axis=0))
+        known = np.isfinite(logs)
+        i, j = np.nonzero(known)
+        rows = np.zeros((i.size, p + q))
+        rows[np.arange(i.size), i] = rows[np.arange(i.size), p + j] = 1.0
+        sizes = np.linalg.lstsq(rows, logs[known], rcond=None)[0]
+        rows_of, columns_of = sizes[:p] + sizes[p], sizes[p:] - sizes[p]
+    elif records := [r for r in data if isinstance(r, TimeRecord)]:
+        power = [np.mean([np.mean(getattr(r, name) ** 2, axis=0) for r in records], axis=0) for name in ("y", "u")]
+        rows_of, columns_of = (0.5 * np.log(np.where(one > 0, one, 1.0)) for one in power)
+        columns_of = -columns_of
+    else:
+        return None
+    powers = np.add.outer(*(np.round(part / np.log(2)) for part in (rows_of, columns_of)))
+    return tuple(tuple(float(one) for one in row) for row in 2.0**powers)
+
+
+def possible_rates(problem: MixedProblem) -> np.ndarray:
     """The default rates without the slowest ones, at which many data need too many coefficients."""
     rates, refusal = _default_rates(problem), None
     for first, rho in enumerate(rates):
         try:
             sections_of(
-                problem.with_prior(gain_bound=_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)), "auto", _DIGITS
+                problem.with_prior(gain_bound=response_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)),
+                "auto",
+                _DIGITS,
             )
         except SizeError as error:
             refusal = error
@@ -238,7 +294,7 @@ def _recommend(
     errors: np.ndarray,
     priors: tuple[Prior | None, ...],
 ) -> tuple[Prior | None, str]:
-    largest, floor = _sizes(problem)
+    largest, floor = response_sizes(problem)
     cost = np.array([np.inf if p is None else slope_bound(p) for p in priors])
     k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]
