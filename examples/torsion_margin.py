@@ -20,6 +20,7 @@ from robustid.report import plot_nyquist, plot_worst_case, write_report
 
 CROSSOVERS_HZ = (0.5, 1.0, 2.0, 3.0, 4.0)  # of the integral controllers, by the static gain
 DIRECTIONS = 8  # sides of each polygon: upper bounds at most 8 % above the truth
+CIRCLE = 0.05  # by which the bound of the whole circle may exceed the largest error
 ORDER = 8  # of the truncated central model
 BETWEEN_HZ = np.arange(0, 73, 6)  # besides the lines: where the controllers act
 
@@ -74,7 +75,7 @@ def main(argv=None):
 
     omega = np.union1d(lines.omega, 2 * np.pi * BETWEEN_HZ)
     error = rid.worst_case_error(result, model=model, omega=omega, directions=DIRECTIONS)
-    circle = error.circle  # adds frequencies where it needs them
+    circle = error.on_circle(CIRCLE)  # adds frequencies where it needs them
     print("\n2. How far every consistent plant can be from this model:")
     print(error.summary())
     print("certificates, evaluated again without a solver:", "all hold" if error.certified else "NOT ALL HOLD")

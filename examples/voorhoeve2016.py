@@ -56,6 +56,7 @@ BASES = {"monomial": "monomial", "scaled monomial": "scaled", "data-dependent or
 SENSED = np.eye(4, 3)  # shapes of the rigid body at the outputs, up to a change of coordinates: the gauge has none
 SAMPLE = 0.5e-3  # s, of the single channel
 CASES = (100, 0.1), (64, 0.2)  # lines of the single channel up to 800 Hz, radius of the errors relative to |P|
+SIZE = 9, 300, 10, 2  # flexible modes, lines, SK steps of figure 5, seeds
 SAME = 1e-3  # relative difference of cost that counts as the same optimum
 
 
@@ -192,7 +193,7 @@ def main(argv=None):
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
 
-    modes, lines, steps, seeds = (38, 5000, 75, 20) if arguments.full else (9, 300, 10, 2)
+    modes, lines, steps, seeds = (38, 5000, 75, 20) if arguments.full else SIZE
     order = 2 * modes + 6
     frf, weight, truth, _, bands = experiment(modes, lines, piezo=False)
     print(f"1. Figure 4: 4x4, {lines} lines, order {order} with three rigid-body modes, left fraction")

@@ -24,6 +24,7 @@ SENSORS = np.array([[-0.27, 0.11], [0.24, 0.19], [0.05, -0.23]])  # where the po
 PIEZO, GAUGE = np.array([0.06, 0.04]), np.array([-0.08, 0.05])  # the pair on the plate that sees bending only
 INPUTS = ["force 1 [N]", "force 2 [N]", "force 3 [N]", "piezo [V]"]
 OUTPUTS = ["position 1 [µm]", "position 2 [µm]", "position 3 [µm]", "strain [1e-6]"]
+SIZE = 9, 600  # flexible modes, lines
 EDGES = 0.5, 5, 15, 160, 2000, 4000  # Hz: the bands of the paper, the lowest one cut in three
 
 
@@ -136,7 +137,7 @@ def main(argv=None):
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
 
-    modes, lines = (38, 5000) if arguments.full else (9, 600)
+    modes, lines = (38, 5000) if arguments.full else SIZE
     order = 2 * modes + 6
     frf, weight, truth, frequency, bands = experiment(modes, lines)
     omega = frf.omega

@@ -10,6 +10,7 @@ from robustid.advice import (
     suggest_kautz,
     suggest_next,
     suggest_prior,
+    suggest_scaling,
 )
 from robustid.bases import ParametricBasis, kautz
 from robustid.certify import (
@@ -158,6 +159,7 @@ __all__ = [
     "suggest_next",
     "suggest_order",
     "suggest_prior",
+    "suggest_scaling",
     "to_continuous",
     "uncertainty_weight",
     "validate",

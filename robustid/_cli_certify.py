@@ -314,7 +314,7 @@ def _spaced(identification: Any, points: int) -> Any:
     """Equally spaced frequencies over the range of the default ones."""
     import numpy as np
 
-    from robustid.certify.worst_case import default_grid
+    from robustid.certify.nominal import default_grid
 
     grid = default_grid(identification)
     return np.linspace(grid[0], grid[-1], points)

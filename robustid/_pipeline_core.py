@@ -14,7 +14,7 @@ from robustid._pipeline_result import IdentifiedReduced, Store
 from robustid._pipeline_steps import Say
 from robustid.advice import diagnose
 from robustid.certify import PoleBand, WorstCaseError, worst_case_error, worst_case_over_poles
-from robustid.certify.worst_case import default_grid
+from robustid.certify.nominal import default_grid
 from robustid.data import FrequencyResponse
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification import Identification, validate

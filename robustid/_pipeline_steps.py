@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from robustid._pipeline_data import Measured
 from robustid._pipeline_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, Modes, PriorChoice, RunFile
-from robustid.advice import suggest_kautz, suggest_prior
-from robustid.advice.prior import entry_sizes, possible_rates, response_sizes, suggest_scaling
+from robustid.advice import suggest_kautz, suggest_prior, suggest_scaling
+from robustid.advice.prior import entry_sizes, possible_rates, response_sizes
 from robustid.bases import ParametricBasis, kautz
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
@@ -102,9 +103,15 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 
 def placeholder(run: RunFile, data: Measured) -> Prior:
     """A prior of no meaning but its scaling: as stated, or the sizes of the channels where the class isn't stated."""
-    scaling = run.prior.scaling
-    if scaling is None and run.prior.gain_bound is None:
-        scaling = suggest_scaling((*data.responses, *data.records))
+    if run.prior.gain_bound is None and run.prior.scaling is None:
+        return default_prior((*data.responses, *data.records))
+    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=run.prior.scaling)
+
+
+def default_prior(data: Sequence[Any]) -> Prior:
+    """A prior of no meaning but its scaling, the sizes of several channels."""
+    several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
+    scaling = suggest_scaling(data) if several else None
     return Prior(gain_bound=1.0, decay_rate=1.05, scaling=scaling)
 
 

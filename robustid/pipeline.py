@@ -15,9 +15,9 @@ from robustid._pipeline_core import from_data, from_problem
 from robustid._pipeline_data import Measured, measured
 from robustid._pipeline_file import MODES_NOTE, PRIOR_NOTE, read_run_file
 from robustid._pipeline_result import IdentifiedReduced, Store
-from robustid._pipeline_steps import Say
+from robustid._pipeline_steps import Say, default_prior
 from robustid.advice import suggest_kautz, suggest_prior
-from robustid.advice.prior import response_sizes, suggest_scaling
+from robustid.advice.prior import response_sizes
 from robustid.bases import kautz
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
@@ -71,7 +71,7 @@ def propose(
         Data without sample time or bound, with different channels or sample times.
     """
     choices = []
-    placeholder = prior or Prior(gain_bound=1.0, decay_rate=1.05, scaling=suggest_scaling((*frequency, *time)))
+    placeholder = prior or default_prior((*frequency, *time))
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     step, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     if modes:

@@ -31,3 +31,32 @@ def _no_downloads(tmp_path_factory):
         patch.setattr(pooch.HTTPDownloader, "__call__", refuse)
         patch.setattr(pooch, "os_cache", lambda project: tmp_path_factory.mktemp("cache") / project)
         yield
+
+
+@pytest.fixture(scope="session")
+def consistent():
+    """The identification that most pages are about."""
+    from report_pages import consistent_result
+
+    return consistent_result()
+
+
+@pytest.fixture(scope="session")
+def inconsistent():
+    from report_pages import inconsistent_result
+
+    return inconsistent_result()
+
+
+@pytest.fixture(scope="session")
+def simple():
+    from report_pages import simple_result
+
+    return simple_result()
+
+
+@pytest.fixture(scope="session")
+def reduction(consistent):
+    from robustid.reduction import balanced_truncation
+
+    return balanced_truncation(consistent.model, tol=0.02)

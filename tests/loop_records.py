@@ -64,7 +64,7 @@ class Loop:
 
 
 def truth(omega):
-    return np.array([plant()(np.exp(1j * w * DT)) for w in omega])
+    return np.moveaxis(plant()(np.exp(1j * omega * DT)), -1, 0)
 
 
 def multisines(rng, realisations, periods):

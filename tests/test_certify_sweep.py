@@ -171,7 +171,7 @@ def none_left(*_):
 
 def test_a_finished_folder_answers_everything(result, expected, tmp_path, monkeypatch):
     run(result, resume=tmp_path)
-    monkeypatch.setattr(sweep, "value_set", none_left)
+    monkeypatch.setattr(sweep, "value_sets_at", none_left)
     calls = []
     again = run(result, resume=tmp_path, progress=lambda *count: calls.append(count))
     assert np.array_equal(again.upper, expected.upper)
@@ -186,8 +186,8 @@ def test_an_interrupted_sweep_goes_on(result, expected, tmp_path, monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         run(result, resume=tmp_path, progress=interrupt)
-    computed, original = [], sweep.value_set
-    monkeypatch.setattr(sweep, "value_set", lambda *a: computed.append(a[1]) or original(*a))
+    computed, original = [], sweep.value_sets_at
+    monkeypatch.setattr(sweep, "value_sets_at", lambda *a: computed.append(a[1]) or original(*a))
     same(run(result, resume=tmp_path), expected)
     assert computed == [200.0]
 
@@ -200,8 +200,8 @@ def test_torn_and_foreign_files_are_computed_again(result, expected, tmp_path, m
     flipped = bytearray(files[200.0].read_bytes())
     flipped[len(flipped) // 2] ^= 1
     files[200.0].write_bytes(flipped)
-    computed, original = [], sweep.value_set
-    monkeypatch.setattr(sweep, "value_set", lambda *a: computed.append(a[1]) or original(*a))
+    computed, original = [], sweep.value_sets_at
+    monkeypatch.setattr(sweep, "value_sets_at", lambda *a: computed.append(a[1]) or original(*a))
     with caplog.at_level(logging.WARNING, "robustid"):
         same(run(result, resume=tmp_path), expected)
     assert computed == [10.0, 60.0, 200.0]

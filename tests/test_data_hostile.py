@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 import scipy.io
 
+from data_files import full_frf, full_record, write_matlab73
 from robustid.data import FrequencyResponse, TimeRecord, load, save
 from robustid.errors import FileFormatError, InputError, RobustIdError
 from test_data_exchange import TIME, S, matrix, signal, touchstone
 from test_data_exchange import write as write_universal
-from test_data_files import full_frf, full_record, write_matlab73
 from test_data_matlab import FRD, write5, write73
 
 SAMPLES = len(TIME)

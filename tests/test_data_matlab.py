@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from data_files import full_frf, full_record
 from robustid.data import TimeRecord, load, save
 from robustid.errors import FileFormatError, InputError
-from test_data_files import full_frf, full_record
 
 RNG = np.random.default_rng(3)
 G = RNG.standard_normal((2, 3, 5)) + 1j * RNG.standard_normal((2, 3, 5))  # ny, nu, F

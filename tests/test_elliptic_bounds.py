@@ -217,11 +217,12 @@ def test_one_real_value_against_the_closed_form(options):
     assert result.margin == pytest.approx(v * 1.5 / bound, rel=1e-4)
 
 
+@pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", ["frequency", "mixed", "parametric"])
-def test_margin_against_the_paper_s_theorem(case):
+def test_margin_against_the_paper_s_theorem(case, seeds):
     """Clarabel on the printed inequality with the errors whitened by the covariances; Taylor forms enclose the number."""
     positive = 0
-    for seed in range(8):
+    for seed in range(seeds):
         problem = random_problem(seed, case, 10, noise=3.0).with_prior(gain_bound=0.2, decay_rate=1.25)
         # Not slimmer: Clarabel leaves the ball by 4e-7 K here and there, which bounds below 1e-3 K show as more than 1e-6.
         problem, W = elliptic(problem, seed, slimness=10.0)
@@ -245,7 +246,7 @@ def test_margin_against_the_paper_s_theorem(case):
         assert taylor.verification.passed, taylor.summary()
         assert taylor.margin_lower - 1e-6 * size <= judge <= taylor.margin + 1e-6 * size
         assert taylor.margin - taylor.margin_lower <= 1e-4 * size
-    assert positive >= 6
+    assert positive >= 0.75 * seeds
 
 
 def test_ellipses_lie_between_their_discs():
@@ -270,10 +271,11 @@ def test_no_tilt_is_a_disc():
         assert second.margin_lower == pytest.approx(first.margin_lower, rel=1e-9)
 
 
+@pytest.mark.parametrize("seeds", [4, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
-def test_the_truth_inside_its_ellipses_is_never_refuted(form):
+def test_the_truth_inside_its_ellipses_is_never_refuted(form, seeds):
     """Errors on the border of every ellipse (99.9 % of it), drawn along the whole border."""
-    for seed in range(10):
+    for seed in range(seeds):
         problem, W = elliptic(random_problem(seed, "frequency", 12, noise=0.0), seed, slimness=100.0)
         (frf,) = problem.frequency
         turn = np.random.default_rng(seed).uniform(0, 2 * np.pi, frf.omega.size)

@@ -1,10 +1,11 @@
-"""The examples as their users run them, and the claims that they print."""
+"""The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run)."""
 
 import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from robustid.data import datasets
 from robustid.errors import DatasetNotFoundError
@@ -19,13 +20,19 @@ def load(name):
     return module
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures get their names only: half a second each to draw."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b"\x89PNG"))
+
+
 def check_files(folder, pictures):
     for name in pictures:
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
     assert sorted(p.name for p in folder.glob("*.png")) == sorted(pictures)
 
 
-def test_flexible_structure(tmp_path, capsys):
+def test_flexible_structure(tmp_path, capsys, undrawn):
     load("flexible_structure").main(["--out", str(tmp_path)])
     stems = ("no_mode", "the_light_mode", "both_modes")
     check_files(tmp_path, [f"{kind}_{stem}.png" for kind in ("response", "residuals") for stem in stems])
@@ -44,7 +51,7 @@ def test_flexible_structure(tmp_path, capsys):
     assert 10 * errors["both modes"] < errors["the light mode"] < errors["no mode"]
 
 
-def test_conditioning(tmp_path, capsys):
+def test_conditioning(tmp_path, capsys, undrawn):
     example = load("conditioning")
     example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["conditioning.png"])
@@ -67,7 +74,7 @@ def test_motor_torsion_without_data_says_where_to_get_them(tmp_path, capsys, mon
 
 
 @pytest.mark.realdata
-def test_motor_torsion(tmp_path, capsys):
+def test_motor_torsion(tmp_path, capsys, undrawn):
     try:
         datasets.find("two_mass/MultisineTypeA.mat")
     except DatasetNotFoundError as missing:
@@ -82,7 +89,7 @@ def test_motor_torsion(tmp_path, capsys):
     assert "What can be said: a model of order " in printed
 
 
-def test_worst_case(tmp_path, capsys, monkeypatch):
+def test_worst_case(tmp_path, capsys, monkeypatch, undrawn):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
     monkeypatch.setattr(example, "TUBE", 5)
@@ -111,14 +118,12 @@ def test_torsion_margin_without_data_says_where_to_get_them(tmp_path, capsys, mo
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.realdata
-def test_torsion_margin(tmp_path, capsys, monkeypatch):
+def run_torsion_margin(example, tmp_path, capsys):
     try:
         datasets.find("two_mass/MultisineTypeA.mat")
     except DatasetNotFoundError as missing:
         pytest.skip(str(missing))
-    monkeypatch.syspath_prepend(FOLDER)
-    load("torsion_margin").main(["--out", str(tmp_path)])
+    example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["guaranteed.png", "nyquist.png"])
     assert "Over the whole circle" in (tmp_path / "report.html").read_text(encoding="utf-8")
     printed = capsys.readouterr().out
@@ -131,8 +136,34 @@ def test_torsion_margin(tmp_path, capsys, monkeypatch):
     assert margins[0] > 1 > margins[-2] > margins[-1] == 0
 
 
-def test_wafer_stage(tmp_path, capsys):
-    load("wafer_stage").main(["--out", str(tmp_path)])
+@pytest.mark.realdata
+def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
+    """Ten lines, a coarse circle and three controllers: enough for the claims."""
+    monkeypatch.syspath_prepend(FOLDER)
+    example = load("torsion_margin")
+
+    def ten_lines(frf, resonance):
+        near = np.abs(frf.omega - resonance) < 2 * np.pi * 3.5
+        return frf.select(np.flatnonzero(near | (np.arange(near.size) % 80 == 0)))
+
+    smaller = {"DIRECTIONS": 4, "CIRCLE": 2.0, "BETWEEN_HZ": np.zeros(1), "CROSSOVERS_HZ": (0.5, 2.0, 4.0)}
+    for name, value in (smaller | {"few_lines": ten_lines}).items():
+        monkeypatch.setattr(example, name, value)
+    run_torsion_margin(example, tmp_path, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_whole_torsion_margin(tmp_path, capsys, monkeypatch):
+    monkeypatch.syspath_prepend(FOLDER)
+    run_torsion_margin(load("torsion_margin"), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("size", [(3, 200), pytest.param((9, 600), marks=pytest.mark.slow)])
+def test_wafer_stage(tmp_path, capsys, monkeypatch, undrawn, size):
+    example = load("wafer_stage")
+    monkeypatch.setattr(example, "SIZE", size)
+    example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])
     rows = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
     assert rows["rigid body"].endswith("[0. 0. 0. 0. 0. 0.]")
@@ -166,7 +197,7 @@ def run_mirror(tmp_path, capsys, *orders):
 
 
 @pytest.mark.realdata
-def test_steering_mirror(tmp_path, capsys):
+def test_steering_mirror(tmp_path, capsys, undrawn):
     printed = run_mirror(tmp_path, capsys, 16)
     table = mirror_table(printed)
     nonlinear, lines = (values for name, values in table.items() if "order" not in name)

@@ -247,7 +247,7 @@ def test_noise_free_structures_from_a_cold_start():
         assert max(step.condition for step in fit.history) - 1 <= 1e-10
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_noisy_structure_reaches_the_statistical_limit_from_a_good_start(seed):
     omega, truth, values = structure(seed)
     exact = FractionProblem(omega, truth, 40, Weight.relative(truth))

@@ -39,14 +39,15 @@ def sweeps(count, shape, modes, lines, known, stable, orders):
     return hits, falling
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(("shape", "modes", "lines"), [((1, 1), 2, 200), ((2, 2), 2, 60)])
-def test_mdl_finds_the_order(shape, modes, lines, known):
-    """3 seeds of 3, among one order below and two above; costs of plain least squares never rise.
+def test_mdl_finds_the_order(shape, modes, lines, known, seeds):
+    """All seeds, among one order below and two above; costs of plain least squares never rise.
 
     Not a rate: of 8 seeds of the first system at unknown level, 6 hold with 200 lines and 6 with 100.
     """
-    assert sweeps(3, shape, modes, lines, known, False, [3, 4, 5, 6]) == (3, 3)
+    assert sweeps(seeds, shape, modes, lines, known, False, [3, 4, 5, 6]) == (seeds, seeds)
 
 
 @pytest.mark.slow
@@ -192,7 +193,7 @@ class Lossy(Executor):
 
 
 def test_a_lost_item_is_done_again_here(caplog):
-    frf, orders = data(0, 1, 1, 1, 40), [2, 3, 4]
+    frf, orders = data(0, 1, 1, 1, 40), [2, 3]
     with caplog.at_level(logging.WARNING, logger="robustid"):
         sweep = suggest_order(frf, orders=orders, executor=Lossy({3}))
     assert "order 3: BrokenProcessPool" in caplog.text

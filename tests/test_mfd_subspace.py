@@ -42,16 +42,17 @@ def test_the_generator_agrees_with_its_own_state_space_form(dt):
 # ---------------------------------------------------------------- exact data
 
 
+@pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("domain", ["s", "z"])
 @pytest.mark.parametrize("kind", ["log", "linear"])
 @pytest.mark.parametrize("feedthrough", [False, True])
 @pytest.mark.parametrize(
     ("outputs", "inputs", "modes"), [(1, 1, 2), (1, 1, 10), (2, 2, 4), (4, 4, 6), (1, 3, 4), (3, 1, 4)]
 )
-def test_noise_free_data_are_recovered(domain, kind, feedthrough, outputs, inputs, modes):
+def test_noise_free_data_are_recovered(domain, kind, feedthrough, outputs, inputs, modes, seeds):
     # Between the lines too, where a linear grid resolves the modes. All cases, 5 seeds each: at most 2e-12.
     band_hz = (5, 1000) if kind == "log" else (50, 1000)
-    for seed in range(5):
+    for seed in range(seeds):
         system = random_modal_system(
             seed,
             outputs,

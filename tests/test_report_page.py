@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from report_pages import NASTY, Page, consistent_result, inconsistent_result, printed, problem, simple_result
+from report_pages import NASTY, Page, printed, problem
 from robustid.report import (
     charts,
     evidence,
@@ -26,29 +26,6 @@ from robustid.report import (
 )
 from robustid.report.html import _json, plotly_figure, render_report
 from robustid.report.style import number
-
-
-@pytest.fixture(scope="module")
-def consistent() -> rid.Identification:
-    return consistent_result()
-
-
-@pytest.fixture(scope="module")
-def inconsistent() -> rid.Identification:
-    return inconsistent_result()
-
-
-@pytest.fixture(scope="module")
-def simple() -> rid.Identification:
-    return simple_result()
-
-
-@pytest.fixture(scope="module")
-def reduction(consistent: rid.Identification) -> Any:
-    from robustid.reduction import balanced_truncation
-
-    return balanced_truncation(consistent.model, tol=0.02)
-
 
 # ---------------------------------------------------------------- plotly and HTML
 

@@ -8,15 +8,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from report_pages import Page, named, simple_result
+from report_pages import Page, named
 from robustid.advice import Sensitivity, Variation
 from robustid.report import rests_on
 from robustid.report.html import render_report
-
-
-@pytest.fixture(scope="module")
-def result() -> rid.Identification:
-    return simple_result()
 
 
 def table(margin: float = 1.3) -> Sensitivity:
@@ -32,8 +27,8 @@ def table(margin: float = 1.3) -> Sensitivity:
     return Sensitivity(np.array([10.0, 20.0]), tuple(rows))
 
 
-def test_every_panel_holds_its_variations_in_order_and_what_was_stated(result: rid.Identification) -> None:
-    chart = rests_on.chart(table(), result)
+def test_every_panel_holds_its_variations_in_order_and_what_was_stated(simple: rid.Identification) -> None:
+    chart = rests_on.chart(table(), simple)
     assert [panel.x.label for panel in chart.panels] == ["gain bound K [–]", "decay rate ρ [–]", "lines [–]"]
     expected = {0: ([0.5, 1, 2], [np.nan, 2, 3]), 1: ([1.05, 1.1], [np.nan, 2]), 2: ([4, 8], [5, 2])}
     for number, (x, median) in expected.items():
@@ -50,9 +45,9 @@ def test_every_panel_holds_its_variations_in_order_and_what_was_stated(result: r
     np.testing.assert_allclose(named(chart.panels[0], "worst of the frequencies").y, [np.nan, 5, 8])
 
 
-def test_page_names_what_moves_most_and_what_is_refuted(result: rid.Identification) -> None:
-    found = table(result.margin)
-    page = Page(render_report(result, sensitivity=found))
+def test_page_names_what_moves_most_and_what_is_refuted(simple: rid.Identification) -> None:
+    found = table(simple.margin)
+    page = Page(render_report(simple, sensitivity=found))
     wanted = [
         "moves most with the number of lines: with every second line the median half-width is 5 % of the response"
         " instead of 2 %",
@@ -67,12 +62,12 @@ def test_page_names_what_moves_most_and_what_is_refuted(result: rid.Identificati
     assert {"sensitivity-0", "sensitivity-1", "sensitivity-2"} <= set(page.figures)
 
 
-def test_nothing_to_compare_with_is_said(result: rid.Identification) -> None:
-    stated = table(result.margin).variations[1:2]
+def test_nothing_to_compare_with_is_said(simple: rid.Identification) -> None:
+    stated = table(simple.margin).variations[1:2]
     refuted = Sensitivity(
-        np.array([1.0]), (Variation("as stated", "stated", 1.0, 1.1, 8, result.margin, *2 * [np.nan]), *stated)
+        np.array([1.0]), (Variation("as stated", "stated", 1.0, 1.1, 8, simple.margin, *2 * [np.nan]), *stated)
     )
-    text = Page(render_report(result, sensitivity=refuted)).text
+    text = Page(render_report(simple, sensitivity=refuted)).text
     assert "None of the variations leaves a guarantee to compare with" in text
 
 

@@ -7,8 +7,9 @@ from paths import arrow, dense_scaling, times, triple
 from robustid.bases import Sections, input_normal_pair
 from robustid.interpolation import SarasonMap, SectionMap, ShiftColumns
 from robustid.solve import discs
-from robustid.solve.ball import BlockHankelMap, DenseMap, HankelMap, TurnedMap, longest_step
+from robustid.solve.ball import BlockHankelMap, DenseMap, TurnedMap, longest_step
 from robustid.solve.design import DenseDesign, ShiftDesign
+from robustid.solve.hankel_map import HankelMap
 
 
 def hankel_basis(n):

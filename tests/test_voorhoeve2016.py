@@ -7,6 +7,7 @@ import control
 import numpy as np
 import pytest
 import scipy.linalg
+from matplotlib.figure import Figure
 
 import robustid as rid
 from robustid.mfd import RollOff
@@ -105,6 +106,8 @@ def test_handing_over(example):
 
 def test_run(example, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(example, "CASES", ())  # that part has its own test
+    monkeypatch.setattr(example, "SIZE", (9, 150, 4, 0))
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b""))  # drawn beside the suite
     example.main(["--out", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["figure_4.png", "figure_5.png"]
     printed = capsys.readouterr().out

@@ -242,7 +242,7 @@ def test_second_derivatives_on_arcs(poles):
         values = np.array([(C @ np.linalg.solve(point * np.eye(n) - A, B))[:, 0] for point in z])
         step = theta[1] - theta[0]
         dense = np.abs(np.diff(values, 2, axis=0) / step**2).max(axis=0)
-        bound = second_derivative(A, B, C, low, high)
+        bound = second_derivative(A, B, C, low, high)[:, 0]
         assert np.all(bound >= dense * (1 - 1e-4))
         assert np.all(bound <= 1.6 * dense)
 

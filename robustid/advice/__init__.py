@@ -7,6 +7,7 @@ from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, suggest_prior
+from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
 __all__ = [
@@ -28,4 +29,5 @@ __all__ = [
     "suggest_kautz",
     "suggest_next",
     "suggest_prior",
+    "suggest_scaling",
 ]

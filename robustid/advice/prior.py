@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import warnings
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import TangentialResponse
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
 from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem, Prior
@@ -28,6 +26,7 @@ _TAILS = (
     0.1  # accuracy that sets the number of Taylor coefficients: tails up to 1 % of a bound only make K a little larger
 )
 _CEILINGS = (8.0, 8e3)
+_QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _NEGLIGIBLE = 0.01  # a rest below this part of the smallest bound can't be told from none
 
 
@@ -223,51 +222,20 @@ def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
     return scales
 
 
-def suggest_scaling(data: Sequence[Any]) -> tuple[tuple[float, ...], ...] | None:
-    """Sizes of the outputs over sizes of the inputs, so that no channel dominates a prior; None for one channel.
-
-    Of frequency responses the median sizes of the entries, fitted by outer(sizes_y, 1/sizes_u) in the logarithm; without them, of
-    records, the root mean squares of the signals. Powers of two: of rank one exactly, and as exact in other units.
-    """
-    p, q = (len(data[0].outputs), len(data[0].inputs)) if data else (1, 1)
-    lines = [f for f in data if isinstance(f, FrequencyResponse)]
-    if p == q == 1:
-        return None
-    if lines:
-        values = np.concatenate([np.where(f.missing, np.nan, np.abs(f.values)) for f in lines])
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # an entry that was measured nowhere
-            logs = np.log(np.nanmedian(values, axis=0))
-        known = np.isfinite(logs)
-        i, j = np.nonzero(known)
-        rows = np.zeros((i.size, p + q))
-        rows[np.arange(i.size), i] = rows[np.arange(i.size), p + j] = 1.0
-        sizes = np.linalg.lstsq(rows, logs[known], rcond=None)[0]
-        rows_of, columns_of = sizes[:p] + sizes[p], sizes[p:] - sizes[p]
-    elif records := [r for r in data if isinstance(r, TimeRecord)]:
-        power = [np.mean([np.mean(getattr(r, name) ** 2, axis=0) for r in records], axis=0) for name in ("y", "u")]
-        rows_of, columns_of = (0.5 * np.log(np.where(one > 0, one, 1.0)) for one in power)
-        columns_of = -columns_of
-    else:
-        return None
-    powers = np.add.outer(*(np.round(part / np.log(2)) for part in (rows_of, columns_of)))
-    return tuple(tuple(float(one) for one in row) for row in 2.0**powers)
-
-
 def possible_rates(problem: MixedProblem) -> np.ndarray:
-    """The default rates without the slowest ones, at which many data need too many coefficients."""
+    """The default rates without the slowest ones, at which many data, or matrices, need too many coefficients."""
     rates, refusal = _default_rates(problem), None
+    largest = response_sizes(problem)[0] * _CEILINGS[0]
+    entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
         try:
-            sections_of(
-                problem.with_prior(gain_bound=response_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)),
-                "auto",
-                _DIGITS,
-            )
+            form = sections_of(problem.with_prior(gain_bound=largest, decay_rate=float(rho)), "auto", _DIGITS)
         except SizeError as error:
             refusal = error
             continue
-        return rates[first:]
+        slow = form is not None and form.order * entries > _QUICK_MATRIX
+        if not slow or entries == 1 or rho == rates[-1]:
+            return rates[first:]
     raise refusal or InputError("`problem` has no decay rate to try")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid._arrays import Frozen
 from robustid.certify import worst_case_error
-from robustid.certify.worst_case import as_frequencies
+from robustid.certify.nominal import as_frequencies
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification import identify
 from robustid.interpolation import MixedProblem

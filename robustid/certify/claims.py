@@ -7,7 +7,15 @@ import dataclasses
 import numpy as np
 
 from robustid._arrays import Frozen
-from robustid.interpolation import Functional, Rows, SarasonMap, SupportCertificate, verify_support_exactly
+from robustid.identification.residuals import entry_name
+from robustid.interpolation import (
+    Functional,
+    MixedProblem,
+    Rows,
+    SarasonMap,
+    SupportCertificate,
+    verify_support_exactly,
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,9 +55,17 @@ class SupportClaim(Frozen):
     @property
     def _fits(self) -> bool:
         """Whether the multipliers are numbers, as many as the problem asks for."""
-        proof, n = self.certificate, self.sarason.pair.order
-        shapes = proof.samples.shape == self.rows.y.shape and proof.left.shape == proof.right.shape == (
-            n,
-            *proof.left.shape[1:],
+        proof, (high, wide) = self.certificate, self.sarason.shape
+        rank = proof.left.shape[1:]
+        shapes = (proof.samples.shape, proof.left.shape, proof.right.shape) == (
+            self.rows.y.shape,
+            (high, *rank),
+            (wide, *rank),
         )
         return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))
+
+
+def which(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:
+    """An entry in words that follow others; none of one channel."""
+    name = entry_name(problem, entry)
+    return f" ({name})" if name else ""

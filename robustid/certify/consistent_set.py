@@ -10,11 +10,13 @@ import numpy as np
 
 from robustid._arrays import Frozen
 from robustid.bases import input_normal_pair, solve_stein
-from robustid.errors import InconsistentDataError
+from robustid.errors import InconsistentDataError, InputError
 from robustid.identification import Identification
 from robustid.identification.forms import Posed, pose
 from robustid.interpolation import (
+    Entries,
     Functional,
+    MixedProblem,
     SarasonMap,
     SupportCertificate,
     certify_support,
@@ -22,6 +24,8 @@ from robustid.interpolation import (
     measurement_rows,
 )
 from robustid.solve import Candidate, ConvexData, analytic_center, support_path
+
+Entry = tuple[int, int]  # output and input
 
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
@@ -36,7 +40,7 @@ class Extreme(Frozen):
     ----------
     upper, attained : float
         `attained` is -inf where the set is too thin for a verified member.
-    x, p : (n,), (m,) arrays
+    x, p : arrays
         Coefficients and scaled parameters of the system that attains it.
     certificate : SupportCertificate
     """
@@ -89,7 +93,7 @@ class ConsistentSet:
             point = reached[1]
             if point is self.center:
                 point = dataclasses.replace(
-                    point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros((data.sarason.pair.order,) * 2)
+                    point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros(data.sarason.shape)
                 )
             best = certify_support(functional, point.samples, point.ball, self.level, data.rows, data.sarason)
         x, p = reached[1].x, reached[1].p
@@ -100,26 +104,31 @@ class ConsistentSet:
         """Whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
         return self.data.margin(x, p) <= 1 + 1e-12 and self.data.sarason.norm(x) <= 1 + 1e-12
 
-    def value_weights(self, omega: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Weights of (x, p) in F(exp(j omega T)), complex, and what the other coefficients can add."""
-        problem, rows = self.posed.problem, self.data.rows
-        prior, angle = problem.prior, omega * problem.dt
-        here, sections = np.array([angle]), self.posed.sections
+    def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[np.ndarray, np.ndarray, float]:
+        """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""
+        problem, here = self.posed.problem, np.array([omega * self.posed.problem.dt])
+        prior, sections, entries = problem.prior, self.posed.sections, problem.entries
         basis = self.data.sarason.pair if sections is None else sections
         phi = prior.gain_bound * basis.evaluate(np.exp(-1j * here) / prior.decay_rate)[0]
         tail = 0.0 if sections is None else float(line_tails(problem, sections, here)[0])
-        return phi, self._parameter_weights(lambda basis: basis.response(np.array([angle]))[0], rows), tail
+        number, part = entries.place(*entry)
+        scale = float(prior.scales(entries.outputs, entries.inputs)[entry])
+        x = np.zeros((entries.count, phi.size), complex)
+        x[number] = scale * part * phi
+        values = np.zeros(0) if problem.parametric is None else problem.parametric.response(here)[0]
+        return x.ravel(), self._parameter_weights(values, entry), scale * tail
 
-    def parameter_weights(self, index: int) -> np.ndarray:
-        """Weights of the scaled parameters in parameter number `index`."""
-        weights = np.zeros(self.data.rows.P.shape[1])
-        weights[index] = 1 / self.data.rows.column_scale[index]
-        return weights
+    def parameter_weights(self, index: int, entry: Entry = (0, 0)) -> np.ndarray:
+        """Weights of the scaled parameters in the entry of parameter number `index`."""
+        parametric = self.posed.problem.parametric
+        return np.real(self._parameter_weights(np.eye(parametric.size)[index], entry))
 
-    def _parameter_weights(self, values, rows) -> np.ndarray:
+    def _parameter_weights(self, values: np.ndarray, entry: Entry) -> np.ndarray:
+        """Weights of the scaled parameters in the sum of values (m,) times the parameters of an entry."""
+        rows, (number, part) = self.data.rows, self.posed.problem.entries.place(*entry)
         weights = np.zeros(rows.P.shape[1], complex)
-        if rows.parameters:
-            weights[: rows.parameters] = values(self.posed.problem.parametric) / rows.column_scale[: rows.parameters]
+        columns = slice(number * values.size, (number + 1) * values.size)
+        weights[columns] = part * values / rows.column_scale[columns]
         return weights
 
     def with_node(self, omega: float) -> ConsistentSet:
@@ -132,9 +141,11 @@ class ConsistentSet:
             return self
         pair = posed.data.sarason.pair
         alpha, beta, gamma, delta = self._interpolant
-        # x = c g(A) of the central interpolant g(zeta) = delta + zeta gamma (I - zeta alpha)^-1 beta.
-        x = (delta * pair.c + gamma @ solve_stein(alpha, pair.A, beta @ pair.c @ pair.A))[0]
-        start = dataclasses.replace(self.center, x=x)
+        # x = c g(A) of the central interpolant g(zeta) = delta + zeta gamma (I - zeta alpha)^-1 beta, column by column.
+        states = [solve_stein(alpha, pair.A, column[:, None] @ pair.c @ pair.A) for column in beta.T]
+        full = np.stack([gamma @ state for state in states], axis=1) + delta[:, :, None] * pair.c[0]
+        # Of symmetric matrices the mean of both transposes: it has the same data, and is in the ball.
+        start = dataclasses.replace(self.center, x=posed.problem.entries.collapse(full))
         return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
 
     def posed_at(self, omega: float) -> Posed:
@@ -146,7 +157,8 @@ class ConsistentSet:
         # At the head of the cascade: tight samples then say nothing about the new coefficients.
         head = [min(angle, np.pi)]
         pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor, first=head)
-        return dataclasses.replace(self.posed, data=ConvexData(measurement_rows(problem, pair), SarasonMap(pair)))
+        data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair, problem.entries))
+        return dataclasses.replace(self.posed, data=data)
 
     @functools.cached_property
     def _interpolant(self) -> tuple[np.ndarray, ...]:
@@ -186,3 +198,18 @@ def consistent_set(identification: Identification) -> ConsistentSet:
 def set_of(posed: Posed, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
     """The set at a level above the smallest margin; `starts` are points that may be inside."""
     return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
+
+
+def independent_entries(entries: Entries) -> list[Entry]:
+    """The entries whose values are independent, in the order of their unknowns: of symmetric matrices the upper triangle."""
+    places = np.ndindex(entries.outputs, entries.inputs)
+    return [(a, b) for a, b in places if a <= b or not entries.symmetric]
+
+
+def check_one_channel(problem: MixedProblem, what: str) -> None:
+    """Refuse matrices, and say the way out."""
+    if not problem.entries.single:
+        raise InputError(
+            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
+            " Identify an entry by itself, from frf.channel(output, input), and take that"
+        )

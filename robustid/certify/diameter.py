@@ -35,12 +35,12 @@ class Diameter(Frozen):
 
     @property
     def upper(self) -> np.ndarray:
-        """Guaranteed: no two systems that are consistent with the same data differ by more, (F, 1, 1)."""
+        """Guaranteed: no two systems that are consistent with the same data differ by more, of every entry, (F, ny, nu)."""
         return freeze(2 * self.error.upper)
 
     @property
     def lower(self) -> np.ndarray:
-        """Attained: with zero data two systems were found that differ so much, (F, 1, 1)."""
+        """Attained: with zero data two systems were found that differ so much, (F, ny, nu)."""
         return freeze(2 * self.error.lower)
 
     @property
@@ -57,12 +57,12 @@ class Diameter(Frozen):
 
     def summary(self) -> str:
         """The result in plain text."""
-        k = int(np.argmax(self.upper))
+        k, *entry = np.unravel_index(int(np.argmax(self.upper)), self.upper.shape)
         return "\n".join(
             [
                 f"diameter   whatever is measured, two consistent systems differ by at most {self.upper.max():.4g} at"
                 f" {self.omega.size} frequencies",
-                f"worst      {self.omega[k] / (2 * np.pi):.5g} Hz (zero data attain {float(self.lower.ravel()[k]):.4g})",
+                f"worst      {self.omega[k] / (2 * np.pi):.5g} Hz (zero data attain {self.lower[k, *entry]:.4g})",
                 "meaning    no model and no method can guarantee less than half of the attained value for every outcome",
             ]
         )
@@ -126,7 +126,7 @@ def diameter(
 
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    nothing = control.ss([], [], [], 0.0, problem.dt)
+    nothing = control.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
     options = {"directions": directions, "rtol": rtol, "executor": executor, "progress": progress}
     return Diameter(worst_case_error(identify(_without_values(problem)), model=nothing, omega=omega, **options))
 
@@ -135,8 +135,8 @@ def _without_values(problem: MixedProblem) -> MixedProblem:
     """The problem with zero data, its intervals moved to be centred at 0."""
     intervals = problem.parameter_bounds
     if intervals is not None:
-        half = np.where(np.isfinite(intervals[:, 0]), (intervals[:, 1] - intervals[:, 0]) / 2, np.inf)
-        intervals = np.stack([-half, half], axis=1)
+        half = np.where(np.isfinite(intervals[..., 0]), (intervals[..., 1] - intervals[..., 0]) / 2, np.inf)
+        intervals = np.stack([-half, half], axis=-1)
     return dataclasses.replace(
         problem,
         frequency=tuple(dataclasses.replace(f, values=np.zeros_like(f.values)) for f in problem.frequency),

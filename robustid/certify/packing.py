@@ -6,8 +6,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from robustid.certify.consistent_set import independent_entries
 from robustid.certify.value_set import ValueSet, directions_at
-from robustid.interpolation import SupportCertificate
+from robustid.interpolation import Entries, SupportCertificate
+from robustid.interpolation.entries import SINGLE
 
 Arrays = dict[str, np.ndarray]
 
@@ -19,6 +21,7 @@ def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
     return {
         "samples": np.stack([c.samples for c in certificates]) if certificates else np.zeros((0, 0), complex),
         "order": np.array([c.left.shape[0] for c in certificates], int),
+        "width": np.array([c.right.shape[0] for c in certificates], int),
         "rank": np.array([-1 if len(f) == 1 else f[0].shape[1] for f in factors], int),
         "factors": np.concatenate([np.zeros(0), *(part.ravel() for f in factors for part in f)]),
         "level": np.array([c.level for c in certificates], float),
@@ -28,7 +31,8 @@ def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
 
 def _smaller(certificate: SupportCertificate) -> tuple[np.ndarray, ...]:
     left, right = certificate.left, certificate.right
-    return (left @ right.T,) if 2 * left.shape[1] > left.shape[0] else (left, right)
+    (high, rank), wide = left.shape, right.shape[0]
+    return (left @ right.T,) if (high + wide) * rank > high * wide else (left, right)
 
 
 def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
@@ -40,16 +44,19 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
         Arrays that do not fit together.
     """
     orders, ranks, factors = arrays["order"], arrays["rank"], arrays["factors"]
-    columns = np.where(ranks < 0, orders, 2 * ranks)
-    ends = np.cumsum(orders * columns)
-    if np.any(orders < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
+    widths = arrays.get("width", orders)  # files of one channel may have none
+    ends = np.cumsum(np.where(ranks < 0, orders * widths, (orders + widths) * ranks))
+    if np.any(orders < 0) or np.any(widths < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
         raise ValueError("the factors of its certificates do not fit together")
-    if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} != {orders.size}:
+    if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} | {len(widths)} != {orders.size}:
         raise ValueError("the arrays of its certificates differ in length")
     found = []
     for k, parts in enumerate(np.split(factors, ends[:-1])[: orders.size]):
-        n = orders[k]
-        left, right = (parts.reshape(n, n), np.eye(n)) if ranks[k] < 0 else parts.reshape(2, n, ranks[k])
+        high, wide, rank = orders[k], widths[k], ranks[k]
+        if rank < 0:
+            left, right = parts.reshape(high, wide), np.eye(wide)
+        else:
+            left, right = parts[: high * rank].reshape(high, rank), parts[high * rank :].reshape(wide, rank)
         found.append(
             SupportCertificate(arrays["samples"][k], left, right, float(arrays["level"][k]), float(arrays["value"][k]))
         )
@@ -64,11 +71,14 @@ def pack_values(values: Sequence[ValueSet]) -> Arrays:
         "sides": np.array([v.directions.size for v in values], int),
         "slack": np.array([v.slack for v in values], float),
         "support": np.concatenate([np.zeros(0), *(v.support for v in values)]),
-        "points": np.concatenate([np.zeros(0, complex), *(v.points for v in values)]),
+        "entry": np.array([v.entry for v in values], int).reshape(-1, 2),
+        "points": np.concatenate([np.zeros(0, complex), *(v.matrices.ravel() for v in values)]),
     } | {f"certificates/{name}": array for name, array in certificates.items()}
 
 
-def unpack_values(arrays: Arrays, dt: float, directions: int | None = None) -> list[ValueSet]:
+def unpack_values(
+    arrays: Arrays, dt: float, entries: Entries = SINGLE, directions: int | None = None
+) -> list[ValueSet]:
     """What `pack_values` packed, with the polygons that belong to a number of directions (their own one by default).
 
     Raises
@@ -85,13 +95,28 @@ def unpack_values(arrays: Arrays, dt: float, directions: int | None = None) -> l
         raise ValueError("its polygons do not have the sides of their number of directions")
     certificates = unpack_certificates(part(arrays, "certificates/"))
     ends = np.cumsum(arrays["sides"])
-    if {len(certificates), arrays["support"].size, arrays["points"].size} != {int(ends[-1]) if ends.size else 0}:
+    shape = entries.outputs, entries.inputs
+    points = arrays["points"].reshape(-1, *shape)
+    # Of several channels every polygon comes with one more value than it has sides.
+    more = 0 if entries.single else 1
+    total = int(ends[-1]) if ends.size else 0
+    if (len(certificates), arrays["support"].size, len(points)) != (total, total, total + more * ends.size):
         raise ValueError("its polygons and certificates differ in number")
+    expected = independent_entries(entries)
+    places = arrays.get("entry", np.zeros((ends.size, 2), int))  # files of one channel may have none
+    repeated = np.reshape(expected * (len(places) // len(expected)), (-1, 2))
+    if not np.array_equal(places, repeated):
+        raise ValueError("its polygons are not those of all entries, one after the other")
+    if np.any(np.ptp(arrays["omega"].reshape(-1, len(expected)), axis=1)):
+        raise ValueError("the polygons of its entries are not at the same frequencies")
     found = []
     for k, end in enumerate(ends):
         at = slice(end - angles[k].size, end)
         omega, slack = float(arrays["omega"][k]), float(arrays["slack"][k])
-        found.append(ValueSet(omega, angles[k], arrays["support"][at], arrays["points"][at], slack, certificates[at]))
+        entry, matrices = expected[k % len(expected)], points[at.start + more * k : at.stop + more * (k + 1)]
+        attained = matrices[: angles[k].size, *entry]
+        proved = omega, angles[k], arrays["support"][at], attained, slack, certificates[at]
+        found.append(ValueSet(*proved, entry, matrices))
     return found
 
 

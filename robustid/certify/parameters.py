@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.certify.claims import SupportClaim
-from robustid.certify.consistent_set import ConsistentSet
+from robustid.certify.claims import SupportClaim, which
+from robustid.certify.consistent_set import ConsistentSet, independent_entries
 from robustid.interpolation import Functional, SupportCertificate
 
 
@@ -19,12 +19,12 @@ class ParameterIntervals(Frozen):
 
     Attributes
     ----------
-    lower, upper : (m,) arrays
+    lower, upper : (m,) arrays; of several channels (m, ny, nu), every entry of the residue matrices
         Proved, in the units of `Identification.parameters`.
-    attained : (m, 2) array
+    attained : (m, 2) array; (m, ny, nu, 2)
         Lowest and highest values of systems that were found; the truth of the interval lies between these and the ends.
     certificates : tuple of SupportCertificate
-        Of -p_i and of p_i, in turn.
+        Of -p_i and of p_i, in turn; entry after entry, of symmetric matrices those of the upper triangle.
     """
 
     lower: np.ndarray
@@ -38,25 +38,37 @@ class ParameterIntervals(Frozen):
 
 def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> ParameterIntervals:
     """Smallest and largest value of every parametric coefficient over the set, to a part `gap`."""
-    n, count = consistent.data.sarason.pair.order, consistent.data.rows.parameters
-    ends, attained, certificates = np.zeros((count, 2)), np.zeros((count, 2)), []
-    for index in range(count):
-        weights = consistent.parameter_weights(index)
-        for column, sign in enumerate((-1.0, 1.0)):
-            found = consistent.extreme(Functional(np.zeros(n), sign * weights), gap)
-            ends[index, column] = sign * found.upper
-            attained[index, column] = sign * found.attained
-            certificates.append(found.certificate)
-    return ParameterIntervals(ends[:, 0], ends[:, 1], attained, tuple(certificates))
+    problem, nothing, certificates = consistent.posed.problem, np.zeros(consistent.data.sarason.size), []
+    size = 0 if problem.parametric is None else problem.parametric.size
+    # Lower and upper ends, then what is attained of them.
+    ends = np.zeros((size, problem.entries.outputs, problem.entries.inputs, 4))
+    for entry in independent_entries(problem.entries):
+        for index in range(size):
+            weights = consistent.parameter_weights(index, entry)
+            for side, sign in enumerate((-1.0, 1.0)):
+                found = consistent.extreme(Functional(nothing, sign * weights), gap)
+                ends[index, *entry, [side, 2 + side]] = sign * found.upper, sign * found.attained
+                certificates.append(found.certificate)
+            if problem.entries.symmetric:
+                ends[index, *entry[::-1]] = ends[index, *entry]
+    if problem.entries.single:
+        ends = ends[:, 0, 0]
+    return ParameterIntervals(ends[..., 0], ends[..., 1], ends[..., 2:], tuple(certificates))
 
 
 def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:
     """What the intervals say, end by end."""
-    data, basis = consistent.data, consistent.posed.problem.parametric
-    nothing = np.zeros(data.sarason.pair.order)
-    stated = np.stack([-found.lower, found.upper], axis=1).ravel()
-    for number, (value, proof) in enumerate(zip(stated, found.certificates, strict=True)):
-        index, upper = divmod(number, 2)
-        functional = Functional(nothing, (1.0 if upper else -1.0) * consistent.parameter_weights(index))
-        name = f"{'upper' if upper else 'lower'} end of the coefficient of {basis.labels[index]}"
-        yield SupportClaim(name, functional, float(value), proof, data.rows, data.sarason)
+    data, problem = consistent.data, consistent.posed.problem
+    labels = () if problem.parametric is None else problem.parametric.labels
+    size, entries, nothing = len(labels), problem.entries, np.zeros(data.sarason.size)
+    proofs = iter(found.certificates)
+    if len(found.certificates) != 2 * size * entries.count:
+        raise ValueError("its intervals and their certificates differ in number")
+    stated = np.stack([-found.lower, found.upper], axis=-1).reshape(size, entries.outputs, entries.inputs, 2)
+    for entry in independent_entries(entries):
+        both = (entry, entry[::-1]) if entries.symmetric else (entry,)
+        for index, side in np.ndindex(size, 2):
+            functional = Functional(nothing, (2.0 * side - 1) * consistent.parameter_weights(index, entry))
+            name = f"{'upper' if side else 'lower'} end of the coefficient of {labels[index]}{which(problem, entry)}"
+            value = min(float(stated[index, *place, side]) for place in both)
+            yield SupportClaim(name, functional, value, next(proofs), data.rows, data.sarason)

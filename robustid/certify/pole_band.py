@@ -13,12 +13,12 @@ import numpy as np
 
 from robustid._arrays import Frozen, as_count, as_positive, freeze
 from robustid.certify.claims import SupportClaim
-from robustid.certify.consistent_set import ConsistentSet, set_of
+from robustid.certify.consistent_set import ConsistentSet, check_one_channel, set_of
+from robustid.certify.nominal import as_frequencies, as_nominal
 from robustid.certify.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.certify.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
 from robustid.certify.workers import worker_pool
-from robustid.certify.worst_case import as_frequencies, as_nominal
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.margin import prove_margin
@@ -238,6 +238,7 @@ def worst_case_over_poles(
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    check_one_channel(identification.problem, "worst_case_over_poles")
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)

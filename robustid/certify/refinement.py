@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.certify.circle import CircleBound, Curvature, known_part
+from robustid.certify.circle import CircleBound, Curvature, interpolant_part, known_part
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
-from robustid.certify.value_set import ValueSet
-from robustid.identification.simulation import response
+from robustid.certify.value_set import ValueSet, by_frequency, largest_errors, norm_of_bounds
+from robustid.identification.simulation import responses
 
 if TYPE_CHECKING:
     from robustid.certify.worst_case import WorstCaseError
@@ -37,27 +35,29 @@ def refine(
     dt, consistent, curvature = error.identification.problem.dt, error._consistent, _curvature(error)
     bottom, top = _range(error)
     before = error.__dict__.get("circle")
-    known = {v.omega: v for v in (before.values if before is not None else ())}
-    known |= {v.omega: v for v in error.values if bottom <= v.omega <= top}
-    fine = {w for w, v in known.items() if v.directions.size in (2, error.directions)}
-    limits: dict[tuple[float, float], float] = {}
+    known = by_frequency(before.values if before is not None else ())
+    known |= {w: sets for w, sets in by_frequency(error.values).items() if bottom <= w <= top}
+    fine = {w for w, sets in known.items() if sets[0].directions.size in (2, error.directions)}
+    limits: dict[tuple[float, float], np.ndarray] = {}
     coarse, sharp = [w for w in (bottom, top) if w not in known], []
     for _ in range(_ROUNDS):
         for wanted, settings in ((coarse, _COARSE), (sharp, (error.directions, error.gap))):
             found = value_sets(consistent, np.array(wanted), *settings, executor, progress, resume)
-            known |= {v.omega: v for v in found}
+            known |= by_frequency(found)
         fine |= set(sharp)
         edges = np.array(sorted(known))
-        upper, lower = _errors(error, [known[w] for w in edges])
+        entries, upper, lower = _errors(error, {w: known[w] for w in edges.tolist()})
         sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
         ends = np.maximum(sure[:-1], sure[1:])
         peak = ends if everywhere else np.full(ends.size, sure.max())
-        arcs = list(itertools.pairwise(edges))
+        arcs = list(itertools.pairwise(edges.tolist()))
         limits |= {arc: curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
-        bend = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
-        bound = np.maximum(upper[:-1], upper[1:]) + bend
+        bends = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
+        bounds = np.maximum(entries[:-1], entries[1:]) + bends
+        bend, bound = norm_of_bounds(bends), norm_of_bounds(bounds)
         open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
-        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0, tuple(known[w] for w in edges))
+        values = tuple(one for w in edges.tolist() for one in known[w])
+        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0, values, bounds)
         coarse, sharp = [], []
         for k in open_arcs:
             rough = [
@@ -75,22 +75,27 @@ def refine(
 
 def supported(error: WorstCaseError, circle: CircleBound) -> bool:
     """Whether the value sets at its edges, whose certificates are claims of their own, give the bounds that it states."""
-    omega = np.array([v.omega for v in circle.values])
+    sets = by_frequency(circle.values)
+    omega = np.array(list(sets))
     if not np.array_equal(omega, circle.edges) or _range(error) != (omega[0], omega[-1]):
         return False
     dt, curvature = error.identification.problem.dt, _curvature(error)
-    upper, _ = _errors(error, circle.values)
-    for k, (a, b) in enumerate(itertools.pairwise(circle.edges)):
+    entries, _, _ = _errors(error, sets)
+    for k, (a, b) in enumerate(itertools.pairwise(circle.edges.tolist())):
         bend = curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8
-        if not max(upper[k], upper[k + 1]) + bend <= circle.bound[k] * (1 + 1e-9):
+        if not np.all(np.maximum(entries[k], entries[k + 1]) + bend <= circle.entries[k] * (1 + 1e-9)):
             return False
-    return True
+    return bool(np.all(norm_of_bounds(circle.entries) <= circle.bound * (1 + 1e-9)))
 
 
-def _errors(error: WorstCaseError, values: Sequence[ValueSet]) -> np.ndarray:
-    """Upper and lower bounds of |F - model|, (2, F)."""
-    nominal = response(error.model, np.array([v.omega for v in values]) * error.identification.problem.dt)
-    return np.array([v.farthest(m) for v, m in zip(values, nominal, strict=True)]).T
+def _errors(
+    error: WorstCaseError, sets: dict[float, tuple[ValueSet, ...]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds of the entries of F - model, (F, ny, nu), and the bound and an attained one of its largest singular value, (F,)."""
+    nominal = responses(error.model, np.array(list(sets)) * error.identification.problem.dt)
+    found = [largest_errors(one, m) for one, m in zip(sets.values(), nominal, strict=True)]
+    sigma = np.array([(e.sigma_upper, e.sigma_lower) for e in found])
+    return np.array([e.upper for e in found]), sigma[:, 0], sigma[:, 1]
 
 
 def _range(error: WorstCaseError) -> tuple[float, float]:
@@ -104,24 +109,12 @@ def _range(error: WorstCaseError) -> tuple[float, float]:
 
 
 def _curvature(error: WorstCaseError) -> Curvature:
-    identification = error.identification
-    problem, basis = identification.problem, identification.problem.parametric
-    q = identification.parameters
-    own, mine = error.is_own, error.model
-    if own and basis is not None:
-        # The parametric part of its own model is q'P exactly, its states the last ones.
-        n = mine.nstates - basis.states
-        parts = known_part(_Part(mine.A[:n, :n], mine.B[:n], mine.C[:, :n]), None, q)
-    else:
-        parts = known_part(mine, basis, q)
+    identification, own = error.identification, error.is_own
+    basis, q = identification.problem.parametric, identification.parameters
+    parts = interpolant_part(identification) if own else known_part(error.model, identification)
     reach = np.maximum(np.abs(error.parameters.lower - q), np.abs(error.parameters.upper - q))
     functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
     # A reduced interpolant is near the ball, not in it.
-    return Curvature(problem.prior, parts, functions, reach, own and identification.sections is None)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Part:
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
+    inside = own and identification.sections is None
+    shape = len(identification.problem.outputs), len(identification.problem.inputs)
+    return Curvature(identification.problem.prior, parts, functions, reach.reshape(-1, *shape), inside)

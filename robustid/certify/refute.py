@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid._arrays import Frozen, freeze
-from robustid.certify.consistent_set import ConsistentSet, consistent_set
+from robustid.certify.consistent_set import ConsistentSet, check_one_channel, consistent_set
 from robustid.certify.horizon import consistent_outputs
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -207,6 +207,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    check_one_channel(identification.problem, "refute")
     data = tuple(new_data) if isinstance(new_data, Sequence) else (new_data,)
     if not data:
         raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")

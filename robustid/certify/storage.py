@@ -11,12 +11,13 @@ import numpy as np
 from robustid._arrays import as_count
 from robustid._version import __version__
 from robustid.certify.circle import CircleBound
+from robustid.certify.nominal import as_nominal
 from robustid.certify.packing import Arrays, pack_certificates, pack_values, part, unpack_certificates, unpack_values
 from robustid.certify.parameters import ParameterIntervals
 from robustid.certify.pole_band import PoleBand
 from robustid.certify.pole_cells import PoleCell, box_of
 from robustid.certify.pole_proofs import KeptCell, RefutedCell
-from robustid.certify.worst_case import WorstCaseError, as_nominal
+from robustid.certify.worst_case import WorstCaseError
 from robustid.identification import Identification
 from robustid.identification.loading import read, rebuild, usable
 from robustid.identification.storage import describe, write
@@ -37,6 +38,7 @@ def save_worst_case_error(error: WorstCaseError, path: str | os.PathLike[str]) -
     arrays |= _under(_VALUES, pack_values(error.values))
     if circle is not None:
         numbers = {"edges": circle.edges, "bound": circle.bound, "lower": np.array(circle.lower)}
+        numbers["entries"] = circle.entries
         arrays |= _under(_CIRCLE, numbers | pack_values(circle.values))
     arrays |= _pack_nominal(error)
     record = {
@@ -89,11 +91,11 @@ def load_worst_case_error(path: str | os.PathLike[str]) -> WorstCaseError:
 
 def _rebuild(record: dict[str, Any], arrays: Arrays) -> WorstCaseError:
     identification = rebuild(record["identification"], arrays)
-    directions, dt = record["directions"], identification.problem.dt
+    directions, shape = record["directions"], (identification.problem.dt, identification.problem.entries)
     error = WorstCaseError(
         identification=identification,
         model=_nominal(part(arrays, _MODEL), identification),
-        values=tuple(unpack_values(part(arrays, _VALUES), dt, directions)),
+        values=tuple(unpack_values(part(arrays, _VALUES), *shape, directions)),
         parameters=_parameters(part(arrays, _PARAMETERS), identification),
         directions=directions,
         gap=record["gap"],
@@ -102,10 +104,9 @@ def _rebuild(record: dict[str, Any], arrays: Arrays) -> WorstCaseError:
     if circle:
         if circle["edges"].size != circle["bound"].size + 1:
             raise ValueError("its bound on the circle does not fit its edges")
-        values = tuple(unpack_values(circle, dt))
-        error.__dict__["circle"] = CircleBound(
-            circle["edges"], circle["bound"], float(circle["lower"]), record["circle_converged"], values
-        )
+        values, lower = tuple(unpack_values(circle, *shape)), float(circle["lower"])
+        bounds = circle["edges"], circle["bound"], lower, record["circle_converged"], values
+        error.__dict__["circle"] = CircleBound(*bounds, circle.get("entries"))
     return error
 
 
@@ -229,10 +230,11 @@ def _nominal(matrices: Arrays, identification: Identification) -> Any:
 
 def _parameters(arrays: Arrays, identification: Identification) -> ParameterIntervals:
     basis = identification.problem.parametric
-    count = 0 if basis is None else basis.size
+    entries, size = identification.problem.entries, 0 if basis is None else basis.size
+    count = (size,) if entries.single else (size, entries.outputs, entries.inputs)
     found = ParameterIntervals(arrays["lower"], arrays["upper"], arrays["attained"], unpack_certificates(arrays))
-    if (found.lower.shape, found.upper.shape, found.attained.shape) != ((count,), (count,), (count, 2)):
+    if (found.lower.shape, found.upper.shape, found.attained.shape) != (count, count, (*count, 2)):
         raise ValueError("its intervals are not those of the parameters")
-    if len(found.certificates) != 2 * count:
+    if len(found.certificates) != 2 * size * entries.count:
         raise ValueError("its intervals and their certificates differ in number")
     return found

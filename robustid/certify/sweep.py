@@ -17,7 +17,7 @@ import numpy as np
 from robustid._files import atomic_write
 from robustid.certify.consistent_set import ConsistentSet
 from robustid.certify.packing import pack_values, unpack_values
-from robustid.certify.value_set import ValueSet, value_set
+from robustid.certify.value_set import ValueSet, value_sets_at
 from robustid.certify.workers import Workers
 from robustid.errors import InputError, SolverError
 from robustid.identification.storage import describe_problem, digest, text_array
@@ -26,6 +26,7 @@ from robustid.solve import threads_for
 _log = logging.getLogger("robustid")
 
 Progress = Callable[[int, int], None]
+Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
 Spread = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
@@ -39,7 +40,7 @@ def value_sets(
     progress: Progress | None = None,
     resume: Folder | None = None,
 ) -> list[ValueSet]:
-    """The value set at each frequency, in their order; `progress` is called with (done, all).
+    """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
 
     What is finished is written to the folder `resume`, and what is there already isn't computed again.
     """
@@ -62,12 +63,12 @@ def value_sets(
         if store is not None:
             kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
         raise SolverError(f"{error}; {kept}") from error
-    return [found[w] for w in omega.tolist()]
+    return [one for w in omega.tolist() for one in found[w]]
 
 
 def _each(
     consistent: ConsistentSet, omega: list[float], directions: int, gap: float, executor: Spread
-) -> Generator[tuple[float, ValueSet]]:
+) -> Generator[tuple[float, Sets]]:
     """(frequency, its values) as they are found."""
     if executor is None or not omega:
         for w in omega:
@@ -79,12 +80,12 @@ def _each(
         yield from workers.run(_packed_one, (packed, directions, gap), omega)
 
 
-def _one(consistent: ConsistentSet, directions: int, gap: float, omega: float) -> ValueSet:
+def _one(consistent: ConsistentSet, directions: int, gap: float, omega: float) -> Sets:
     with threads_for(consistent.data.sarason.pair.order):
-        return value_set(consistent, omega, directions, gap)
+        return value_sets_at(consistent, omega, directions, gap)
 
 
-def _packed_one(packed: bytes, directions: int, gap: float, omega: float) -> ValueSet:
+def _packed_one(packed: bytes, directions: int, gap: float, omega: float) -> Sets:
     return _one(_unpacked(packed), directions, gap, omega)
 
 
@@ -103,7 +104,7 @@ class _Store:
         except OSError as error:
             raise InputError(f"`resume` = {str(folder)!r} can't be a folder: {error.strerror}") from None
         self._digest, self._settings = _identity(consistent), (directions, gap)
-        self._dt = consistent.posed.problem.dt
+        self._dt, self._entries = consistent.posed.problem.dt, consistent.posed.problem.entries
         others = [f for f in self.folder.glob("values-*.npz") if not f.name.startswith(self._prefix)]
         if others:
             _log.warning("%s: %d results there are of other data, and are left alone", self.folder, len(others))
@@ -116,7 +117,7 @@ class _Store:
         directions, gap = self._settings
         return self.folder / f"{self._prefix}{directions}-{gap!r}-{omega!r}.npz"
 
-    def load(self, omega: list[float]) -> dict[float, ValueSet]:
+    def load(self, omega: list[float]) -> dict[float, Sets]:
         """What is there of these frequencies; files that can't be used are named, and left out."""
         found = {}
         for w in omega:
@@ -129,19 +130,20 @@ class _Store:
                 _log.warning("%s can't be used (%s); its frequency is computed again", path, error)
         return found
 
-    def _read(self, path: pathlib.Path, omega: float) -> ValueSet:
+    def _read(self, path: pathlib.Path, omega: float) -> Sets:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         if not np.array_equal(arrays.pop("identity"), self._bound(omega)):
             raise ValueError("it is of other data or settings")
-        return unpack_values(arrays, self._dt, self._settings[0])[0]
+        return tuple(unpack_values(arrays, self._dt, self._entries, self._settings[0]))
 
-    def write(self, value: ValueSet) -> None:
+    def write(self, values: Sets) -> None:
         """The values of one frequency, whole or not at all."""
-        path = self._path(value.omega)
+        omega = values[0].omega
+        path = self._path(omega)
         try:
             with atomic_write(path, "wb") as file:
-                np.savez(file, allow_pickle=False, identity=self._bound(value.omega), **pack_values([value]))  # type: ignore[arg-type]
+                np.savez(file, allow_pickle=False, identity=self._bound(omega), **pack_values(values))  # type: ignore[arg-type]
         except OSError as error:
             raise InputError(
                 f"`resume`: {path} can't be written ({error.strerror}); what is finished stays in {self.folder}:"

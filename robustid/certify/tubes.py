@@ -12,12 +12,12 @@ import numpy as np
 
 from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
 from robustid.certify.circle import known_part
-from robustid.certify.consistent_set import Extreme
+from robustid.certify.consistent_set import Extreme, check_one_channel
 from robustid.certify.horizon import Outputs, consistent_outputs
 from robustid.certify.impulse_tail import tail_bounds
+from robustid.certify.nominal import as_nominal
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.certify.sweep import Progress
-from robustid.certify.worst_case import as_nominal
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.simulation import simulate
@@ -206,7 +206,7 @@ class ResponseTube(Frozen):
         problem, count = self.identification.problem, self.u.size
         K, rho, basis = problem.prior.gain_bound, problem.prior.decay_rate, problem.parametric
         first = K * rho ** -float(count)
-        total, largest = tail_bounds(*known_part(self.model, basis, self.identification.parameters), count)
+        total, largest = tail_bounds(*known_part(self.model, self.identification), count)
         sums = [first / (1 - 1 / rho) + float(total[0]), first + float(largest[0])]
         if basis is not None:
             loose = self._reach > 0
@@ -304,6 +304,7 @@ def response_tube(
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    check_one_channel(identification.problem, "response_tube")
     kind, u = _signal(input, horizon, identification)
     samples = _samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)

@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
+from robustid._arrays import Frozen, as_count, as_positive, freeze
 from robustid.certify.circle import CircleBound
-from robustid.certify.claims import SupportClaim
+from robustid.certify.claims import SupportClaim, which
 from robustid.certify.consistent_set import ConsistentSet, consistent_set
+from robustid.certify.nominal import as_frequencies, as_nominal, default_grid
 from robustid.certify.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.certify.refinement import refine, supported
 from robustid.certify.sweep import Folder, Progress, Spread, value_sets
-from robustid.certify.value_set import ValueSet, value_set_claims
+from robustid.certify.value_set import Errors, ValueSet, by_frequency, largest_errors, value_set_claims
 from robustid.certify.weight import UncertaintyWeight, uncertainty_weight
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.simulation import response
-from robustid.interpolation import MixedProblem
+from robustid.identification.simulation import responses
 from robustid.solve import threads_for
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
-_GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -41,7 +41,8 @@ class WorstCaseError(Frozen):
     model : control.StateSpace
         The nominal that the errors are measured from.
     values : tuple of ValueSet
-        At each frequency the polygon that contains F, and attained points.
+        At each frequency the polygon that contains F, and attained points; of several channels one for every entry (of symmetric
+        matrices the upper triangle), entry after entry, row by row.
     parameters : ParameterIntervals
     directions : int
     gap : float
@@ -58,12 +59,12 @@ class WorstCaseError(Frozen):
     @functools.cached_property
     def omega(self) -> np.ndarray:
         """Frequencies, rad/s, (F,)."""
-        return freeze(np.array([v.omega for v in self.values]))
+        return freeze(np.array(list(self._sets_at)))
 
     @functools.cached_property
     def nominal(self) -> np.ndarray:
-        """Response of the model at them, (F,) complex."""
-        return freeze(response(self.model, self.omega * self.identification.problem.dt))
+        """Response of the model at them, (F,) complex; of several channels (F, ny, nu)."""
+        return freeze(self._of_channels(self._nominal))
 
     @property
     def is_own(self) -> bool:
@@ -72,28 +73,62 @@ class WorstCaseError(Frozen):
         return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
 
     @functools.cached_property
-    def _errors(self) -> np.ndarray:
-        return np.array([v.farthest(m) for v, m in zip(self.values, self.nominal, strict=True)])
+    def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
+        return by_frequency(self.values)
+
+    @functools.cached_property
+    def _nominal(self) -> np.ndarray:
+        return responses(self.model, self.omega * self.identification.problem.dt)
+
+    @functools.cached_property
+    def _errors(self) -> tuple[Errors, ...]:
+        return tuple(largest_errors(sets, m) for sets, m in zip(self._sets_at.values(), self._nominal, strict=True))
+
+    def _of_channels(self, array: np.ndarray) -> np.ndarray:
+        """(F, ny, nu, ...), without the axes of the channels where there is one."""
+        return array[:, 0, 0] if self.identification.problem.entries.single else array
+
+    def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
+        """The sets of values of an entry at every frequency; of symmetric matrices of either one."""
+        symmetric = self.identification.problem.entries.symmetric
+        place = (min(output, input), max(output, input)) if symmetric else (output, input)
+        return tuple(one for one in self.values if one.entry == place)
+
+    def _of_entries(self, name: str) -> np.ndarray:
+        """A range that all value sets have, (F, ny, nu, 2)."""
+        places = list(np.ndindex(self._nominal.shape[1:]))
+        ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
+        return ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
 
     @property
     def upper(self) -> np.ndarray:
-        """Guaranteed bound of |F - model| over all consistent F, (F, 1, 1)."""
-        return freeze(self._errors[:, 0].reshape(-1, 1, 1))
+        """Guaranteed bound of |F - model| over all consistent F, of every entry, (F, ny, nu)."""
+        return freeze(np.array([e.upper for e in self._errors]))
 
     @property
     def lower(self) -> np.ndarray:
-        """Error of consistent systems that were found, (F, 1, 1): no bound can be smaller."""
-        return freeze(self._errors[:, 1].reshape(-1, 1, 1))
+        """Error of consistent systems that were found, (F, ny, nu): no bound can be smaller."""
+        return freeze(np.array([e.lower for e in self._errors]))
+
+    @property
+    def sigma_upper(self) -> np.ndarray:
+        """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
+        return freeze(np.array([e.sigma_upper for e in self._errors]))
+
+    @property
+    def sigma_lower(self) -> np.ndarray:
+        """Largest singular value of F - model of consistent systems that were found, (F,)."""
+        return freeze(np.array([e.sigma_lower for e in self._errors]))
 
     @property
     def magnitude(self) -> np.ndarray:
-        """Guaranteed range of |F|, (F, 2)."""
-        return freeze(np.array([v.magnitude for v in self.values]))
+        """Guaranteed range of |F|, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
+        return freeze(self._of_channels(self._of_entries("magnitude")))
 
     @property
     def phase(self) -> np.ndarray:
-        """Guaranteed range of the phase in rad, (F, 2)."""
-        return freeze(np.array([v.phase for v in self.values]))
+        """Guaranteed range of the phase in rad, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
+        return freeze(self._of_channels(self._of_entries("phase")))
 
     @functools.cached_property
     def circle(self) -> CircleBound:
@@ -119,8 +154,8 @@ class WorstCaseError(Frozen):
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
         consistent = self._consistent
         yield from parameter_claims(consistent, self.parameters)
-        for found in self._sets():
-            yield from value_set_claims(consistent, found)
+        for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
+            yield from value_set_claims(consistent, *sets)
 
     @property
     def claim_count(self) -> int:
@@ -155,10 +190,11 @@ class WorstCaseError(Frozen):
         progress: Progress | None = None,
         resume: Folder | None = None,
     ) -> CircleBound:
-        """A rigorous bound of |F - model| on the whole circle, by adaptive refinement.
+        """A rigorous bound of |F - model| on the whole circle, by adaptive refinement; of several channels of its singular values.
 
         Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
-        that near to its chord. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+        that near to its chord. Of several channels this bounds every entry, and the norm of the matrix of these bounds the largest
+        singular value. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
 
         Parameters
         ----------
@@ -191,20 +227,26 @@ class WorstCaseError(Frozen):
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
-        """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most)."""
-        order = np.argsort(-self._errors[:, 0])[:count]
+        """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most).
+
+        Of several channels `sigma_upper` and `sigma_lower`.
+        """
+        order = np.argsort(-self.sigma_upper)[:count].tolist()
         labels = [
-            f"{r.kind} {r.index + 1} at " + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
+            f"{r.kind} {r.index + 1} at "
+            + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
+            + which(self.identification.problem, r.entry)
             for r in self.identification.residuals
             for at in r.axis
         ]
-        rows = ((int(k), *self._errors[k].tolist()) for k in order)
+        rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
         return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
 
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
         rows = self._consistent.data.rows
-        return int(np.argmax(sum(c.shares(rows) for c in self.values[index].certificates)))
+        sets = self._sets_at[float(self.omega[index])]
+        return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
 
     def save(self, path: Folder) -> None:
         """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
@@ -213,18 +255,27 @@ class WorstCaseError(Frozen):
         save_worst_case_error(self, path)
 
     def __repr__(self) -> str:
-        return f"<WorstCaseError: {len(self.values)} frequencies, largest {self._errors[:, 0].max():.4g}>"
+        return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
 
     def summary(self) -> str:
         """The result in plain text."""
-        upper, lower = self._errors.T
-        size = np.abs(self.nominal)
+        upper, lower = self.sigma_upper, self.sigma_lower
+        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
         relative = upper / np.maximum(size, np.finfo(float).tiny)
+        gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
         lines = [
             f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
             f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
-            f"gap        upper bounds exceed attained errors by {100 * np.max(1 - lower / upper):.2g} % at most",
+            f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
+        if not self.identification.problem.entries.single:
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
+            lines.append(
+                "norm       largest singular value of F - model, at most the norm of the bounds of its entries"
+            )
+            lines.append(
+                f"entry      at most {self.upper.max():.4g}{which(self.identification.problem, (output, input))}"
+            )
         for w, high, low, label in self.worst():
             lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
         if any(note.startswith("Modes taken") for note in self.identification.notes):
@@ -256,6 +307,9 @@ def worst_case_error(
     points inside that are attained:
 
         lower <= max over consistent F of |F(exp(j omega T)) - model(exp(j omega T))| <= upper.
+
+    Of several channels this is done for every entry; the norm of the matrix of the upper bounds is a bound of the largest singular
+    value of F - model.
 
     Parameters
     ----------
@@ -326,58 +380,3 @@ def worst_case_error(
         directions=directions,
         gap=gap,
     )
-
-
-def as_nominal(model: Any, identification: Identification) -> Any:
-    """The model, checked: one channel, stable (integrators where the parametric part has them), the dt of the data."""
-    import control
-
-    if model is None:
-        return identification.model
-    if not isinstance(model, control.StateSpace):
-        raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
-    dt = identification.problem.dt
-    if (model.ninputs, model.noutputs) != (1, 1):
-        raise InputError(f"`model` must have one input and one output; got {model.ninputs} and {model.noutputs}")
-    if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
-        raise InputError(f"`model` must be discrete-time with the dt of the data, {dt:g} s; got dt = {model.dt}")
-    poles = np.linalg.eigvals(model.A) if model.nstates else np.zeros(0)
-    basis = identification.problem.parametric
-    allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
-    if np.any(np.abs(poles[~allowed]) >= 1):
-        raise InputError(
-            f"`model` must be stable: its error could not be bounded; got a pole of modulus {np.abs(poles[~allowed]).max():.6g}"
-        )
-    return model
-
-
-def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
-    """Frequencies in rad/s, checked and sorted."""
-    grid = np.unique(np.atleast_1d(as_array("omega", omega)))
-    dt, basis = problem.dt, problem.parametric
-    if grid.size == 0:
-        raise InputError("`omega` is empty; give at least one frequency")
-    if grid[0] < 0 or grid[-1] * dt > np.pi * (1 + 1e-9):
-        bad = grid[0] if grid[0] < 0 else grid[-1]
-        raise InputError(f"`omega` must lie between 0 and pi/dt = {np.pi / dt:g} rad/s (not Hz); got {bad:g}")
-    if basis is not None and basis.has_integrator and grid[0] == 0:
-        raise InputError("`omega` must not contain 0: the integrator of the parametric part is infinite there")
-    return np.minimum(grid, np.pi / dt)
-
-
-def default_grid(identification: Identification) -> np.ndarray:
-    """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
-    problem = identification.problem
-    top, basis = np.pi / problem.dt, problem.parametric
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
-    grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
-    if basis is not None:
-        poles = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
-        for pole in np.unique(np.round(poles, 12)):
-            width = -np.log(np.abs(pole)) * np.array([-2, -1, -0.5, 0, 0.5, 1, 2])
-            grid.append((np.angle(pole) + width) / problem.dt)
-    grid = np.concatenate(grid)
-    if basis is not None and basis.has_integrator and lines.size:
-        grid = grid[grid >= lines.min()]
-    return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))

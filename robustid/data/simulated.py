@@ -123,7 +123,7 @@ def flexible_structure(
     angle = np.concatenate([angle, rng.uniform(0, 2 * np.pi, extra.size)])
     # A hair inside: rounding must not put a sample of the truth outside its disc.
     disc = (1 - 1e-9) * bound * radius * np.exp(1j * angle)
-    values = np.array([truth(np.exp(1j * w * dt)) for w in omega])
+    values = truth(np.exp(1j * omega * dt))
     names: dict[str, Any] = {"inputs": [("force", "N")], "outputs": [("displacement", "mm")]}
     note = "simulated errors, uniform within the bound"
     return SimulatedExperiment(

@@ -87,6 +87,17 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
     return out
 
 
+def entry_name(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:
+    """Of the entry of a residual in words; empty for one channel."""
+    output, input = entry
+    if problem.entries.single or (output is None and input is None):
+        return ""
+    if input is None:
+        return problem.outputs[output or 0].name
+    name = problem.inputs[input].name
+    return f"all outputs from {name}" if output is None else f"{name} to {problem.outputs[output].name}"
+
+
 def largest_ratio(problem: MixedProblem, model: Any) -> float:
     """Largest |residual|/bound of a model at the samples of a problem."""
     return largest(model_residuals(problem, model))

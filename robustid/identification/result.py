@@ -17,12 +17,13 @@ from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification.forms import Claim, Posed, level_of, pose
 from robustid.identification.model import Family, family_of, nominal_model, parametric_values, residue_matrices
 from robustid.identification.modes import Mode, modes_of
-from robustid.identification.residuals import Residual
+from robustid.identification.residuals import Residual, entry_name
 from robustid.identification.storage import save_identification
 from robustid.identification.verification import Verification
 from robustid.interpolation import Interpolants, MarginCertificate, MixedProblem, Prior, prior_fields
 from robustid.solve import Candidate
 
+_MODES = 12  # listed in a summary
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
@@ -40,7 +41,7 @@ class Identification(Frozen):
     prior : Prior
         Of the model: that of the problem, with a smaller gain bound for objective "gain".
     coefficients : (n,) array
-        Of the non-parametric part, in the orthonormal basis, relative to the gain bound.
+        Of the non-parametric part, in the orthonormal basis, relative to the gain bound; of several channels entry by entry.
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
     sections : Sections or None
@@ -94,10 +95,11 @@ class Identification(Frozen):
     @property
     def form(self) -> str:
         """The finite problem that stood for the infinite one, in words."""
+        each = "" if self.problem.entries.single else " an entry"
         if self.sections is None:
-            return f"{self.coefficients.size} coefficients, exact"
+            return f"{self.coefficients.size // self.problem.entries.count} coefficients{each}, exact"
         if self.sections.is_shift:
-            return f"{self.length} Taylor coefficients"
+            return f"{self.length} Taylor coefficients{each}"
         degree, repeats = self.sections.degree, self.sections.repeats
         return f"{self.length} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
 
@@ -258,16 +260,19 @@ class Identification(Frozen):
         outside = parametric_values(self.problem, self._posed.data.rows, self.scaled_parameters, angles)
         return K * scales * centre + outside, K * left, right
 
+    def limiting(self, share: float = 0.01) -> list[tuple[Residual, int, float]]:
+        """As `conflicting_samples`: the `residuals` that a sample belongs to, its number among them, and its share."""
+        places = [(r, k) for r in self.residuals for k in range(r.axis.size)]
+        weights = self.certificate.shares(self._posed.data.rows)
+        return [(*places[k], float(weights[k])) for k in np.argsort(-weights) if weights[k] >= share]
+
     def conflicting_samples(self, share: float = 0.01) -> list[tuple[str, int, float, float]]:
         """Samples that carry the proof: (kind, experiment, rad/s or s, share), largest first.
 
         The shares are the weights |l_k| of the certificate, which sum to one. For inconsistent data these samples alone
         contradict the class; for consistent ones they are what keeps the margin from being smaller.
         """
-        labels = [(r.kind, r.index, float(at)) for r in self.residuals for at in r.axis]
-        weights = self.certificate.shares(self._posed.data.rows)
-        order = np.argsort(-weights)
-        return [(*labels[k], float(weights[k])) for k in order if weights[k] >= share]
+        return [(r.kind, r.index, float(r.axis[k]), weight) for r, k, weight in self.limiting(share)]
 
     def require(self) -> Identification:
         """The result itself if the data are consistent and every check holds; an exception otherwise."""
@@ -289,7 +294,8 @@ class Identification(Frozen):
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
-            f"class      |G| <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
+            *self._channel_lines,
+            f"class      {self._gain} <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
@@ -297,15 +303,19 @@ class Identification(Frozen):
                 * bool(self.length)
             ),
             f"model      order {self.order}, {self.objective}"
-            + (f", |G| <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),
+            + (f", {self._gain} <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),
+            *self._mode_lines,
         ]
         lines += [
             f"{'verified' if check.holds else 'FAILED':<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})"
             for check in self.verification.checks
         ]
-        for kind, index, at, share in self.conflicting_samples(0.02)[:6]:
-            place = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
-            lines.append(f"limited by {kind} experiment {index + 1} at {place}: {100 * share:.0f} % of the proof")
+        for residual, k, share in self.limiting(0.02)[:6]:
+            at = residual.axis[k]
+            place = f"{at / (2 * np.pi):.5g} Hz" if residual.kind == "frequency" else f"{at:.5g} s"
+            name = entry_name(problem, residual.entry)
+            where = f"{residual.kind} experiment {residual.index + 1}{f' ({name})' if name else ''} at {place}"
+            lines.append(f"limited by {where}: {100 * share:.0f} % of the proof")
         lines += [
             f"interval   the coefficient of {name} is at the end {end:.6g} of its interval"
             for name, end in self.active_intervals
@@ -313,6 +323,35 @@ class Identification(Frozen):
         lines += [f"warning    {sentence}" for sentence in self.warnings]
         lines.append("assumed    gain bound, decay rate and parametric poles: data can refute them, never prove them")
         return "\n".join(lines)
+
+    @property
+    def _gain(self) -> str:
+        """What the gain bound bounds, in words."""
+        if self.problem.entries.single:
+            return "|G|"
+        return "sigma_max(G)" if self.prior.scaling is None else "sigma_max(G / scaling)"
+
+    @property
+    def _channel_lines(self) -> list[str]:
+        entries = self.problem.entries
+        if entries.single:
+            return []
+        sides = ", ".join(
+            f"{len(side)} {name} ({', '.join(map(str, side))})"
+            for name, side in (("outputs", self.problem.outputs), ("inputs", self.problem.inputs))
+        )
+        return [f"channels   {sides}" + (", symmetric" if entries.symmetric else "")]
+
+    @property
+    def _mode_lines(self) -> list[str]:
+        """Of matrices: how near the residues are to rank one, as those of single modes are."""
+        if self.problem.entries.single:
+            return []
+        return [
+            f"mode       {mode.omega / (2 * np.pi):.5g} Hz, damping {mode.damping:.3g}: second singular value of its residue"
+            f" {100 * mode.rank_ratio:.2g} % of the first"
+            for mode in self.modes[:_MODES]
+        ]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle."""

@@ -154,6 +154,7 @@ def transfer(system: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], zeta
 
 
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
+_ROUNDED = 1e-14  # what rounding adds to the norm of an orthogonal matrix
 
 
 def interpolants(sarason: SarasonMap, x: np.ndarray) -> Interpolants:
@@ -200,7 +201,7 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndar
             d = np.full(shape, float(d))
         if d.shape != shape:
             raise InputError(f"`E` must have shape (ny, nu) = {shape}; got {d.shape}")
-        if not np.linalg.norm(d, 2) <= 1:
+        if not np.linalg.norm(d, 2) <= 1 + (d.size > 1) * _ROUNDED:
             end = "lie in [-1, 1]" if shape == (1, 1) else "have norm at most 1"
             raise InputError(f"`E` must {end}; got {d.item() if d.size == 1 else np.linalg.norm(d, 2):g}")
         return np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), d

@@ -157,7 +157,7 @@ class MixedProblem(Frozen):
         return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
 
     def _all_angles(self) -> np.ndarray:
-        angles = [f.omega * self.dt for f in self.frequency]
+        angles = [f.omega[np.isfinite(f.bound).any(axis=(1, 2))] * self.dt for f in self.frequency]
         angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
         return np.concatenate(angles) if angles else np.zeros(0)
 

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.identification.residuals import model_residuals
-from robustid.identification.simulation import response, simulate
+from robustid.identification.residuals import Residual, model_residuals
+from robustid.identification.simulation import responses as values_at
+from robustid.identification.simulation import simulate
 from robustid.identification.validation import check_model
-from robustid.report.facts import started, transfer
+from robustid.report.facts import started, transfer, unit_label
 from robustid.report.style import DATA, FAINT, NOMINAL, further, number
-
-if TYPE_CHECKING:
-    pass
 
 HZ = 2 * np.pi
 _GRID = 800  # points of a response, evenly spaced in log frequency
@@ -79,12 +78,13 @@ BLANK = Panel(title="", x=Axis(label=""), y=Axis(label=""), layers=())  # a plac
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Chart:
-    """One figure: panels below each other on one x axis (`linked`), or each with its own."""
+    """One figure: panels below each other on one x axis (`linked`), or each with its own; `grid`: one of many low ones."""
 
     name: str
     panels: tuple[Panel, ...]
     linked: bool = False
     columns: int = 1
+    grid: bool = False
 
 
 Models = Mapping[str, Any] | None
@@ -105,10 +105,14 @@ def curves(identification: Identification, models: Models) -> list[tuple[str, An
 
 
 def checked_model(name: str, model: Any, identification: Identification) -> Any:
-    """The model, if it has one channel and the time base of the data."""
+    """The model, if it has the channels and the time base of the data."""
     system, dt = check_model(name, model), identification.problem.dt
-    if (system.noutputs, system.ninputs) != (1, 1):
-        raise InputError(f"`{name}` must have 1 output and 1 input; got {system.noutputs} and {system.ninputs}")
+    p, q = identification.problem.entries.outputs, identification.problem.entries.inputs
+    if (system.noutputs, system.ninputs) != (p, q):
+        raise InputError(
+            f"`{name}` must have {p} output{'s' * (p > 1)} and {q} input{'s' * (q > 1)}; got {system.noutputs} and"
+            f" {system.ninputs}"
+        )
     if system.nstates and (system.dt is True or abs(system.dt - dt) > 1e-9 * dt):
         raise InputError(
             f"`{name}` must be discrete with dt = {dt:g} s, as the data; got dt = {system.dt}."
@@ -118,54 +122,89 @@ def checked_model(name: str, model: Any, identification: Identification) -> Any:
 
 
 def frequency_chart(identification: Identification, models: Models = None, omega: np.ndarray = _NOWHERE) -> Chart:
-    """Magnitude and phase of the models, those at `omega` (rad/s) among others, and of every sample with its disc."""
-    problem, (low, high), shown = (
-        identification.problem,
-        shown_band(identification, omega),
-        curves(identification, models),
-    )
-    omega, values = responses([model for _, model, *_ in shown], problem, (low, high), omega)
+    """The chart of one channel, as `frequency_charts`."""
+    return frequency_charts(identification, models, omega)[0]
+
+
+def frequency_charts(
+    identification: Identification, models: Models = None, omega: np.ndarray = _NOWHERE
+) -> list[Chart]:
+    """Magnitude and phase of every entry, row by row: the models, at `omega` (rad/s) too, and every sample with its disc."""
+    problem, ends, shown = identification.problem, shown_band(identification, omega), curves(identification, models)
+    omega, values = responses([model for _, model, *_ in shown], problem, ends, omega)
+    pairs = np.ndindex(problem.entries.outputs, problem.entries.inputs)
+    return [_entry_chart(identification, (i, j), shown, omega, [v[:, i, j] for v in values], ends) for i, j in pairs]
+
+
+def _entry_chart(
+    identification: Identification,
+    entry: tuple[int, int],
+    shown: list[Any],
+    omega: np.ndarray,
+    values: list[np.ndarray],
+    band: tuple[float, float],
+) -> Chart:
+    problem, (low, high) = identification.problem, band
+    output, input_ = problem.outputs[entry[0]], problem.inputs[entry[1]]
     phases, span = phase_curves(values)
-    bottom, top = _magnitude_range(problem, values)
+    measured = _measured(problem, *entry)
+    bottom, top = _magnitude_range(measured, values)
     magnitude, phase = [], []
     for (name, _, colour, dash, _), value, angle in zip(shown, values, phases, strict=True):
         style: dict[str, Any] = {"name": name, "x": omega / HZ, "colour": colour, "dash": dash}
         magnitude.append(Layer(y=np.abs(value), **style))
         phase.append(Layer(y=with_gaps(angle), **style))
-    for k, frf in enumerate(problem.frequency):
-        measured, bound, x = frf.values[:, 0, 0], frf.outer_radius[:, 0, 0], np.maximum(frf.omega, low) / HZ
-        size = np.abs(measured)
+    for name, at, value, bound in measured:
+        x, size = np.maximum(at, low) / HZ, np.abs(value)
         turn = np.degrees(np.arcsin(np.minimum(bound / np.maximum(size, bound), 1)))
         turn = np.where(bound >= size, 180.0, turn)  # the disc holds 0: any phase
-        near = phases[0][np.searchsorted(omega, frf.omega).clip(0, omega.size - 1)]
-        angle = np.degrees(np.angle(measured))
+        near = phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)]
+        angle = np.degrees(np.angle(value))
         angle = angle - 360 * np.round((angle - near) / 360)  # next to the curve, on this side of the jump
-        what = "data with their discs" if frf.tilt is None else "data with discs around their ellipses"
-        name = _numbered(what, k, len(problem.frequency))
         hover = tuple(
             f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}, {number(p)}°"
-            for w, a, b, p in zip(frf.omega, size, bound, angle, strict=True)
+            for w, a, b, p in zip(at, size, bound, angle, strict=True)
         )
         style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover}
         ends = np.maximum(size - bound, bottom), size + bound
         _add_samples(magnitude, np.maximum(size, bottom), ends, style)
         _add_samples(phase, angle, (angle - turn, angle + turn), style)
+    alone, title = problem.entries.single, transfer(identification, *entry)
     axis = hertz(problem, low, high)
-    title = transfer(identification)
+    labels = title, f"phase [°] of\n{output.name} / {input_.name}"
+    if not alone:  # the name stands above
+        labels = f"magnitude{unit_label(output.unit, input_.unit)}", "phase [°]"
+    tick = 90.0 if alone or span[1] - span[0] <= 450 else 180.0
     panels = (
-        Panel(title="Magnitude", x=axis, y=Axis(label=title, log=True, range=(bottom, top)), layers=tuple(magnitude)),
         Panel(
-            title="Phase",
+            title="Magnitude" if alone else title,
             x=axis,
-            y=Axis(
-                label=f"phase [°] of\n{problem.channel[0].name} / {problem.channel[1].name}",
-                range=span,
-                tick=90.0,
-            ),
+            y=Axis(label=labels[0], log=True, range=(bottom, top)),
+            layers=tuple(magnitude),
+        ),
+        Panel(
+            title="Phase" if alone else "",
+            x=axis,
+            y=Axis(label=labels[1], range=span, tick=tick),
             layers=tuple(phase),
         ),
     )
-    return Chart(name="frequency", panels=panels, linked=True)
+    chart = "frequency" if alone else f"entry-{entry[0]}-{entry[1]}"
+    return Chart(name=chart, panels=panels, linked=True, grid=not alone)
+
+
+def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Samples of an entry: name, lines in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
+    responses, out = [f for f in problem.frequency if isinstance(f, FrequencyResponse)], []
+    for k, frf in enumerate(responses):
+        used, place = np.isfinite(frf.bound[:, output, input_]), (slice(None), output, input_)
+        if not used.any():
+            continue
+        what = "data with their discs" if frf.tilt is None else "data with discs around their ellipses"
+        what += "" if frf.joint == "entry" else " (shared bound)"
+        name = _numbered(what, k, len(responses))
+        out.append((name, frf.omega[used], frf.values[place][used], frf.outer_radius[place][used]))
+    return out
 
 
 def shown_band(identification: Identification, omega: np.ndarray) -> tuple[float, float]:
@@ -177,7 +216,7 @@ def shown_band(identification: Identification, omega: np.ndarray) -> tuple[float
 def responses(
     models: list[Any], problem: Any, ends: tuple[float, float], wanted: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response of each model there."""
+    """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
     return omega, [_evaluate(model, omega * problem.dt) for model in models]
 
@@ -264,13 +303,13 @@ def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.n
 
 def _evaluate(model: Any, angles: np.ndarray) -> np.ndarray:
     parts = np.array_split(angles, max(1, angles.size // _BLOCK))
-    return np.concatenate([response(model, part) for part in parts])
+    return np.concatenate([values_at(model, part) for part in parts])
 
 
-def _magnitude_range(problem: Any, values: list[np.ndarray]) -> tuple[float, float]:
+def _magnitude_range(measured: list[Any], values: list[np.ndarray]) -> tuple[float, float]:
     """Holds all samples and the curves, but not the bottom of deep notches."""
-    sizes = [np.abs(f.values[:, 0, 0]) for f in problem.frequency]
-    tops = [s + f.outer_radius[:, 0, 0] for s, f in zip(sizes, problem.frequency, strict=True)]
+    sizes = [np.abs(value) for *_, value, _ in measured]
+    tops = [size + bound for size, (*_, bound) in zip(sizes, measured, strict=True)]
     top = float(np.max(np.concatenate([*map(np.abs, values), *tops])))
     if not top > 0:
         return 0.1, 1.0
@@ -279,25 +318,40 @@ def _magnitude_range(problem: Any, values: list[np.ndarray]) -> tuple[float, flo
 
 
 def time_chart(identification: Identification, models: Models = None) -> Chart:
-    """Every record against the models, and the step and pulse responses of the models."""
+    """Every record against the models; of one channel also the step and pulse responses of the models."""
     problem, shown = identification.problem, curves(identification, models)
-    panels = [_record_panel(identification, index, shown) for index in range(len(problem.time))]
-    output, input_ = problem.channel
+    # The nominal model keeps the initial state that was identified with it.
+    found = [identification.residuals, *(model_residuals(problem, model) for _, model, *_ in shown[1:])]
+    panels = [
+        _record_panel(identification, shown, answers)
+        for answers in zip(*found, strict=True)
+        if answers[0].kind == "time"
+    ]
+    if problem.entries.single:
+        panels += answer_panels(identification, shown, 0, 0)
+    return Chart(name="time", panels=tuple(panels), grid=not problem.entries.single)
+
+
+def answer_panels(identification: Identification, shown: list[Any], output: int, input_: int) -> list[Panel]:
+    """Step and pulse response of one entry of the models."""
+    problem = identification.problem
+    cause, effect = problem.inputs[input_], problem.outputs[output]
     count = _settling(identification.model)
-    u = np.eye(1, count)[0]
-    t = problem.dt * np.arange(count)
-    pulses = [simulate(model, u[:, None])[0][:, 0] for _, model, *_ in shown]
-    amount = f"1 {input_.unit}".rstrip()
+    t, u = problem.dt * np.arange(count), np.zeros((count, problem.entries.inputs))
+    u[0, input_] = 1
+    pulses = [simulate(model, u)[0][:, output] for _, model, *_ in shown]
+    amount = f"1 {cause.unit}".rstrip()
+    panels = []
     for title, answers in (
-        (f"Step response: {input_.name} rises by {amount} at 0 s", [np.cumsum(p) for p in pulses]),
-        (f"Pulse response: {input_.name} is {amount} during the first sample", pulses),
+        (f"Step response: {cause.name} rises by {amount} at 0 s", [np.cumsum(p) for p in pulses]),
+        (f"Pulse response: {cause.name} is {amount} during the first sample", pulses),
     ):
         layers = tuple(
             Layer(name=name, x=t, y=y, colour=colour, dash=dash)
             for (name, _, colour, dash, _), y in zip(shown, answers, strict=True)
         )
-        panels.append(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(output)), layers=layers))
-    return Chart(name="time", panels=tuple(panels))
+        panels.append(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(effect)), layers=layers))
+    return panels
 
 
 def _settling(model: Any) -> int:
@@ -307,25 +361,24 @@ def _settling(model: Any) -> int:
     return int(np.clip(3 / -np.log(slowest), 40, 600)) if slowest > 0 else 40
 
 
-def _record_panel(identification: Identification, index: int, shown: list[Any]) -> Panel:
-    problem = identification.problem
+def _record_panel(identification: Identification, shown: list[Any], residuals: tuple[Residual, ...]) -> Panel:
+    problem, (index, output) = identification.problem, (residuals[0].index, residuals[0].entry[0] or 0)
     record = problem.time[index]
-    used = np.isfinite(record.bound[:, 0])
-    t, y = record.time[used], record.y[used, 0]
-    layers, place = [], len(problem.frequency) + index
-    bound = identification.residuals[place].bound
-    for k, (name, model, colour, dash, _) in enumerate(shown):
-        # The nominal model keeps the initial state that was identified with it.
-        residual = (identification.residuals if k == 0 else model_residuals(problem, model))[place]
-        layers.append(Layer(name=name, x=t, y=y - residual.error, colour=colour, dash=dash))
+    used = np.isfinite(record.bound[:, output])
+    t, y, bound = record.time[used], record.y[used, output], residuals[0].bound
+    layers = [
+        Layer(name=name, x=t, y=y - residual.error, colour=colour, dash=dash)
+        for (name, _, colour, dash, _), residual in zip(shown, residuals, strict=True)
+    ]
     if not np.all(used):
-        layers.append(
-            Layer(name="not used", x=record.time[~used], y=record.y[~used, 0], colour=FAINT, marker="circle-open")
-        )
+        style: dict[str, Any] = {"name": "not used", "colour": FAINT, "marker": "circle-open"}
+        layers.append(Layer(x=record.time[~used], y=record.y[~used, output], **style))
     hover = tuple(f"{number(a, 6)} s: {number(b, 6)} ± {number(c)}" for a, b, c in zip(t, y, bound, strict=True))
     bars = {"low": y - bound, "high": y + bound, "hover": hover}
     layers.append(Layer(name="data with their intervals", x=t, y=y, colour=DATA, marker="circle", **bars))
     title = f"{_numbered('Record', index, len(problem.time))} {started(record)}"
-    if np.any(bound > record.bound[used, 0] * (1 + 1e-12)):
+    if not problem.entries.single:
+        title += f": {record.outputs[output].name}"
+    if np.any(bound > record.bound[used, output] * (1 + 1e-12)):
         title += ", intervals widened by what the unknown past can add"
-    return Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(record.outputs[0])), layers=tuple(layers))
+    return Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(record.outputs[output])), layers=tuple(layers))

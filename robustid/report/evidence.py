@@ -9,7 +9,7 @@ import numpy as np
 from robustid.identification import Identification
 from robustid.identification.residuals import Residual, model_residuals
 from robustid.report.charts import HZ, Axis, Chart, Layer, Models, Panel, band, curves, hertz
-from robustid.report.facts import transfer
+from robustid.report.facts import transfer, unit, where
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.style import ALERT, DATA, FAINT, NOMINAL, number
 
@@ -18,27 +18,50 @@ _SMALLEST_RATIO = 1e-3
 
 
 def residual_chart(identification: Identification, models: Models = None) -> Chart:
-    """|residual|/bound of every sample, the limit, and who touches it."""
+    """|residual|/bound of every sample, the limit, and who touches it: a panel for each entry or output that has bounds."""
     problem, shown = identification.problem, curves(identification, models)
     found = [list(identification.residuals), *(model_residuals(problem, model) for _, model, *_ in shown[1:])]
     panels = []
-    for kind, label in (("frequency", transfer(identification)), ("time", str(problem.channel[0]))):
-        parts = [[r for r in residuals if r.kind == kind] for residuals in found]
-        if parts[0]:
-            panels.append(_residual_panel(identification, kind, label, parts, shown))
-    return Chart(name="residuals", panels=tuple(panels))
+    for kind in ("frequency", "time"):
+        places = [k for k, r in enumerate(found[0]) if r.kind == kind]
+        if not places:
+            continue
+        parts = [[residuals[k] for k in places] for residuals in found]
+        # One scale for all: they are compared.
+        largest = max(identification.margin, *(float(r.ratio.max()) for residuals in parts for r in residuals))
+        smallest = min(float(r.ratio.min()) for residuals in parts for r in residuals)
+        for entries, label in _grouped(identification, parts[0]):
+            part = [[residuals[k] for k in entries] for residuals in parts]
+            panels.append(_residual_panel(identification, kind, label, part, shown, (smallest, largest)))
+    return Chart(name="residuals", panels=tuple(panels), grid=not problem.entries.single)
+
+
+def _grouped(identification: Identification, residuals: list[Residual]) -> list[tuple[list[int], str]]:
+    """Which of them belong in one panel, those of one entry in several experiments for instance, and its name."""
+    if identification.problem.entries.single:
+        label = transfer(identification) if residuals[0].kind == "frequency" else where(identification, residuals[0])
+        return [(list(range(len(residuals))), f"{label}: {residuals[0].kind} samples")]
+    names: dict[str, list[int]] = {}
+    # Row by row; what belongs to no row, or to none at all, at the end.
+    places = [[np.inf if number is None else number for number in residual.entry] for residual in residuals]
+    for k in sorted(range(len(residuals)), key=places.__getitem__):
+        names.setdefault(where(identification, residuals[k]), []).append(k)
+    return [(places, name) for name, places in names.items()]
 
 
 def _residual_panel(
-    identification: Identification, kind: str, label: str, parts: list[list[Residual]], shown: list[Any]
+    identification: Identification,
+    kind: str,
+    label: str,
+    parts: list[list[Residual]],
+    shown: list[Any],
+    span: tuple[float, float],
 ) -> Panel:
-    problem, margin = identification.problem, identification.margin
+    problem, margin, (smallest, largest) = identification.problem, identification.margin, span
     low, high = band(problem)
     last = max(float(r.axis.max()) for r in parts[0])
     x = hertz(problem, low, high) if kind == "frequency" else Axis(label="time [s]", range=(-0.02 * last, 1.02 * last))
-    largest = max(margin, *(float(r.ratio.max()) for residuals in parts for r in residuals))
     log = largest > 3
-    smallest = min(float(r.ratio.min()) for residuals in parts for r in residuals)
     floor = (
         float(np.clip(10 ** np.floor(np.log10(max(smallest, _SMALLEST_RATIO))), _SMALLEST_RATIO, 0.1)) if log else 0.0
     )
@@ -59,13 +82,9 @@ def _residual_panel(
     if margin > max(floor, 1e-3):
         name = f"smallest reachable: {number(margin)}"
         layers.append(Layer(name=name, x=ends, y=np.full(2, margin), colour=ALERT, dash="dash"))
-    span = (floor, 2 * largest) if log else (0.0, 1.12 * max(largest, 1.0))
-    return Panel(
-        title=f"{label}: {kind} samples",
-        x=x,
-        y=Axis(label="|residual| / bound", log=log, range=span),
-        layers=tuple(layers),
-    )
+    reach = (floor, 2 * largest) if log else (0.0, 1.12 * max(largest, 1.0))
+    y = Axis(label="|residual| / bound", log=log, range=reach)
+    return Panel(title=label, x=x, y=y, layers=tuple(layers))
 
 
 def _marked(at: np.ndarray, ratio: np.ndarray, limit: float) -> list[Layer]:
@@ -117,7 +136,9 @@ def hankel_chart(identification: Identification, reduction: Any = None) -> Chart
     if held:
         title += f" of the stable part ({held} state{'s' * (held > 1)} on the stability boundary always kept)"
     x = Axis(label="number [–]", range=(0.0, index.size + 1.0))
-    y_axis = Axis(label=f"Hankel singular value\n{transfer(identification)}", log=True, range=span)
+    single, what = identification.problem.entries.single, unit(identification)
+    name = f"\n{transfer(identification)}" if single else f" [{what}]" if what else ""
+    y_axis = Axis(label=f"Hankel singular value{name}", log=True, range=span)
     return Chart(name="hankel", panels=(Panel(title=title, x=x, y=y_axis, layers=tuple(layers)),))
 
 

@@ -6,16 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import Status
 from robustid.identification import Identification
-from robustid.identification.residuals import largest_ratio
+from robustid.identification.residuals import Residual, largest_ratio
 from robustid.report.poles import delay_words, describe_pole, pole_rows
 from robustid.report.style import number
 
 _HZ = 2 * np.pi
+_LONG = 100  # letters of a heading
 
 CHOSEN = "Chosen by the program from these data"
+SHARED_BARS = "Of a bound that entries share they show what it leaves to one entry alone."
 CAUTION = (
     "These are assumptions. Data can refute them, never prove them: a consistent result says that nothing"
     " measured so far contradicts them."
@@ -30,18 +32,58 @@ class Verdict(NamedTuple):
     sentence: str
 
 
+def unit_label(above: str, below: str) -> str:
+    """Unit of a quotient in brackets, after a space; empty where neither has one."""
+    quotient = _quotient(above, below)
+    return f" [{quotient}]" if quotient else ""
+
+
+def _quotient(above: str, below: str) -> str:
+    return f"{above or '1'}/{below}" if below else above
+
+
 def unit(identification: Identification) -> str:
-    """Unit of the transfer function, "mm/N"; empty where neither channel has one."""
-    output, input_ = identification.problem.channel
-    if not input_.unit:
-        return output.unit
-    return f"{output.unit or '1'}/{input_.unit}"
+    """Unit of the transfer function, "mm/N"; empty where neither channel has one, or entries have different ones."""
+    problem = identification.problem
+    units = {_quotient(y.unit, u.unit) for y in problem.outputs for u in problem.inputs}
+    return units.pop() if len(units) == 1 else ""
 
 
-def transfer(identification: Identification) -> str:
-    """Name of the transfer function, "displacement [mm] / force [N]"."""
-    output, input_ = identification.problem.channel
-    return f"{output} / {input_}"
+def mixed(identification: Identification) -> bool:
+    """Whether the entries have different units."""
+    problem = identification.problem
+    return len({y.unit for y in problem.outputs}) > 1 or len({u.unit for u in problem.inputs}) > 1
+
+
+def transfer(identification: Identification, output: int = 0, input_: int = 0) -> str:
+    """Name of an entry of the transfer function, "displacement [mm] / force [N]"."""
+    problem = identification.problem
+    return f"{problem.outputs[output]} / {problem.inputs[input_]}"
+
+
+def heading(identification: Identification) -> str:
+    """What was identified, for the title of a page."""
+    problem = identification.problem
+    if problem.entries.single:
+        return f"Identification of {transfer(identification)}"
+    names = [", ".join(channel.name for channel in group) for group in (problem.inputs, problem.outputs)]
+    if sum(map(len, names)) > _LONG:
+        names = [f"{len(problem.inputs)} inputs", f"{len(problem.outputs)} outputs"]
+    return f"Identification from {names[0]} to {names[1]}"
+
+
+def where(identification: Identification, residual: Residual) -> str:
+    """What of the matrix, or of a record, these residuals are about."""
+    problem, (output, input_) = identification.problem, residual.entry
+    if residual.kind == "time":
+        return str(problem.outputs[output or 0])
+    if output is not None and input_ is not None:
+        return transfer(identification, output, input_)
+    if input_ is not None:
+        return f"all outputs / {problem.inputs[input_]}, one bound"
+    if isinstance(problem.frequency[residual.index], FrequencyResponse):
+        return "all entries, one bound"
+    return "in directions"
 
 
 def verdict(identification: Identification) -> Verdict:
@@ -104,16 +146,22 @@ def margin_words(identification: Identification) -> str:
 def assumptions(identification: Identification) -> list[tuple[str, str]]:
     """What was assumed: (what, in which words)."""
     problem, prior = identification.problem, identification.problem.prior
-    size = f"{number(prior.gain_bound)} {unit(identification)}".rstrip()
     tau = problem.dt / np.log(prior.decay_rate)
     words = (
-        f"The non-parametric part G satisfies |G| ≤ K = {size} in |z| < ρ = {number(prior.decay_rate, 6)}"
+        f"The non-parametric part G satisfies {_size_words(identification)} in |z| < ρ = {number(prior.decay_rate, 6)}"
         f" (z: one sample of delay): its poles lie within |z| ≤ {number(1 / prior.decay_rate, 6)}, and its impulse"
-        f" response stays below K ρ⁻ᵏ, a time constant of {number(tau, 3)} s."
+        f" response stays below K ρ⁻ᵏ{'' if problem.entries.single else ' in the same sense'}, a time constant of"
+        f" {number(tau, 3)} s."
     )
     if identification.prior != prior:
         words += f" The model itself needs only K = {number(identification.prior.gain_bound)}."
     out = [("Prior", words)]
+    if prior.scaling is not None:
+        out.append(("Scaling", _scaling_words(identification)))
+    if problem.entries.symmetric:
+        out.append(
+            ("Symmetry", "The response is a symmetric matrix: what one input does at another, that does at this.")
+        )
     basis = problem.parametric
     if basis is None:
         out.append(("Parametric part", "None: nothing is known about single modes."))
@@ -124,11 +172,51 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
             listed.append(delay_words(basis))
         words = "; ".join(listed) or "none"
         free = "free " if problem.parameter_bounds is None else ""
-        out.append(("Parametric part", f"{basis.size} functions with {free}coefficients and fixed poles: {words}."))
+        kind = "coefficients" if problem.entries.single else "matrices as coefficients"
+        out.append(("Parametric part", f"{basis.size} functions with {free}{kind} and fixed poles: {words}."))
     if problem.parameter_bounds is not None:
         out.append(("Intervals", _interval_words(identification)))
-    out.append(("Bounds", "Every sample lies within its bound of the response of the plant; see the table."))
+    shared = shared_words(identification)
+    words = "Every sample lies within its bound of the response of the plant; see the table."
+    out.append(("Bounds", f"{words} {shared}".rstrip()))
     return out
+
+
+def _size_words(identification: Identification) -> str:
+    """How K bounds the non-parametric part."""
+    prior = identification.problem.prior
+    K, what = number(prior.gain_bound), unit(identification)
+    if identification.problem.entries.single:
+        return f"|G| ≤ K = {K} {what}".rstrip()
+    if prior.scaling is not None:
+        return f"σmax(G ./ S) ≤ K = {K} (largest singular value, every entry divided by its S)"
+    if mixed(identification):
+        return f"σmax(G) ≤ K = {K} (largest singular value, in the different units of the entries)"
+    return f"σmax(G) ≤ K = {K} {what}".rstrip() + " (largest singular value)"
+
+
+def _scaling_words(identification: Identification) -> str:
+    problem = identification.problem
+    rows = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    listed = "; ".join(
+        f"{output.name}: {', '.join(number(value) for value in row)}"
+        for output, row in zip(problem.outputs, rows, strict=True)
+    )
+    return f"S, the sizes that count as alike, by output, for {', '.join(u.name for u in problem.inputs)}: {listed}."
+
+
+def shared_words(identification: Identification) -> str:
+    """What bounds that several samples share mean; empty where each has its own."""
+    kinds = {getattr(f, "joint", "entry") for f in identification.problem.frequency}
+    words = ""
+    if "column" in kinds:
+        words += (
+            " The entries of a column share one bound: the errors of all outputs to one input, each divided by its bound, have a"
+            " root sum of squares of at most 1."
+        )
+    if "matrix" in kinds:
+        words += " All entries at a line share one bound: their errors together lie in one ellipsoid."
+    return words.strip()
 
 
 def _interval_words(identification: Identification) -> str:
@@ -156,27 +244,47 @@ class Experiment(NamedTuple):
 
 
 def experiments(identification: Identification) -> list[Experiment]:
-    """What was measured, and where the bounds come from."""
+    """What was measured, and where the bounds come from: of several channels for each entry or output that has bounds."""
     problem = identification.problem
-    return [
-        _experiment(r.kind, data, r.axis, r.bound)
-        for r, data in zip(identification.residuals, (*problem.frequency, *problem.time), strict=True)
-    ]
+    given = {"frequency": problem.frequency, "time": problem.time}
+    alike: dict[tuple[Any, ...], list[Experiment]] = {}
+    for r in identification.residuals:
+        row = _experiment(identification, r, given[r.kind][r.index])
+        alike.setdefault((r.kind, r.index, row._replace(channel="")), []).append(row)
+    return [row for rows in alike.values() for row in _together(rows)]
 
 
-def _experiment(kind: str, data: Any, axis: np.ndarray, bound: np.ndarray) -> Experiment:
-    low, high = number(bound.min(), 3), number(bound.max(), 3)
+def _together(rows: list[Experiment]) -> list[Experiment]:
+    """Entries of one experiment that differ in nothing but their names, in one row."""
+    if len(rows) == 1:
+        return rows
+    what = "outputs" if rows[0].name.startswith("time") else "entries"
+    names = "; ".join(row.channel for row in rows)
+    named = f": {names}" if len(names) <= _LONG else ""
+    return [rows[0]._replace(channel=f"each of {len(rows)} {what}{named}")]
+
+
+def _experiment(identification: Identification, residual: Residual, data: Any) -> Experiment:
+    axis, bound, alone = residual.axis, residual.bound, identification.problem.entries.single
+    if getattr(data, "joint", "entry") == "matrix":
+        bound = data.bound
+    used = bound[np.isfinite(bound)]
+    low, high = number(used.min(), 3), number(used.max(), 3)
     radius = f"± {low}" if low == high else f"± {low} … {high}"
-    if isinstance(data, FrequencyResponse):
-        if data.tilt is not None:
-            ends = number(data.inner_radius.min(), 3), number(data.outer_radius.max(), 3)
-            radius = "ellipses, half-axes {} … {}".format(*ends)
-        channel, symbol, name = f"{data.outputs[0]} / {data.inputs[0]}", "Hz", "frequency response"
-        axis = axis / _HZ
+    if getattr(data, "joint", "entry") != "entry":
+        radius += " for one alone"
+    if isinstance(data, TimeRecord):
+        symbol, name = "s", f"time record, {started(data)}"
+        channel = f"{data.outputs[0]}, input {data.inputs[0]}" if alone else where(identification, residual)
     else:
-        channel, symbol, name = f"{data.outputs[0]}, input {data.inputs[0]}", "s", f"time record, {started(data)}"
+        if residual.tilt is not None:
+            size = np.abs(residual.tilt)
+            ends = number((bound / (1 + size)).min(), 3), number((bound / (1 - size)).max(), 3)
+            radius = "ellipses, half-axes {} … {}".format(*ends)
+        channel, symbol, name = where(identification, residual), "Hz", "frequency response"
+        axis = axis / _HZ
     span = f"{number(axis.min())} … {number(axis.max())} {symbol}" if axis.size > 1 else f"{number(axis[0])} {symbol}"
-    return Experiment(name, channel, axis.size, span, radius, bound_source(data))
+    return Experiment(name, channel, used.size, span, radius, bound_source(data))
 
 
 def bound_source(data: Any) -> str:
@@ -205,6 +313,7 @@ class Limiting(NamedTuple):
     """A sample that carries the proof."""
 
     experiment: str
+    channel: str
     place: str
     share: float
     ratio: float
@@ -217,14 +326,52 @@ def limiting(identification: Identification) -> list[Limiting]:
     """
     if identification.margin_lower <= 0:
         return []
-    residuals = {(r.kind, r.index): r for r in identification.residuals}
     rows = []
-    for kind, index, at, share in identification.conflicting_samples():
-        residual = residuals[kind, index]
+    for residual, number_, share in identification.limiting():
+        at = residual.axis[number_]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated lines the worst
-        place = f"{number(at / _HZ, 5)} Hz" if kind == "frequency" else f"{number(at, 5)} s"
-        rows.append(Limiting(f"{kind} {index + 1}", place, share, ratio))
+        place = f"{number(at / _HZ, 5)} Hz" if residual.kind == "frequency" else f"{number(at, 5)} s"
+        experiment = f"{residual.kind} {residual.index + 1}"
+        rows.append(Limiting(experiment, where(identification, residual), place, share, ratio))
     return rows
+
+
+class ModeRow(NamedTuple):
+    """A mode of the parametric part with several channels, as text."""
+
+    hz: str
+    damping: str
+    peak: str
+    largest: str
+    rank_ratio: str
+
+
+def mode_rows(identification: Identification) -> list[ModeRow]:
+    """The modes of the parametric part and their residue matrices; none of one channel, whose coefficients say it all."""
+    problem, rows = identification.problem, []
+    for mode in () if problem.entries.single else identification.modes:
+        size = np.abs(mode.residue)
+        i, j = np.unravel_index(int(np.argmax(size)), size.shape)
+        with np.errstate(divide="ignore"):  # an integrator
+            peak = np.linalg.norm(mode.residue, 2) / -np.expm1(-mode.omega * mode.damping * problem.dt)
+        ratio = number(mode.rank_ratio, 2) if min(size.shape) > 1 else "–"
+        rows.append(
+            ModeRow(
+                number(mode.omega / _HZ, 5),
+                number(mode.damping, 3),
+                number(float(peak), 3),
+                transfer(identification, int(i), int(j)),
+                ratio,
+            )
+        )
+    return rows
+
+
+RANKS = (
+    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
+    " its resonance. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of"
+    " a structure has, larger where two modes share the poles, or where the data leave it open."
+)
 
 
 def reduction_words(identification: Identification, reduction: Any) -> str:

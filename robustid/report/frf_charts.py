@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, with_gaps
+from robustid.report.facts import unit_label
 from robustid.report.frf_view import FrfView
-from robustid.report.mfd_charts import cells_per_entry, frequency_axis, position, rounded, thinned, unit_label
+from robustid.report.mfd_charts import cells_per_entry, frequency_axis, position, rounded, thinned
 from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, NOMINAL
 
 _BAND = FURTHER[3]

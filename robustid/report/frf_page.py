@@ -8,30 +8,22 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.report import frf_charts, frf_facts
-from robustid.report.charts import Layer
 from robustid.report.frf_view import FrfView
+from robustid.report.grids import grid_of
 from robustid.report.html import page
-from robustid.report.plotly_figures import Figure, figures
+from robustid.report.plotly_figures import figures
 from robustid.report.style import number
-
-_COLUMNS = 4  # of a grid on a wide screen
 
 
 def frf_page(frf: FrequencyResponse, records: Any, title: str | None) -> str:
     """The page as text."""
     view = FrfView(frf, records)
-    alone, wide = view.ny * view.nu == 1, view.nu == 1
-    entries, overview, spectra = (
-        frf_charts.entry_charts(view),
-        frf_charts.overview_charts(view),
-        frf_charts.spectrum_charts(view),
-    )
-    drawn: dict[str, list[Figure]] = {chart.name: figures(chart, small=not wide) for chart in entries}
-    drawn |= {chart.name: figures(chart) for chart in overview}
-    drawn |= {chart.name: figures(chart, small=True) for chart in spectra}
+    entries = grid_of(frf_charts.entry_charts(view), view.nu, small=view.nu > 1, titles=view.ny * view.nu > 1)
+    spectra = grid_of(frf_charts.spectrum_charts(view), max(view.nu, view.ny))
+    overview = {chart.name: figures(chart) for chart in frf_charts.overview_charts(view)}
     return page(
         "frf.html.j2",
-        drawn,
+        entries.drawn | overview | spectra.drawn,
         title=title or _title(view),
         verdict=frf_facts.verdict(view),
         numbers=_numbers(view),
@@ -42,22 +34,11 @@ def frf_page(frf: FrequencyResponse, records: Any, title: str | None) -> str:
         levels_words=frf_facts.LEVELS,
         lines=frf.omega.size,
         most_drawn=frf_charts.drawn_lines(view),
-        legend=[] if wide else _legend(entries),
-        columns=min(view.nu, _COLUMNS),
-        entries=[("" if alone else chart.panels[0].title, drawn[chart.name][0]) for chart in entries],
-        overview=[drawn[chart.name][0] for chart in overview],
-        spectra_legend=_legend(spectra),
-        spectra=[(chart.panels[0].title, drawn[chart.name][0]) for chart in spectra],
+        entries=entries,
+        overview=[figure for parts in overview.values() for figure in parts],
+        spectra=spectra,
         records=len(view.records),
-        spectra_columns=min(max(view.nu, view.ny), _COLUMNS),
     )
-
-
-def _legend(charts: list[Any]) -> list[Layer]:
-    layers: dict[str, Layer] = {}
-    for chart in charts:
-        layers |= {layer.name: layer for layer in chart.panels[0].layers}
-    return list(layers.values())
 
 
 def _numbers(view: FrfView) -> list[tuple[str, str]]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.report import frf_charts
-from robustid.report.charts import BLANK, Chart
 from robustid.report.frf_view import FrfView
+from robustid.report.matrix_charts import side_by_side
 from robustid.report.plots import draw
 
 if TYPE_CHECKING:
@@ -46,11 +46,7 @@ def plot_frf(frf: FrequencyResponse, records: TimeRecord | Sequence[TimeRecord] 
     ['magnitude [m]', 'phase [°]']
     """
     view = FrfView(frf, records)
-    charts = frf_charts.entry_charts(view)
-    rows = [charts[k : k + view.nu] for k in range(0, len(charts), view.nu)]
-    panels = [chart.panels[part] for row in rows for part in (0, 1) for chart in row]
     spectra = frf_charts.spectrum_charts(view)
-    for further in (frf_charts.overview_charts(view), spectra[: view.nu], spectra[view.nu :]):
-        panels += [panel for chart in further for panel in chart.panels]
-        panels += [BLANK] * (-len(panels) % view.nu)
-    return draw(Chart(name="frf", panels=tuple(panels), linked=True, columns=view.nu))
+    further = (frf_charts.overview_charts(view), spectra[: view.nu], spectra[view.nu :])
+    groups = ([panel for chart in group for panel in chart.panels] for group in further)
+    return draw(side_by_side("frf", frf_charts.entry_charts(view), view.nu, *groups))

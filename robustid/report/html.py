@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 import importlib.metadata
 import json
 import os
@@ -16,9 +17,10 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import charts, evidence, facts, rests_on, worst_case_charts, worst_case_facts
+from robustid.report import charts, evidence, facts, matrix_charts, rests_on, worst_case_charts, worst_case_facts
 from robustid.report import over_poles as over_poles_section
 from robustid.report import tube as tube_section
+from robustid.report.grids import Grid, grid_of
 from robustid.report.margin_by_order import margin_chart
 from robustid.report.plotly_figures import Figure, figures, plotly_figure
 from robustid.report.poles import pole_table
@@ -184,18 +186,31 @@ def render_report(
     shown = further_models(reduction, models)
     drawn, context = _guarantees(identification, worst_case, tube, over_poles, sensitivity)
     found = [
-        charts.frequency_chart(identification, shown),
         charts.time_chart(identification, shown),
-        evidence.residual_chart(identification, shown),
         evidence.hankel_chart(identification, reduction),
         evidence.pole_chart(identification, shown),
     ]
+    entries, residuals = charts.frequency_charts(identification, shown), evidence.residual_chart(identification, shown)
+    grids: dict[str, Grid] = {}
+    if identification.problem.entries.single:
+        found += [*entries, residuals]
+    else:
+        found.append(matrix_charts.sigma_chart(identification, shown))
+        answers = matrix_charts.answer_charts(identification, shown)
+        columns = len(identification.problem.inputs)
+        grids = {
+            "frequency": grid_of(matrix_charts.lighter(entries), columns),
+            "answers": grid_of(matrix_charts.lighter(answers), columns),
+            "residuals": grid_of(matrix_charts.lighter([residuals]), columns),
+        }
     if reduction is not None and reduction.tried:
         found.append(margin_chart(reduction))
+    drawn |= {name: figure for grid in grids.values() for name, figure in grid.drawn.items()}
     return page(
         "template.html.j2",
         {chart.name: figures(chart) for chart in found} | drawn,
-        title=title or f"Identification of {facts.transfer(identification)}",
+        grids=grids,
+        title=title or facts.heading(identification),
         result=identification,
         facts=facts,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
@@ -216,10 +231,16 @@ def _guarantees(
     """Figures of what is guaranteed, by the name of their chart, and what the templates of the sections are given."""
     from robustid.certify import PoleBand, ResponseTube, WorstCaseError
 
-    check, found, drawn = worst_case_facts.checked, [], {}
+    check, found, drawn, guaranteed = worst_case_facts.checked, [], {}, None
     if worst_case is not None:
         check("worst_case", worst_case, WorstCaseError, "worst_case_error", identification)
-        found += [worst_case_charts.worst_case_chart(worst_case), worst_case_charts.nyquist_chart(worst_case)]
+        entries = worst_case_charts.worst_case_charts(worst_case)
+        if identification.problem.entries.single:
+            found += [*entries, worst_case_charts.nyquist_chart(worst_case)]
+        else:
+            found.append(worst_case_charts.worst_case_sigma_chart(worst_case))
+            guaranteed = grid_of(matrix_charts.lighter(entries), len(identification.problem.inputs))
+            drawn |= guaranteed.drawn
     if over_poles is not None:
         check("over_poles", over_poles, PoleBand, "worst_case_over_poles", identification)
         found.append(over_poles_section.chart(over_poles, worst_case))
@@ -231,6 +252,7 @@ def _guarantees(
         drawn["sensitivity"] = figures(rests_on.chart(sensitivity, identification), small=True)
     context = {
         "worst_case": worst_case,
+        "guaranteed": guaranteed,
         "guarantee": worst_case_facts,
         "over_poles": over_poles,
         "box": over_poles_section,
@@ -244,8 +266,26 @@ def _guarantees(
 
 def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:
     """A page with its figures, by the name of their chart, as text."""
-    import jinja2
     from plotly.offline import get_plotlyjs
+
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            figures=drawn,
+            versions=versions(),
+            date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+            # The only text that isn't escaped: the library itself, and JSON made safe below.
+            plotly=_script(get_plotlyjs()),
+            data=_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
+            **context,
+        )
+    )
+
+
+@functools.cache  # it keeps the compiled templates, which take longer than a page
+def _environment() -> Any:
+    import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("robustid.report", "."),
@@ -255,15 +295,7 @@ def page(template: str, drawn: dict[str, list[Figure]], **context: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
-    return environment.get_template(template).render(
-        figures=drawn,
-        versions=versions(),
-        date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-        # The only text that isn't escaped: the library itself, and JSON made safe below.
-        plotly=_script(get_plotlyjs()),
-        data=_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
-        **context,
-    )
+    return environment
 
 
 def further_models(reduction: Reduction | None, models: Mapping[str, control.StateSpace] | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from robustid.mfd.modal import continuous
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, phase_curves, with_gaps
+from robustid.report.facts import unit_label
 from robustid.report.mfd_facts import with_deviation
 from robustid.report.mfd_view import FitView
 from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL
@@ -95,13 +96,6 @@ def _entry(
         Panel(title="", x=axis, y=turn, layers=tuple(phase)),
     )
     return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
-
-
-def unit_label(above: str, below: str) -> str:
-    """Unit of a quotient in brackets, after a space; empty where neither has one."""
-    if not below:
-        return f" [{above}]" if above else ""
-    return f" [{above or '1'}/{below}]"
 
 
 def log_axis(omega: np.ndarray) -> bool:

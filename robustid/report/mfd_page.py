@@ -8,12 +8,10 @@ from robustid.data import FrequencyResponse
 from robustid.mfd import MatrixFraction
 from robustid.mfd.order_sweep import OrderSweep
 from robustid.report import mfd_charts, mfd_facts, mfd_order_charts
-from robustid.report.charts import Layer
+from robustid.report.grids import grid_of
 from robustid.report.html import page
 from robustid.report.mfd_view import FitView
-from robustid.report.plotly_figures import Figure, figures
-
-_COLUMNS = 4  # of the grid of entries on a wide screen
+from robustid.report.plotly_figures import figures
 
 
 def fit_page(
@@ -21,19 +19,14 @@ def fit_page(
 ) -> str:
     """The page as text."""
     view = FitView(fit, data)
-    entries = mfd_charts.response_charts(view)
-    drawn: dict[str, list[Figure]] = {chart.name: figures(chart, small=True) for chart in entries}
+    entries = grid_of(mfd_charts.response_charts(view), view.nu)
     found = [mfd_charts.convergence_chart(view), mfd_charts.pole_chart(view)]
     if order_sweep is not None:
         sweep = mfd_order_charts.checked_sweep(order_sweep)
         found += [mfd_order_charts.order_chart(sweep), mfd_order_charts.stabilisation_chart(sweep)]
-    drawn |= {chart.name: figures(chart) for chart in found}
-    layers: dict[str, Layer] = {}
-    for chart in entries:
-        layers |= {layer.name: layer for layer in chart.panels[0].layers}
     return page(
         "fit.html.j2",
-        drawn,
+        entries.drawn | {chart.name: figures(chart) for chart in found},
         title=title or _title(view),
         verdict=mfd_facts.verdict(view),
         order=fit.fraction.A.shape[0],
@@ -44,9 +37,7 @@ def fit_page(
         most_drawn=mfd_charts.drawn_lines(view),
         sure=view.covariance is not None,
         sigma=mfd_facts.SIGMA,
-        legend=list(layers.values()),
-        columns=min(view.nu, _COLUMNS),
-        entries=[(chart.panels[0].title, drawn[chart.name][0]) for chart in entries],
+        entries=entries,
         modes=[mfd_facts.mode_cells(view, row) for row in view.modes],
         sweep_words="" if order_sweep is None else mfd_facts.order_words(order_sweep),
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from robustid.data import FrequencyResponse
 from robustid.report import mfd_charts, mfd_order_charts
-from robustid.report.charts import Chart
+from robustid.report.matrix_charts import side_by_side
 from robustid.report.mfd_view import FitView
 from robustid.report.plots import draw
 
@@ -46,10 +46,7 @@ def plot_fit(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Figu
     'frequency [Hz]'
     """
     view = FitView(fit, data)
-    charts = mfd_charts.response_charts(view)
-    rows = [charts[k : k + view.nu] for k in range(0, len(charts), view.nu)]
-    panels = tuple(chart.panels[part] for row in rows for part in (0, 1) for chart in row)
-    return draw(Chart(name="fit", panels=panels, linked=True, columns=view.nu))
+    return draw(side_by_side("fit", mfd_charts.response_charts(view), view.nu))
 
 
 def plot_fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Figure:

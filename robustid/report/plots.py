@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.report import charts, evidence
+from robustid.report import charts, evidence, matrix_charts
 from robustid.report.style import MATPLOTLIB, NOMINAL, number
 
 if TYPE_CHECKING:
@@ -23,14 +25,17 @@ _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "x
 _WIDTH, _HEIGHT = 7.2, 2.7  # inches, of a panel
 _FURTHER, _LOW = 2.6, 1.9  # inches: width of each further column, height of one panel of a grid
 _LABEL = 0.5  # inches that one label of an axis takes
+_LETTERS = 14  # of a title in an inch
 
 
 def plot_frequency_response(
     identification: Identification, models: Mapping[str, control.StateSpace] | None = None
 ) -> Figure:
-    """Magnitude and phase of the models, and of every sample with its error disc.
+    """Magnitude and phase of the models, and of every sample with its error disc: of every entry, and the singular values.
 
-    Bars: |value| ± bound, and the phase ± arcsin(bound/|value|) of that disc (any phase where it holds 0).
+    Bars: |value| ± bound, and the phase ± arcsin(bound/|value|) of that disc (any phase where it holds 0); of a bound that
+    entries share the disc that it leaves to one alone. The largest singular value of what was measured is drawn with the norm
+    of the matrix of these bounds, at lines with every entry.
 
     Parameters
     ----------
@@ -45,7 +50,7 @@ def plot_frequency_response(
     Raises
     ------
     InputError, InputTypeError
-        If a model isn't a StateSpace with one channel and the sample time of the data.
+        If a model isn't a StateSpace with the channels and the sample time of the data.
 
     Examples
     --------
@@ -57,7 +62,11 @@ def plot_frequency_response(
     >>> figure.axes[1].get_xlabel()
     'frequency [Hz]'
     """
-    return draw(charts.frequency_chart(identification, models))
+    found = charts.frequency_charts(identification, models)
+    if identification.problem.entries.single:
+        return draw(found[0])
+    entries, sigma = matrix_charts.lighter(found), matrix_charts.sigma_chart(identification, models).panels
+    return draw(matrix_charts.side_by_side("frequency", entries, len(identification.problem.inputs), sigma))
 
 
 def plot_time_response(
@@ -65,7 +74,8 @@ def plot_time_response(
 ) -> Figure:
     """Every record with the interval of each sample against the models; their step and pulse responses.
 
-    Parameters and errors as for `plot_frequency_response`. A record from an unknown state is compared with the
+    Parameters and errors as for `plot_frequency_response`. Several channels: every output of the records, and every entry of
+    the responses to a step and a pulse. A record from an unknown state is compared with the
     best free response of the parametric part added.
 
     Examples
@@ -77,13 +87,18 @@ def plot_time_response(
     >>> [axes.get_ylabel() for axes in plot_time_response(result).axes]
     ['torsion [rad]', 'torsion [rad]', 'torsion [rad]']
     """
-    return draw(charts.time_chart(identification, models))
+    chart, columns = charts.time_chart(identification, models), len(identification.problem.inputs)
+    if not identification.problem.entries.single:
+        answers = matrix_charts.lighter(matrix_charts.answer_charts(identification, models))
+        chart = _in_grid(chart, columns, matrix_charts.side_by_side("answers", answers, columns).panels)
+    return draw(chart)
 
 
 def plot_residuals(identification: Identification, models: Mapping[str, control.StateSpace] | None = None) -> Figure:
     """|residual|/bound of every sample, with the limit 1 and the margin, and who touches it.
 
-    Parameters and errors as for `plot_frequency_response`. Samples within 1 % of max(1, margin) are marked; beyond a
+    Parameters and errors as for `plot_frequency_response`; a panel for each entry or output, or for what shares a bound (the
+    norm of those samples together). Samples within 1 % of max(1, margin) are marked; beyond a
     ratio of 3 the axis is logarithmic, and ratios below 1e-3 are drawn at 1e-3.
 
     Examples
@@ -95,7 +110,8 @@ def plot_residuals(identification: Identification, models: Mapping[str, control.
     >>> plot_residuals(result).axes[0].get_ylabel()
     '|residual| / bound'
     """
-    return draw(evidence.residual_chart(identification, models))
+    chart = evidence.residual_chart(identification, models)
+    return draw(_in_grid(chart, len(identification.problem.inputs)) if chart.grid else chart)
 
 
 def plot_hankel(identification: Identification, reduction: Reduction | None = None) -> Figure:
@@ -140,6 +156,12 @@ def plot_poles(identification: Identification, models: Mapping[str, control.Stat
     return draw(evidence.pole_chart(identification, models))
 
 
+def _in_grid(chart: charts.Chart, columns: int, *groups: Any) -> charts.Chart:
+    """The panels of a chart in rows, each with axes of its own, and further groups of panels below them."""
+    found = matrix_charts.side_by_side(chart.name, [], columns, chart.panels, *groups)
+    return dataclasses.replace(found, linked=False)
+
+
 def draw(chart: charts.Chart) -> Figure:
     """The chart as a matplotlib figure."""
     import matplotlib
@@ -147,7 +169,7 @@ def draw(chart: charts.Chart) -> Figure:
 
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
-    height = _HEIGHT if columns == 1 else _LOW if chart.linked else 4.2
+    height = _HEIGHT if columns == 1 else _LOW if chart.grid else 4.2
     width = _WIDTH + _FURTHER * (columns - 1)
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
@@ -191,7 +213,7 @@ def _dress(ax: Axes, panel: charts.Panel, *, label_x: bool, size: tuple[float, f
     """Titles, scales and ticks, as many as fit in this width and height in inches."""
     from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
-    ax.set_title(_plain(panel.title))
+    ax.set_title(textwrap.fill(_plain(panel.title), int(_LETTERS * size[0])))
     room = size[0] / _LABEL, 2 * size[1] / _LABEL
     for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
         getattr(ax, f"set_{side}scale")("log" if described.log else "linear")

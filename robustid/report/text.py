@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
-_MOST_SAMPLES, _MOST_POLES = 8, 10
+_MOST_SAMPLES, _MOST_POLES, _MOST_EXPERIMENTS = 8, 10, 6
 
 
 def render_summary(
@@ -79,7 +79,9 @@ def render_summary(
     parts.append(_checks(identification))
     limiting = facts.limiting(identification)
     if limiting:
-        parts.append(_limiting(limiting, verdict.key == "inconsistent"))
+        parts.append(_limiting(identification, limiting, verdict.key == "inconsistent"))
+    if modes := facts.mode_rows(identification):
+        parts.append(_modes(modes, facts.unit(identification)))
     parts.append(_poles(identification, reduction))
     parts.append(Text(facts.CAUTION, style="dim"))
     return Group(*parts)
@@ -87,10 +89,15 @@ def render_summary(
 
 def _overview(identification: Identification, reduction: Reduction | None) -> Table:
     rows = [("Margin", facts.margin_interval(identification)), ("", facts.margin_words(identification))]
+    measured = facts.experiments(identification)
     rows += [
         (row.name, f"{row.channel}: {row.samples} samples, {row.span}, {row.bound} (source: {row.source})")
-        for row in facts.experiments(identification)
+        for row in measured[:_MOST_EXPERIMENTS]
     ]
+    if (more := len(measured) - _MOST_EXPERIMENTS) > 0:
+        rows.append(("", f"and {more} more; the HTML report lists all"))
+    if shared := facts.shared_words(identification):
+        rows.append(("Bounds", shared))
     rows += facts.assumptions(identification)[:-1]  # the bounds stand with their experiments
     rows.append(("Model", f"order {identification.order}, dt = {number(identification.problem.dt, 6)} s"))
     if reduction is not None:
@@ -106,12 +113,24 @@ def _checks(identification: Identification) -> Table:
     return table
 
 
-def _limiting(rows: list[facts.Limiting], inconsistent: bool) -> Table:
+def _limiting(identification: Identification, rows: list[facts.Limiting], inconsistent: bool) -> Table:
     title = "Samples that contradict the assumptions" if inconsistent else "Samples that limit the margin"
-    table = headed(title, "Experiment", ">At", ">Share of\nthe proof", ">|residual|\n/ bound")
+    several = not identification.problem.entries.single
+    columns = ["Experiment", *["Response"] * several, ">At", ">Share of\nthe proof", ">|residual|\n/ bound"]
+    table = headed(title, *columns)
     for row in rows[:_MOST_SAMPLES]:
-        add_row(table, row.experiment, row.place, f"{number(100 * row.share, 2)} %", number(row.ratio))
+        where = (row.experiment, *[row.channel] * several, row.place)
+        add_row(table, *where, f"{number(100 * row.share, 2)} %", number(row.ratio))
     return left_out(table, len(rows) - _MOST_SAMPLES)
+
+
+def _modes(rows: list[facts.ModeRow], unit: str) -> Table:
+    peak = f">Peak\n[{unit}]" if unit else ">Peak"
+    table = headed("Modes of the parametric part", ">Hz", ">Damping", peak, "Largest in", ">Rank\nratio")
+    for row in rows[:_MOST_POLES]:
+        add_row(table, *row)
+    table.caption, table.caption_justify = "Rank ratio: near 0 where the mode has one shape", "left"
+    return left_out(table, len(rows) - _MOST_POLES)
 
 
 def _poles(identification: Identification, reduction: Reduction | None) -> Table:

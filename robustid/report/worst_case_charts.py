@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from robustid.certify import PoleBand, ValueSet, WorstCaseError
-from robustid.identification import Identification
-from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_chart, responses, shown_band
-from robustid.report.facts import transfer, unit
+from robustid.data import FrequencyResponse
+from robustid.interpolation import MixedProblem
+from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_charts, responses, shown_band
+from robustid.report.facts import transfer, unit_label
+from robustid.report.matrix_charts import LARGEST, sigma_chart, sigma_unit
 from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL, number
 
 BAND = FURTHER[3]
@@ -21,28 +23,56 @@ _CLOSE_UP = 4  # frequencies drawn around the model
 
 
 def worst_case_chart(error: WorstCaseError) -> Chart:
-    """Magnitude and phase with their guaranteed ranges, and the guaranteed error with the one that is reached.
+    """The chart of one channel, as `worst_case_charts`."""
+    return worst_case_charts(error)[0]
+
+
+def worst_case_charts(error: WorstCaseError) -> list[Chart]:
+    """Magnitude and phase of every entry with their guaranteed ranges, and the guaranteed error with the one that is reached.
 
     Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
     """
     name, model, own = bounded_model(error)
-    further = None if own else {name: model}
-    chart = frequency_chart(error.identification, further, error.omega)
+    drawn = frequency_charts(error.identification, None if own else {name: model}, error.omega)
+    entries = np.ndindex(error.upper.shape[1:])
+    return [_with_range(error, chart, entry, name) for chart, entry in zip(drawn, entries, strict=True)]
+
+
+def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], name: str) -> Chart:
     magnitude, phase = chart.panels
     proved = error.omega > 0  # a logarithmic axis has no 0
-    at, nominal = error.omega[proved] / HZ, error.nominal[proved]
+    at, place = error.omega[proved] / HZ, (proved, *entry)
+    nominal = error.nominal.reshape(error.upper.shape)[place]
+    sizes, angles = (part.reshape(*error.upper.shape, 2)[place] for part in (error.magnitude, error.phase))
     bottom, top = magnitude.y.range or (0.0, 1.0)
     words = f"guaranteed range ({error.omega.size} frequencies)"
-    sizes = error.magnitude[proved]
     areas = band_around(words, named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
-    span = bottom, max(top, 1.2 * float(error.magnitude.max()))
-    turns = band_around(words, named(phase, name), at, _turns(error.phase[proved], nominal))
+    span = bottom, max(top, 1.2 * float(sizes.max(initial=0.0)))
+    turns = band_around(words, named(phase, name), at, _turns(angles, nominal))
+    single = error.identification.problem.entries.single
     panels = (
         behind(magnitude, areas, span),
         behind(phase, turns, _widened(phase.y.range or (-225.0, 225.0), turns)),
-        _error_panel(error, magnitude.x),
+        _error_panel(error, magnitude.x, entry),
     )
-    return Chart(name="guarantee", panels=panels, linked=True)
+    chart_name = "guarantee" if single else f"guarantee-{entry[0]}-{entry[1]}"
+    return Chart(name=chart_name, panels=panels, linked=True, grid=not single)
+
+
+def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
+    """Singular values with the guaranteed range of the largest one, and that of F - model, guaranteed and reached."""
+    name, model, own = bounded_model(error)
+    sigma = sigma_chart(error.identification, None if own else {name: model}, error.omega)
+    (panel,) = sigma.panels
+    proved = error.omega > 0
+    # No singular value moves by more than the largest one of what is added.
+    offsets = error.sigma_upper[proved, None] * np.array([-1.0, 1.0])
+    bottom, top = panel.y.range or (0.0, 1.0)
+    words = f"guaranteed range of σmax ({error.omega.size} frequencies)"
+    areas = band_around(words, named(panel, LARGEST + name), error.omega[proved] / HZ, offsets, bottom)
+    span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
+    errors = _error_panel(error, panel.x, None)
+    return Chart(name="guarantee-sigma", panels=(behind(panel, areas, span), errors), linked=True)
 
 
 def bounded_model(bounded: WorstCaseError | PoleBand) -> tuple[str, Any, bool]:
@@ -101,16 +131,21 @@ def _ends(areas: list[Layer]) -> tuple[list[Any], list[Any]]:
     return [a.low for a in areas], [a.high for a in areas]
 
 
-def _error_panel(error: WorstCaseError, x: Axis) -> Panel:
+def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) -> Panel:
+    """Of an entry, or of the largest singular value."""
+    identification, place = error.identification, (slice(None), *(entry or ()))
     left = x.range[0] if x.range else 0.0
-    at, upper, lower = np.maximum(error.omega / HZ, left), error.upper.ravel(), error.lower.ravel()
+    at = np.maximum(error.omega / HZ, left)
+    upper, lower = (error.sigma_upper, error.sigma_lower) if entry is None else (error.upper[place], error.lower[place])
     hover = tuple(
         f"{number(w / HZ, 6)} Hz: at most {number(high)}, reached {number(low)}"
         for w, high, low in zip(error.omega, upper, lower, strict=True)
     )
     layers = []
     if (circle := error.__dict__.get("circle")) is not None:  # what has been computed; nothing is computed here
-        edges, bounds = np.maximum(np.repeat(circle.edges, 2)[1:-1] / HZ, left), np.repeat(circle.bound, 2)
+        edges = np.maximum(np.repeat(circle.edges, 2)[1:-1] / HZ, left)
+        own = entry is not None and not identification.problem.entries.single
+        bounds = np.repeat(circle.entries[place] if own else circle.bound, 2)
         layers.append(Layer(name="guaranteed between them too", x=edges, y=bounds, colour=FAINT, dash="solid"))
     name = "guaranteed error"
     layers.append(Layer(name=name, x=at, y=upper, colour=ALERT, dash="dash", marker="circle", hover=hover))
@@ -119,10 +154,16 @@ def _error_panel(error: WorstCaseError, x: Axis) -> Panel:
     values = np.concatenate([layer.y for layer in layers])
     values = values[values > 0]  # none where nothing is uncertain
     span = (0.6 * float(values.min()), 1.6 * float(values.max())) if values.size else None
-    label = f"error |F − model| of\n{transfer(error.identification)}"
+    title = "Error of the model: the farthest consistent system"
+    title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
+    label = f"error |F − model| of\n{transfer(identification)}"
+    if entry is None:
+        label = f"σmax(F − model){sigma_unit(identification)}"
+    elif not identification.problem.entries.single:  # the name stands above
+        output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
+        title, label = "", f"error{unit_label(output.unit, input_.unit)}"
     return Panel(
-        title="Error of the model: the farthest consistent system"
-        + (", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""),
+        title=title,
         x=x,
         y=Axis(label=label, log=True, range=span),
         layers=tuple(layers),
@@ -130,37 +171,44 @@ def _error_panel(error: WorstCaseError, x: Axis) -> Panel:
 
 
 def nyquist_chart(error: WorstCaseError) -> Chart:
-    """The sets of values in the complex plane: polygons that hold every consistent one, points that are reached.
+    """The sets of values of every entry in the complex plane: polygons that hold every consistent one, points that are reached.
 
     All of them with the discs of the data, and those of the worst frequencies around the model.
     """
     identification, (name, model, _) = error.identification, bounded_model(error)
     ends = shown_band(identification, error.omega)
     _, (response,) = responses([model], identification.problem, ends, error.omega)
-    sets = error.values
+    panels = []
+    for entry in np.ndindex(error.upper.shape[1:]):
+        panels += _nyquist_panels(error, entry, name, response[:, *entry])
+    return Chart(name="nyquist", panels=tuple(panels), columns=2)
+
+
+def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, response: np.ndarray) -> list[Panel]:
+    problem = error.identification.problem
+    sets, nominal = error.of_entry(*entry), error.nominal.reshape(error.upper.shape)[:, *entry]
     layers = [
         _plane(name, response, NOMINAL, dash="solid", size=_FINE),
-        *_data_discs(identification),
+        *_data_discs(problem, entry),
         _plane("holds every consistent value", _joined([_outline(v) for v in sets]), ALERT, dash="solid"),
         _plane(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
-        _plane(f"model at the {error.omega.size} frequencies", error.nominal, NOMINAL, marker="circle", size=0.6),
+        _plane(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
     ]
-    worst = np.argsort(-error.upper.ravel())[:_CLOSE_UP]
+    worst = np.argsort(-error.upper[:, *entry])[:_CLOSE_UP]
     near = []
     for colour, k in zip((ALERT, *FURTHER), worst.tolist(), strict=False):
         words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
-        near.append(_plane(words, _outline(sets[k]) - error.nominal[k], colour, dash="solid"))
-    points = np.concatenate([sets[k].points - error.nominal[k] for k in worst])
+        near.append(_plane(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
+    points = np.concatenate([sets[k].points - nominal[k] for k in worst])
     near += [
         _plane(REACHED, points, DATA, marker=MARKERS[2], size=0.6),
         _plane("model", np.zeros(1), NOMINAL, marker="x"),
     ]
-    what = transfer(identification)
-    panels = (
-        _square("Values at the frequencies", f"of {what}", layers),
-        _square("Largest errors, around the model", f"of F − model [{unit(identification) or '–'}]", near),
-    )
-    return Chart(name="nyquist", panels=panels, columns=2)
+    what = unit_label(problem.outputs[entry[0]].unit, problem.inputs[entry[1]].unit) or " [–]"
+    return [
+        _square("Values at the frequencies", f"of {transfer(error.identification, *entry)}", layers),
+        _square("Largest errors, around the model", f"of F − model{what}", near),
+    ]
 
 
 def _plane(name: str, values: np.ndarray, colour: str, **style: Any) -> Layer:
@@ -176,13 +224,16 @@ def _joined(outlines: list[np.ndarray]) -> np.ndarray:
     return np.concatenate([np.append(outline, np.nan) for outline in outlines])
 
 
-def _data_discs(identification: Identification) -> list[Layer]:
+def _data_discs(problem: MixedProblem, entry: tuple[int, int]) -> list[Layer]:
     """The borders |e + kappa conj(e)| = bound around every sample: e = bound (u - kappa conj(u))/(1 - |kappa|^2), |u| = 1."""
-    outlines = []
-    for frf in identification.problem.frequency:
-        tilt = np.zeros(frf.omega.size) if frf.tilt is None else frf.tilt[:, 0, 0]
-        for value, bound, kappa in zip(frf.values[:, 0, 0], frf.bound[:, 0, 0], tilt, strict=True):
-            outlines.append(value + bound * (_TURN - kappa * _TURN.conj()) / (1 - abs(kappa) ** 2))
+    outlines, place = [], (slice(None), *entry)
+    for frf in problem.frequency:
+        if not isinstance(frf, FrequencyResponse):
+            continue
+        tilt = np.zeros(frf.omega.size) if frf.tilt is None else frf.tilt[place]
+        for value, bound, kappa in zip(frf.values[place], frf.bound[place], tilt, strict=True):
+            if np.isfinite(bound):
+                outlines.append(value + bound * (_TURN - kappa * _TURN.conj()) / (1 - abs(kappa) ** 2))
     return [_plane("bounds of the data", _joined(outlines), FAINT, dash="solid")] if outlines else []
 
 

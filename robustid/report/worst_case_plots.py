@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from robustid.certify import ResponseTube, WorstCaseError
 from robustid.errors import InputTypeError
 from robustid.report import worst_case_charts as charts
+from robustid.report.matrix_charts import lighter, side_by_side
 from robustid.report.plots import draw
 from robustid.report.tube import chart
 
@@ -27,8 +28,8 @@ def plot_worst_case(error: WorstCaseError) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Magnitude and phase with the samples and their discs, and the error; the phase range is a full turn where the
-        response may be 0.
+        Magnitude and phase with the samples and their discs, and the error, of every entry; the phase range is a full turn where
+        the response may be 0. Of several channels also the singular values, and the largest one of the error.
 
     Raises
     ------
@@ -44,7 +45,11 @@ def plot_worst_case(error: WorstCaseError) -> Figure:
     >>> len(figure.axes), figure.axes[-1].get_xlabel()
     (3, 'frequency [Hz]')
     """
-    return draw(charts.worst_case_chart(_checked(error)))
+    found, problem = charts.worst_case_charts(_checked(error)), error.identification.problem
+    if problem.entries.single:
+        return draw(found[0])
+    sigma = charts.worst_case_sigma_chart(error).panels
+    return draw(side_by_side("guarantee", lighter(found), len(problem.inputs), sigma))
 
 
 def plot_nyquist(error: WorstCaseError) -> Figure:

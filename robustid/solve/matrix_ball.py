@@ -6,6 +6,7 @@ import numpy as np
 import scipy.fft
 
 from robustid.interpolation import SarasonMap, ShiftMap
+from robustid.solve.hankel_map import HankelMap
 
 
 class MatrixBall:
@@ -29,18 +30,22 @@ class MatrixBall:
     def matrices(self, x: np.ndarray) -> list[np.ndarray]:
         """[0 H; H' 0]."""
         r, out = self._rows, np.zeros((self.blocks[0], self.blocks[0]))
-        out[:r, r:] = H = self._map.turned(self._map.matrix(x))
+        out[:r, r:] = H = self._matrix(x)
         out[r:, :r] = H.T
         return [out]
 
     def adjoint(self, Z: list[np.ndarray]) -> np.ndarray:
         """Inner products 2 <H_j, Z_12>."""
-        corner = self._map.turned_back(Z[0][: self._rows, self._rows :])
-        return 2 * self._map.first_row(self._map.stein(corner))
+        corner = Z[0][: self._rows, self._rows :]
+        return 2 * self._map.entries.collapse(self._pairs.adjoint(self._map.parted(corner)))
+
+    def _matrix(self, x: np.ndarray) -> np.ndarray:
+        """H(x), (np, nq)."""
+        return self._map.joined(self._pairs.matrix(self._map.entries.expand(x)))
 
     def times(self, x: np.ndarray, M: list[np.ndarray]) -> list[np.ndarray]:
         """[H M_2; H' M_1] of the two parts of the rows."""
-        r, H = self._rows, self._map.turned(self._map.matrix(x))
+        r, H = self._rows, self._matrix(x)
         return [np.vstack([H @ M[0][r:], H.T @ M[0][:r]])]
 
     def curvature(self, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
@@ -74,11 +79,20 @@ class MatrixBall:
 
 
 class _Convolutions:
-    """U * V of Taylor coefficients, by FFT."""
+    """Hankel matrices of Taylor coefficients; U * V by FFT."""
 
     def __init__(self, sarason: SarasonMap):
         self._n = sarason.pair.order
         self._length = int(scipy.fft.next_fast_len(2 * self._n - 1, real=True) or 0)
+        self._map = HankelMap(self._n)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H of every entry, (p, q, n, n)."""
+        return np.array([[self._map.matrix(entry) for entry in row] for row in x])
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products <H_j, Y> of every entry, (p, q, n)."""
+        return np.array([[self._map.adjoint(entry) for entry in row] for row in Y])
 
     def transforms(self, corners: dict) -> dict:
         """Two-dimensional transforms of all blocks, zeros around them."""
@@ -100,15 +114,23 @@ class _Convolutions:
 
 
 class _Products:
-    """U * V of any basis: [U * V]_kl = <H_k U, V H_l>."""
+    """Any basis, stored; [U * V]_kl = <U'H_k, H_l V'>."""
 
     def __init__(self, sarason: SarasonMap):
         self._basis = sarason.symmetric_basis
         n = sarason.pair.order
-        self._flat, self._wide = self._basis.reshape(n * n, n), self._basis.transpose(1, 0, 2).reshape(n, n * n)
+        self._tall, self._flat = self._basis.reshape(n * n, n), self._basis.reshape(n, n * n)
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """H of every entry, (p, q, n, n)."""
+        return (x @ self._flat).reshape(*x.shape[:2], *self._basis.shape[1:])
+
+    def adjoint(self, Y: np.ndarray) -> np.ndarray:
+        """Inner products <H_j, Y> of every entry, (p, q, n)."""
+        return Y.reshape(*Y.shape[:2], -1) @ self._flat.T
 
     def transforms(self, corners: dict) -> dict:
-        """H_k U and V H_l of all blocks."""
+        """U'H_k and H_l V' of all blocks."""
         return {
             place: [[(self._before(one), self._after(one)) for one in row] for row in block]
             for place, block in corners.items()
@@ -125,9 +147,7 @@ class _Products:
         return np.asarray(sum(before @ after.T for (before, _), (_, after) in terms))
 
     def _before(self, U: np.ndarray) -> np.ndarray:
-        n = U.shape[0]
-        return (self._flat @ U).reshape(n, n * n)
+        return np.matmul(U.T, self._basis).reshape(self._flat.shape)
 
     def _after(self, V: np.ndarray) -> np.ndarray:
-        n = V.shape[0]
-        return (V @ self._wide).reshape(n, n, n).transpose(1, 0, 2).reshape(n, n * n)
+        return (self._tall @ V.T).reshape(self._flat.shape)

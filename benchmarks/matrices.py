@@ -1,0 +1,137 @@
+"""Problems of several channels: all of identify(), stage by stage, and the margin against Clarabel.
+
+Run: OPENBLAS_NUM_THREADS=2 python benchmarks/matrices.py [--full]. A plant of two modes with residues of rank one and a random smooth
+rest, a bound on every entry of every line. Every figure is of a process of its own. --full adds the sizes that take minutes.
+"""
+
+import argparse
+import json
+import math
+import resource
+import subprocess
+import sys
+import time
+
+import numpy as np
+from solver_scaling import ACCURACY, counted
+
+QUICK = (2, 2, 60, 500), (4, 4, 20, 200)
+FULL = (2, 2, 200, 500), (3, 3, 100, 500), (4, 4, 60, 500)
+PEER = (2, 2, 6, 30), (2, 2, 10, 30), (3, 3, 6, 30)  # Clarabel's block has the size L (p + q)
+
+
+def measurements(p, q, length, lines, seed=0):
+    """Simulated lines of a p x q plant that take `length` Taylor coefficients at the default accuracy."""
+    import robustid as rid
+    from robustid.identification.forms import taylor_length
+
+    rng, bound = np.random.default_rng(seed), 0.05
+    omega = np.sort(rng.uniform(0.05, 3.1, lines))
+    basis = rid.kautz([0.4, 1.1], [0.005, 0.01], dt=1.0, delay=1)
+    residues = rng.standard_normal((2, p, 1)) * rng.standard_normal((2, 1, q))
+    values = np.tensordot(basis.response(omega), np.repeat(residues, 2, axis=0), 1)
+    size = np.sqrt(min(p, q))
+    taps = 0.05 / size * rng.standard_normal((40, p, q)) * 1.2 ** -np.arange(40.0)[:, None, None]
+    values = values + np.tensordot(np.exp(-1j * np.outer(omega, np.arange(40))), taps, 1)
+    values = values + 1.5 * bound * np.sqrt(rng.random(values.shape)) * np.exp(2j * np.pi * rng.random(values.shape))
+    frf = rid.FrequencyResponse(omega, values, bound=bound, dt=1.0)
+
+    def problem(log_rate):
+        prior = rid.Prior(gain_bound=1.0, decay_rate=1 + math.exp(log_rate))
+        return rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
+
+    slow, fast = -8.0, 5.0
+    for _ in range(40):
+        middle = (slow + fast) / 2
+        slow, fast = (middle, fast) if taylor_length(problem(middle), ACCURACY) > length else (slow, middle)
+    return problem(fast)
+
+
+def ours(p, q, length, lines):
+    """All of identify(): what to print, with seconds per stage."""
+    import robustid as rid
+    from robustid.solve import structured
+
+    problem, systems = measurements(p, q, length, lines), counted(structured)
+    start = time.perf_counter()
+    result = rid.identify(problem, form="taylor", solver="structured")
+    seconds = time.perf_counter() - start
+    return {
+        "seconds": seconds,
+        "stages": dict(result.timing),
+        "systems": len(systems),
+        "margin": result.margin,
+        "width": result.margin - result.margin_lower,
+        "passed": result.verification.passed,
+        "order": result.order,
+    }
+
+
+def margins(p, q, length, lines):
+    """The margin alone, by the structured solver and from the semidefinite program that one would write down."""
+    import cvxpy as cp
+
+    from robustid.bases import Sections
+    from robustid.identification.forms import pose
+    from robustid.identification.margin import prove_margin
+
+    posed = pose(measurements(p, q, length, lines), Sections.shift(length))
+    start = time.perf_counter()
+    margin = prove_margin(posed, "structured", ACCURACY)[0].margin
+    seconds = time.perf_counter() - start
+    rows, sarason = posed.data.rows, posed.data.sarason
+    x, parameters, s = cp.Variable(sarason.size), cp.Variable(rows.P.shape[1]), cp.Variable()
+    e = [part(rows.y) - part(rows.E.dense()) @ x - part(rows.P) @ parameters for part in (np.real, np.imag)]
+    X = cp.reshape(sarason.unit_matrices.reshape(sarason.size, -1).T @ x, sarason.shape, order="C")
+    limits = [cp.norm(cp.vstack(e), 2, axis=0) + rows.tail <= s, cp.sigma_max(X) <= 1]
+    program = cp.Problem(cp.Minimize(s), limits)
+    start = time.perf_counter()
+    program.solve(solver="CLARABEL")
+    return {"ours": margin, "seconds": seconds, "theirs": float(s.value), "peer": time.perf_counter() - start}
+
+
+def run(kind, sizes):
+    """In a process of its own, with its memory in gigabytes."""
+    command = [sys.executable, __file__, "--one", kind, *map(str, sizes)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr[-2000:])
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--full", action="store_true")
+    parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one:
+        kind, *sizes = arguments.one
+        work = ours if kind == "ours" else margins
+        found = work(*map(int, sizes))
+        found["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        sys.stdout.write(json.dumps(found) + "\n")
+        return
+    print(
+        "identify(), two modes, L Taylor coefficients an entry, bounds on all entries of all lines; seconds of the stages"
+    )
+    stages = ("margin", "centre", "model", "verification")
+    print(f"{'plant':>6}{'L':>5}{'lines':>7}{'s':>8}" + "".join(f"{name:>14}" for name in stages), end="")
+    print(f"{'GB':>6}{'systems':>9}{'margin':>9}{'width':>8}{'order':>7}")
+    for p, q, length, lines in QUICK + (FULL if arguments.full else ()):
+        found = run("ours", (p, q, length, lines))
+        print(f"{p}x{q}".rjust(6) + f"{length:5d}{lines:7d}{found['seconds']:8.1f}", end="")
+        print("".join(f"{found['stages'][name]:14.1f}" for name in stages), end="")
+        print(f"{found['memory']:6.2f}{found['systems']:9d}{found['margin']:9.4f}{found['width']:8.0e}", end="")
+        print(f"{found['order']:7d}  {'verified' if found['passed'] else 'FAILED'}", flush=True)
+    print("\nthe margin alone against Clarabel, one block of size L (p + q)")
+    print(f"{'plant':>6}{'L':>5}{'block':>7}{'ours s':>9}{'Clarabel s':>12}{'ratio':>8}  difference")
+    for p, q, length, lines in PEER if arguments.full else PEER[:2]:
+        found = run("margins", (p, q, length, lines))
+        print(f"{p}x{q}".rjust(6) + f"{length:5d}{length * (p + q):7d}{found['seconds']:9.3f}", end="")
+        print(
+            f"{found['peer']:12.3f}{found['peer'] / found['seconds']:8.0f}  {abs(found['ours'] - found['theirs']):.0e}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""What the tests of files share: a frequency response and a record with every field set, and MATLAB's layout of HDF5."""
+
+import h5py
+import numpy as np
+
+from robustid.data import FrequencyResponse, TimeRecord
+
+RNG = np.random.default_rng(0)
+TIME = 0.01 * np.arange(6)
+U, Y = RNG.standard_normal((6, 2)), RNG.standard_normal((6, 3))
+HZ = np.array([1.0, 2.0, 5.0, 7.0])
+G = RNG.standard_normal((4, 2, 3)) + 1j * RNG.standard_normal((4, 2, 3))
+
+
+def full_frf():
+    root = RNG.standard_normal((4, 6, 6)) + 1j * RNG.standard_normal((4, 6, 6))
+    return FrequencyResponse(
+        HZ,
+        G,
+        bound=RNG.uniform(0.1, 1, G.shape),
+        covariance=root @ root.conj().swapaxes(1, 2),
+        dt=0.1 + 0.2,
+        inputs=["a [N]", "b, with comma", "c"],
+        outputs=["x [µm]", 'y "quoted"'],
+        note="first line\nsecond line",
+        bound_kind="statistical",
+        probability=0.95,
+        dof=7.5,
+        coherence=RNG.uniform(0, 1, (4, 2)),
+        noise=RNG.uniform(0, 1, G.shape),
+        distortion=RNG.uniform(0, 1, G.shape),
+    )
+
+
+def full_record():
+    bound = RNG.uniform(0.1, 1, Y.shape)
+    bound[0] = np.inf
+    return TimeRecord(
+        U,
+        Y,
+        dt=1 / 3,
+        bound=bound,
+        reference=U[:, :1],
+        initial="free",
+        past_input_bound=np.pi,
+        inputs=["a [A]", "b"],
+        bound_kind="rest",
+    )
+
+
+def assert_same(one, two):
+    assert type(one) is type(two)
+    for name in set(one.__dataclass_fields__) - {"_"}:
+        a, b = getattr(one, name), getattr(two, name)
+        if isinstance(a, np.ndarray):
+            assert a.shape == b.shape
+            assert a.tobytes() == b.tobytes(), name
+        else:
+            assert a == b, name
+
+
+def write_matlab73(path, variables):
+    """As MATLAB does: user block with a text, classes as attributes, axes reversed, structures as groups."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in variables.items():
+            value = np.atleast_2d(value)
+            if np.iscomplexobj(value):
+                pair = np.empty(value.T.shape, dtype=[("real", float), ("imag", float)])
+                pair["real"], pair["imag"] = value.T.real, value.T.imag
+                data = file.create_dataset(name.replace(".", "/"), data=pair)
+            else:
+                data = file.create_dataset(name.replace(".", "/"), data=value.T)
+            data.attrs["MATLAB_class"] = np.bytes_("double")
+        text = file.create_dataset("comment", data=np.frombuffer(b"hello", np.uint8))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
