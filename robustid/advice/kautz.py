@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -193,26 +194,36 @@ def _checked(frf: Any, dt: Any) -> LineData:
         raise InputTypeError(
             f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
         )
-    frf = frf.select(~frf.missing.all(axis=(1, 2)))
     given = frf.dt if dt is None else dt
     if given is None:
         raise InputError("`dt` is needed: `frf` is of continuous time; give the sample time of the model in s")
     step = as_positive("dt", given)
+    frf = frf.select(~frf.missing.all(axis=(1, 2)))
     angle = frf.omega * step
     if angle.max() > np.pi * (1 + 1e-12):
         raise InputError(
             f"`dt` = {step:g} s allows frequencies up to {np.pi / step:g} rad/s; got {frf.omega.max():g} rad/s"
         )
-    measured = ~frf.missing.reshape(angle.size, -1)
-    value = np.where(measured, frf.values.reshape(angle.size, -1), 0.0)
-    size = np.abs(value)
-    seen = size.max(axis=0) > 0
-    if not np.any(seen):
+    if not np.any(np.abs(frf.values[~frf.missing]) > 0):
         raise InputError("`frf` is zero at all lines; check the output")
-    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.outer_radius
-    bound = np.where(measured, np.reshape(bound, value.shape), np.inf)
-    one = value.shape[1] == 1
-    data = LineData(angle, value[:, 0] if one else value[:, seen], bound[:, 0] if one else bound[:, seen], step)
+    data = line_data([frf], step)
     if data.room < 1:
         raise InputError(f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth rest")
     return data
+
+
+def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
+    """The lines of all, in order, without entries that are zero throughout."""
+    angle = np.concatenate([f.omega for f in frfs]) * dt
+    order = np.argsort(angle, kind="stable")
+    measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.concatenate([f.values for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.where(measured, value, 0.0)
+    size = np.abs(value)
+    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0))
+    if all(f.bound is not None for f in frfs):
+        bound = np.concatenate([f.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
+    bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
+    if angle.size and size.shape[1] == 1:
+        return LineData(angle[order], value[:, 0], bound[:, 0], dt)
+    return LineData(angle[order], value[:, seen], bound[:, seen], dt)
