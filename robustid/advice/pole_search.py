@@ -11,7 +11,6 @@ import numpy as np
 from robustid._arrays import Frozen, as_positive, freeze
 from robustid.advice.kautz import KautzSuggestion
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
-from robustid.advice.pole_fit import LineData
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import Sections
 from robustid.errors import InputError, InputTypeError, SolverError
@@ -331,12 +330,10 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzS
     """What the frequency lines leave to every pole, in the order of the pairs."""
     if not problem.frequency:
         return None
-    omega, value, bound = (
-        np.concatenate([getattr(f, name).reshape(f.omega.size) for f in problem.frequency])
-        for name in ("omega", "values", "outer_radius")
-    )
-    order = np.argsort(omega, kind="stable")
-    data = LineData(omega[order] * problem.dt, value[order], bound[order], problem.dt)
+    lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    if not lines:
+        return None
+    data = line_data(lines, problem.dt)
     if data.room < len(poles):
         return None
     turns = poles + np.log([problem.dt, 1.0])
