@@ -53,9 +53,7 @@ def test_the_whole_way_of_a_matrix_in_python():
     assert found.identification.problem.prior == prior
     assert found.reduction.order <= 4
     assert np.all(found.identification.problem.frequency[0].bound == pytest.approx(1.5 * frf.bound))
-    same = rid.identify_reduced(
-        rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False
-    )
+    same = rid.identify_reduced(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False)
     assert f"scaling = {SCALING}" in same.run_file.text()
 
 
