@@ -1,8 +1,8 @@
 """Measured plants of several channels: from records to a model with matrix residues, its worst-case error, and what it rests on.
 
-A beam with two piezo patches and two accelerometers, two sweeps (equal signs, opposite signs); with --fsm a steering mirror, three piezos
-and three displacements, random-phase multisine. Modes are sought entry by entry and merged: one pole pair for all
-entries, with a free residue matrix each. A single mode of a structure has a residue of rank one; nothing here forces it to.
+A beam with two piezo patches and two accelerometers, two sweeps (equal signs, opposite signs); with --fsm a steering mirror,
+three piezos and three displacements, random-phase multisine. Modes are sought entry by entry and merged: one pole pair for
+all entries, with a free residue matrix. A single mode of a structure has a residue of rank one; nothing here forces it to.
 Data: github flavioluiz/MIMO-FRF (BSD-2), merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded
 once, or from the folder that ROBUSTID_DATA names.
 Run: python beam_mimo.py --out folder [--fsm] [--guarantee] (the worst-case error takes some minutes)
@@ -200,12 +200,14 @@ def main(argv=None):
         f"With every pair doubled (poles that differ a little): margin {rid.identify(doubled, accuracy=1e-2).margin:.3g}"
     )
 
-    factor = max(1.0, SPARE * first.margin)
-    note = f"{frf.note}; times {factor:.2f}: what this class needs, plus 10 %"
-    print(
-        "The noise is not all: no linear plant with these poles keeps to bounds of noise alone. All bounds of the lines times"
-        f" {factor:.2f}, and that is said in the report."
-    )
+    factor, note = 1.0, frf.note
+    if not first.consistent:
+        factor = SPARE * first.margin
+        note = f"{frf.note}; times {factor:.2f}: what this class needs, plus 10 %"
+        print(
+            "No linear plant with these poles keeps to bounds of noise alone. All bounds of the lines are taken times"
+            f" {factor:.2f}, and the report says so."
+        )
     problem = dataclasses.replace(problem, frequency=widened(used, factor, note), time=records)
     result = rid.identify(problem, accuracy=1e-2)
     print("\n" + result.summary())

@@ -41,7 +41,8 @@ class Mode(Frozen):
 
 def modes_of(basis: ParametricBasis, residues: np.ndarray) -> tuple[Mode, ...]:
     """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
-    values, left, right = scipy.linalg.eig(basis.A, left=True)
+    values, *vectors = scipy.linalg.eig(basis.A, left=True)
+    left, right = (np.asarray(side) for side in vectors)
     overlap = np.sum(left.conj() * right, axis=0)
     near = np.abs(values[:, None] - values) <= _SAME_POLE
     found = []
