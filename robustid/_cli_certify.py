@@ -256,7 +256,7 @@ def _margin(result: Any) -> str:
 
 def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
-    upper, count, intervals = error.upper, len(error.values), error.parameters.lower.size
+    upper, count, intervals = error.sigma_upper, error.omega.size, error.parameters.lower.size
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
     _say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)

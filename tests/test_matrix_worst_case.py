@@ -9,6 +9,7 @@ import pytest
 
 import robustid as rid
 from matrix_plants import _discs, _unknowns, random_matrix_problem, response
+from robustid.advice.sensitivity import guaranteed
 from robustid.certify.consistent_set import consistent_set
 from robustid.certify.value_set import norm_of_bounds, schur_bound, value_sets_at
 
@@ -331,6 +332,14 @@ def test_the_diameter_covers_the_sets():
     assert np.all(wide.lower <= wide.upper)
     assert f"{wide.upper.max():.4g}" in wide.summary()
     assert wide.verify()
+
+
+def test_half_widths_of_matrices_are_below_the_errors():
+    problem, _ = random_matrix_problem(6, 2, 2, 2, rho=1.4)
+    _, median, worst = guaranteed(problem, np.array([2.5]))
+    error = bounded(problem, [2.5], directions=8, rtol=0.1)
+    largest = float((error.sigma_upper / np.linalg.norm(error.nominal, 2, axis=(1, 2))).item())
+    assert 0.5 * largest < median == worst <= largest
 
 
 @pytest.mark.parametrize(

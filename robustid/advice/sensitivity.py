@@ -11,6 +11,7 @@ import numpy as np
 from robustid._arrays import Frozen
 from robustid.certify import worst_case_error
 from robustid.certify.nominal import as_frequencies
+from robustid.certify.value_set import norm_of_bounds
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification import identify
 from robustid.interpolation import MixedProblem
@@ -123,7 +124,10 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
 
 
 def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, float]:
-    """Margin, and median and largest half-width of the sets of values relative to the response; NaN where nothing fits."""
+    """Margin, and median and largest half-width of the sets of values relative to the response; NaN where nothing fits.
+
+    Of several channels the norms of the matrices of both.
+    """
     try:
         result = identify(problem)
         if not result.consistent:
@@ -132,8 +136,11 @@ def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, 
     except SolverError:
         return np.nan, np.nan, np.nan
     # Half the largest width of each set: of nested sets the larger has the larger one, whatever the models.
-    widths = [half_width(v.support) for v in error.values]
-    relative = np.array(widths) / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
+    widths = np.zeros(error.upper.shape)
+    for entry in np.ndindex(widths.shape[1:]):
+        widths[:, *entry] = [half_width(v.support) for v in error.of_entry(*entry)]
+    size = np.linalg.norm(error.nominal.reshape(widths.shape), 2, axis=(1, 2))
+    relative = norm_of_bounds(widths) / np.maximum(size, np.finfo(float).tiny)
     return result.margin, float(np.median(relative)), float(relative.max())
 
 

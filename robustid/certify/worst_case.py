@@ -112,7 +112,11 @@ class WorstCaseError(Frozen):
 
     @property
     def sigma_upper(self) -> np.ndarray:
-        """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
+        """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`.
+
+        No entry exceeds the norm of its matrix, hence this is at most sqrt(ny nu)/cos(pi/directions) times the truth, nearly, and
+        close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at least.
+        """
         return freeze(np.array([e.sigma_upper for e in self._errors]))
 
     @property
