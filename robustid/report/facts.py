@@ -15,9 +15,9 @@ from robustid.report.style import number
 
 _HZ = 2 * np.pi
 _LONG = 100  # letters of a heading
+_DIRECTIONS = "combinations of outputs / combinations of inputs"
 
 CHOSEN = "Chosen by the program from these data"
-SHARED_BARS = "Of a bound that entries share they show what it leaves to one entry alone."
 CAUTION = (
     "These are assumptions. Data can refute them, never prove them: a consistent result says that nothing"
     " measured so far contradicts them."
@@ -83,7 +83,7 @@ def where(identification: Identification, residual: Residual) -> str:
         return f"all outputs / {problem.inputs[input_]}, one bound"
     if isinstance(problem.frequency[residual.index], FrequencyResponse):
         return "all entries, one bound"
-    return "in directions"
+    return _DIRECTIONS
 
 
 def verdict(identification: Identification) -> Verdict:
@@ -205,6 +205,16 @@ def _scaling_words(identification: Identification) -> str:
     return f"S, the sizes that count as alike, by output, for {', '.join(u.name for u in problem.inputs)}: {listed}."
 
 
+def bars_words(identification: Identification) -> str:
+    """What is drawn of the frequency samples."""
+    words = "Bars are the disc of each sample: magnitude ± bound, and the phases inside it."
+    if shared_words(identification):
+        words += " Of a bound that entries share they show what it leaves to one entry alone."
+    if not all(isinstance(f, FrequencyResponse) for f in identification.problem.frequency):
+        words += " Samples of combinations of channels aren’t drawn here; their residuals are, below."
+    return words
+
+
 def shared_words(identification: Identification) -> str:
     """What bounds that several samples share mean; empty where each has its own."""
     return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
@@ -263,6 +273,8 @@ def _together(rows: list[Experiment]) -> list[Experiment]:
     """Entries of one experiment that differ in nothing but their names, in one row."""
     if len(rows) == 1:
         return rows
+    if rows[0].channel == _DIRECTIONS:
+        return [rows[0]._replace(samples=sum(row.samples for row in rows))]
     what = "outputs" if rows[0].name.startswith("time") else "entries"
     names = "; ".join(row.channel for row in rows)
     named = f": {names}" if len(names) <= _LONG else ""
@@ -384,7 +396,8 @@ def reduction_words(identification: Identification, reduction: Any) -> str:
     ratio = largest_ratio(identification.problem, reduction.model)
     kept = "every sample stays within its bound" if ratio <= 1 else "not every sample stays within its bound"
     size = f"{number(reduction.bound, 3)} {unit(identification)}".rstrip()
-    near = f" The frequency responses differ by at most {size}." if np.isfinite(reduction.bound) else ""
+    norm = "" if identification.problem.entries.single else " (largest singular value)"
+    near = f" The frequency responses differ by at most {size}{norm}." if np.isfinite(reduction.bound) else ""
     return (
         f"Order {reduction.order} instead of {identification.order}.{near} Samples:"
         f" {kept} (largest |residual|/bound {number(ratio)}). Status: {reduction.status.value}."

@@ -59,7 +59,8 @@ def write_report(
     """Write everything there is to know about a result as one self-contained HTML page.
 
     Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
-    against their bounds, the samples that limit the result, order, poles, verification, versions. Of a fitted matrix
+    against their bounds, the samples that limit the result, order, poles, verification, versions; of several channels every
+    entry, the singular values, and the modes with the ranks of their residues. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
     numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
     bound, noise and distortion, coherence, and the spectra of the records. The page works offline and fetches nothing.
