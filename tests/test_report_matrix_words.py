@@ -24,6 +24,7 @@ from robustid.report import (
 )
 from robustid.report import worst_case_charts as charts
 from robustid.report.frf_view import FrfView
+from robustid.report.modes import mode_rows
 from robustid.report.style import number
 from test_report_browser import opened, plots, widths
 
@@ -123,7 +124,7 @@ def test_modes_are_listed_with_the_height_of_their_resonance_and_their_rank() ->
     result = rid.identify(problem(frf))
     basis, residues, _ = plant(2, 2)
     peaks = np.linalg.norm(np.tensordot(basis.response(HZ * np.array([6.0, 17.0]) * DT), residues, 1), 2, axis=(1, 2))
-    rows = facts.mode_rows(result)
+    rows = mode_rows(result)
     assert [row.hz for row in rows] == ["6", "17"]
     np.testing.assert_allclose([float(row.peak) for row in rows], peaks, rtol=0.1)
     ratios = [mode.rank_ratio for mode in result.modes]

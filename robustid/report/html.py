@@ -16,7 +16,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import charts, evidence, facts, matrix_charts, rests_on, worst_case_charts, worst_case_facts
+from robustid.report import charts, evidence, facts, matrix_charts, modes, rests_on, worst_case_charts, worst_case_facts
 from robustid.report import over_poles as over_poles_section
 from robustid.report import tube as tube_section
 from robustid.report.grids import Grid, grid_of
@@ -213,6 +213,7 @@ def render_report(
         title=title or facts.heading(identification),
         result=identification,
         facts=facts,
+        modes=modes,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
         findings=findings,
