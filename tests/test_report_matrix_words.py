@@ -12,9 +12,19 @@ import pytest
 import robustid as rid
 from matrix_pages import DT, HZ, measured, plant, problem, record, response_of, with_values
 from report_pages import NASTY, Page, layers, printed
-from robustid.report import facts, frf_charts, frf_facts, html, plot_nyquist, plot_worst_case, worst_case_facts
+from robustid.report import (
+    evidence,
+    facts,
+    frf_charts,
+    frf_facts,
+    html,
+    plot_nyquist,
+    plot_worst_case,
+    worst_case_facts,
+)
 from robustid.report import worst_case_charts as charts
 from robustid.report.frf_view import FrfView
+from robustid.report.modes import mode_rows
 from robustid.report.style import number
 from test_report_browser import opened, plots, widths
 
@@ -96,12 +106,25 @@ def test_experiments_are_listed_together_where_they_are_alike() -> None:
     ]
 
 
+def test_samples_of_combinations_of_channels_are_told_from_entries() -> None:
+    frf = measured(lines=6)
+    both = frf.tangential(right=[[1.0, 1.0], [1.0, -1.0]])
+    result = rid.identify(problem([frf.select(slice(0, 3)), both]))
+    rows = facts.experiments(result)
+    assert [row.samples for row in rows] == [3, 24]
+    assert rows[1].channel == "combinations of outputs / combinations of inputs"
+    assert "aren’t drawn here" in facts.bars_words(result)
+    panel = evidence.residual_chart(result).panels[-1]
+    error = np.abs(both.values - response_of(result.model, frf.omega) @ [[1.0, 1.0], [1.0, -1.0]]) / both.bound
+    np.testing.assert_allclose(np.sort(panel.layers[0].y), np.sort(error.ravel()), rtol=1e-5, atol=1e-9)
+
+
 def test_modes_are_listed_with_the_height_of_their_resonance_and_their_rank() -> None:
     frf = measured(lines=12, noise=1e-3)
     result = rid.identify(problem(frf))
     basis, residues, _ = plant(2, 2)
     peaks = np.linalg.norm(np.tensordot(basis.response(HZ * np.array([6.0, 17.0]) * DT), residues, 1), 2, axis=(1, 2))
-    rows = facts.mode_rows(result)
+    rows = mode_rows(result)
     assert [row.hz for row in rows] == ["6", "17"]
     np.testing.assert_allclose([float(row.peak) for row in rows], peaks, rtol=0.1)
     ratios = [mode.rank_ratio for mode in result.modes]

@@ -82,7 +82,7 @@ class FrfView:
     @cached_property
     def complete(self) -> np.ndarray:
         """The lines at which every entry was measured, (F,) bool."""
-        return ~self.frf.missing.any(axis=(1, 2))
+        return np.all(~self.frf.missing, axis=(1, 2))
 
     @property
     def radius(self) -> np.ndarray | None:

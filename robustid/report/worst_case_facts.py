@@ -226,11 +226,13 @@ def parameter_rows(error: WorstCaseError) -> list[ParameterRow]:
     if identification.problem.parametric is None:
         return []
     rows, single = [], identification.problem.entries.single
+    values = identification.parameters
     for place in np.ndindex(found.lower.shape):
         label = identification.problem.parametric.labels[place[0]]
         if not single:
             label += f": {transfer(identification, *place[1:])}"
-        low, high, (first, last) = found.lower[place], found.upper[place], found.attained[place]
+        low, high, value = (float(part[place]) for part in (found.lower, found.upper, values))
+        first, last = found.attained[place]
         interval, reached = f"{at_least(low)} … {at_most(high)}", f"{number(first)} … {number(last)}"
-        rows.append(ParameterRow(label, interval, reached, number(identification.parameters[place])))
+        rows.append(ParameterRow(label, interval, reached, number(value)))
     return rows
