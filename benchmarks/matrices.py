@@ -1,7 +1,7 @@
 """Problems of several channels: all of identify(), stage by stage, and the margin against Clarabel.
 
-Run: OPENBLAS_NUM_THREADS=2 python benchmarks/matrices.py [--full]. A plant of two modes with residues of rank one and a random smooth
-rest, a bound on every entry of every line. Every figure is of a process of its own. --full adds the sizes that take minutes.
+Run: OPENBLAS_NUM_THREADS=2 python benchmarks/matrices.py [--full]. A plant of two modes with residues of rank one and a random
+smooth rest, a bound on every entry of every line. Every figure is of a process of its own. --full adds the sizes that take minutes.
 """
 
 import argparse

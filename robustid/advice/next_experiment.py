@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid._arrays import as_count, as_positive
 from robustid.certify import WorstCaseError, response_tube, worst_case_error
+from robustid.certify.consistent_set import check_one_channel
 from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
@@ -126,19 +127,20 @@ def suggest_next(
     """
     count = as_count("count", count, least=1)
     eps = None if bound is None else as_positive("bound", bound)
-    if isinstance(identification, WorstCaseError):
-        error, given = identification, identification.identification
-        if candidates is not None:
-            options = {"omega": candidates, "directions": error.directions}
-            error = worst_case_error(given, model=error.model, **options)
-    elif isinstance(identification, Identification):
-        given = identification
-        omega = _between(given.problem) if candidates is None else candidates
-        error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL)
-    else:
+    given = identification.identification if isinstance(identification, WorstCaseError) else identification
+    if not isinstance(given, Identification):
         raise InputTypeError(
             f"`identification` must be an Identification or a WorstCaseError; got {type(identification).__name__}"
         )
+    check_one_channel(given.problem, "suggest_next")
+    if not isinstance(identification, WorstCaseError):
+        omega = _between(given.problem) if candidates is None else candidates
+        error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL)
+    elif candidates is None:
+        error = identification
+    else:
+        options = {"omega": candidates, "directions": identification.directions}
+        error = worst_case_error(given, model=identification.model, **options)
     eps = _usual_bound(given.problem) if eps is None else eps
     ends = zip(error.omega.tolist(), error.lower.ravel().tolist(), error.upper.ravel().tolist(), strict=True)
     found = [NextMeasurement("frequency", at, low, high, eps) for at, low, high in ends]

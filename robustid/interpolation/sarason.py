@@ -75,12 +75,8 @@ class SarasonMap(Frozen):
         return freeze((H + H.transpose(0, 2, 1)) / 2)
 
     def turned(self, M: np.ndarray) -> np.ndarray:
-        """T M, of matrices (T (x) I) M."""
+        """T M, of matrices (T (x) I) M; T is symmetric and orthogonal, its own inverse."""
         return self._turned(M.reshape(self.pair.order, M.size // max(self.pair.order, 1))).reshape(M.shape)
-
-    def turned_back(self, M: np.ndarray) -> np.ndarray:
-        """T' M, of matrices (T' (x) I) M: T is symmetric and orthogonal."""
-        return self.turned(M)
 
     def matrix(self, x: np.ndarray) -> np.ndarray:
         """X(x)."""

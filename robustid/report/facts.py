@@ -207,7 +207,11 @@ def _scaling_words(identification: Identification) -> str:
 
 def shared_words(identification: Identification) -> str:
     """What bounds that several samples share mean; empty where each has its own."""
-    kinds = {getattr(f, "joint", "entry") for f in identification.problem.frequency}
+    return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
+
+
+def joint_words(kinds: set[str]) -> str:
+    """What the bounds of these kinds (`FrequencyResponse.joint`) mean that several samples share."""
     words = ""
     if "column" in kinds:
         words += (
@@ -250,7 +254,8 @@ def experiments(identification: Identification) -> list[Experiment]:
     alike: dict[tuple[Any, ...], list[Experiment]] = {}
     for r in identification.residuals:
         row = _experiment(identification, r, given[r.kind][r.index])
-        alike.setdefault((r.kind, r.index, row._replace(channel="")), []).append(row)
+        shared = row.channel if r.kind == "frequency" and None in r.entry else ""
+        alike.setdefault((r.kind, r.index, row._replace(channel=shared)), []).append(row)
     return [row for rows in alike.values() for row in _together(rows)]
 
 

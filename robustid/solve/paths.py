@@ -43,7 +43,7 @@ def _candidate(data: ConvexData, at: Iterate) -> Candidate:
     """
     n, sarason = data.sarason.size, data.sarason
     high = sarason.shape[0]
-    Y = sarason.turned_back(at.Z[0] - at.Z[1] if sarason.entries.single else -2 * at.Z[0][:high, high:])
+    Y = sarason.turned(at.Z[0] - at.Z[1] if sarason.entries.single else -2 * at.Z[0][:high, high:])
     x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
     return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
