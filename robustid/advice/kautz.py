@@ -224,6 +224,6 @@ def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
     if all(f.bound is not None for f in frfs):
         bound = np.concatenate([f.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
     bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
-    if angle.size and size.shape[1] == 1:
+    if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], dt)
     return LineData(angle[order], value[:, seen], bound[:, seen], dt)
