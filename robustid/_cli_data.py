@@ -124,19 +124,21 @@ def _described(path: Path, data: Any, channel: str, unit: str) -> str:
 
 
 def _channel(data: Any, wanted: str | None, name: str) -> tuple[str, Any]:
-    """One input and one output, and which."""
+    """The entry that is asked for, else the whole matrix, and what it is in words."""
+    outputs, inputs = len(data.outputs), len(data.inputs)
+    size = f"{outputs} output{'s' * (outputs > 1)} and {inputs} input{'s' * (inputs > 1)}"
+    if wanted is None and outputs * inputs > 1:
+        return f"all of {size} (--channel OUTPUT,INPUT for one entry)", data
     try:
         row, column = (int(number) for number in (wanted or "0,0").split(","))
     except ValueError:
         raise InputError(f"--channel must be OUTPUT,INPUT such as 0,0; got {wanted!r}") from None
-    outputs, inputs = len(data.outputs), len(data.inputs)
-    size = f"{outputs} output{'s' * (outputs > 1)} and {inputs} input{'s' * (inputs > 1)}"
     if not (0 <= row < outputs and 0 <= column < inputs):
         raise InputError(f"--channel {wanted} (OUTPUT,INPUT from 0) isn't in {name}, which has {size}")
     words = f"{data.outputs[row]} / {data.inputs[column]}"
     if (outputs, inputs) == (1, 1):
         return words, data
-    words += f" (channel {row},{column} of {size}; --channel OUTPUT,INPUT for another)"
+    words += f" (channel {row},{column} of {size}; without --channel the whole matrix)"
     return words, data.channel(row, column)
 
 

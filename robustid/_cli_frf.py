@@ -186,11 +186,12 @@ def _write(found: Any, records: list[Any], output: Path, report: Path | None) ->
 def _next(found: Any, output: Path) -> list[str]:
     name = shlex.quote(str(output))
     several = found.values[0].size > 1
-    channel = " --channel 0,0" if several else ""
-    what = "one entry at a time (--channel OUTPUT,INPUT), a model with a proof" if several else "a model with a proof"
+    what = (
+        "a model of all entries (of one: --channel OUTPUT,INPUT), with a proof" if several else "a model with a proof"
+    )
     return [
         f"Next, {what}:",
-        f"  robustid identify --frequency {name}{channel} --report report.html",
+        f"  robustid identify --frequency {name} --report report.html",
         "or a matrix fraction by least squares:",
         f"  robustid fit {name} --order auto --report fit.html",
     ]

@@ -16,7 +16,10 @@ from robustid._terminal import plain
 Path = pathlib.Path
 _WORDS = {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
-_WORDS |= {name: name for name in ("dt", "order", "repeat", "delay", "accuracy", "solver", "gain_bound", "decay_rate")}
+_WORDS |= {
+    name: name
+    for name in ("dt", "order", "repeat", "delay", "accuracy", "solver", "gain_bound", "decay_rate", "scaling")
+}
 _WORDS |= {"unit": "unit", "frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
 
 
@@ -37,7 +40,7 @@ def run(
     A run file names data and, where you want it otherwise, choices:
 
         title = "Motor bench"
-        channel = ["angle", "current"]   # \[output, input]; one entry a run
+        channel = ["angle", "current"]   # \[output, input]: one entry; all of the matrix without it
 
         [\[record]]                       # once for each: a file, or a dataset
         file = "bench.csv"

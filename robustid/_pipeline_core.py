@@ -19,7 +19,8 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification import Identification, validate
 from robustid.identification.consistency import identify
-from robustid.interpolation import MixedProblem, Prior
+from robustid.interpolation import MixedProblem
+from robustid.interpolation.prior import prior_fields
 from robustid.mfd import RigidBody
 from robustid.reduction import Reduction, reduce_within_bounds
 from robustid.report.worst_case_facts import at_most
@@ -32,8 +33,8 @@ _FIXED_POLES = (
 
 def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: Any) -> IdentifiedReduced:
     """Modes, lines, bounds and prior as the run file says, or chosen; then the rest."""
-    # Refuses what lacks a sample time, a bound or a single channel, before anything is computed from it.
-    placeholder = Prior(gain_bound=1.0, decay_rate=1.05)
+    # Refuses what lacks a sample time or a bound, before anything is computed from it.
+    placeholder = steps.placeholder(run, data)
     dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
     _check_frequencies(run, dt)
     store.responses(data.responses)
@@ -64,7 +65,7 @@ def from_problem(run: RunFile, problem: MixedProblem, say: Say, executor: Any) -
     """The class as the problem states it."""
     run = dataclasses.replace(
         run,
-        prior=PriorChoice(gain_bound=problem.prior.gain_bound, decay_rate=problem.prior.decay_rate),
+        prior=PriorChoice(**prior_fields(problem.prior)),
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
     _check_frequencies(run, problem.dt)

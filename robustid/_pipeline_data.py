@@ -1,4 +1,4 @@
-"""From the files that a run file names to bounded responses and records of one channel."""
+"""From the files that a run file names to bounded responses and records: all channels, or one entry."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Say = Callable[[str], None]
 
 
 class Measured(NamedTuple):
-    """What was measured, with bounds, one input and one output."""
+    """What was measured, with bounds."""
 
     responses: tuple[FrequencyResponse, ...]
     records: tuple[TimeRecord, ...]
@@ -59,8 +59,11 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run = dataclasses.replace(run, record=tuple(found), frequency=tuple(sources))
     run = _with_method(run, records)
     estimated, samples = _bounded(run, records)
-    responses = [_one_channel(frf, run.channel) for frf in [*estimated, *responses]]
-    samples = [_one_channel(record, run.channel) for record in samples]
+    if run.channel is not None:
+        responses = [frf.channel(*run.channel) for frf in [*estimated, *responses]]
+        samples = [record.channel(*run.channel) for record in samples]
+    else:
+        responses = [*estimated, *responses]
     data = Measured(tuple(responses), tuple(samples))
     run, data = _without_delay(run, data)
     if run.lines.band_hz is not None:
@@ -177,19 +180,6 @@ def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list
             raise InputError('a [[record]] with use = "samples" needs bound = ..., or another record with use = "rest"')
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
     return estimated, samples
-
-
-def _one_channel(data: Any, channel: tuple | None) -> Any:
-    """One entry: the convex identification takes one input and one output."""
-    if channel is None and (len(data.outputs), len(data.inputs)) == (1, 1):
-        return data
-    if channel is None:
-        raise InputError(
-            f"the data have {len(data.outputs)} outputs ({', '.join(map(str, data.outputs))}) and {len(data.inputs)} inputs"
-            f" ({', '.join(map(str, data.inputs))}); a run takes one entry at a time: add channel = [output, input], by number"
-            " or name, and run once for each"
-        )
-    return data.channel(*channel)
 
 
 def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:

@@ -120,6 +120,7 @@ class PriorChoice:
 
     gain_bound: float | None = key(_positive)
     decay_rate: float | None = key(number(above=1))
+    scaling: tuple | None = key(several(several(_positive)))  # (outputs, inputs); several channels
     note: str | None = key(text())
 
 

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from robustid._pipeline_data import Measured
 from robustid._pipeline_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, Modes, PriorChoice, RunFile
-from robustid.advice import suggest_kautz, suggest_prior
-from robustid.advice.prior import _possible_rates, _sizes
+from robustid.advice import suggest_kautz, suggest_prior, suggest_scaling
+from robustid.advice.prior import entry_sizes, possible_rates, response_sizes
 from robustid.bases import ParametricBasis, kautz
 from robustid.data import FrequencyResponse
-from robustid.data.ellipses import bound_ratio
 from robustid.identification import Identification
 from robustid.identification.consistency import identify
 from robustid.identification.residuals import model_residuals
 from robustid.identification.validation import Validation
 from robustid.interpolation import MixedProblem, Prior
+from robustid.interpolation.prior import prior_fields
 
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 _MOST_NAMED = 6
@@ -85,7 +86,7 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
         return run
     say("looking for the smallest factor on the bounds")
     reference, what = _reference(run, problem)
-    margin = identify(problem.with_prior(**dataclasses.asdict(reference))).margin
+    margin = identify(dataclasses.replace(problem, prior=reference)).margin
     factor = max(1.0, SPARE * float(margin))
     note = (
         f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in |z| < {reference.decay_rate:.5g}) needs them"
@@ -100,21 +101,37 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
     return run.changed("identify", inflate=factor, inflate_note=note)
 
 
+def placeholder(run: RunFile, data: Measured) -> Prior:
+    """A prior of no meaning but its scaling: as stated, or the sizes of the channels where the class isn't stated."""
+    if run.prior.gain_bound is None and run.prior.scaling is None:
+        return default_prior((*data.responses, *data.records))
+    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=run.prior.scaling)
+
+
+def default_prior(data: Sequence[Any]) -> Prior:
+    """A prior of no meaning but its scaling, the sizes of several channels."""
+    several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
+    scaling = suggest_scaling(data) if several else None
+    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=scaling)
+
+
 def _stated(run: RunFile) -> Prior | None:
     gain, decay = run.prior.gain_bound, run.prior.decay_rate
-    return None if gain is None or decay is None else Prior(gain_bound=gain, decay_rate=decay)
+    if gain is None or decay is None:
+        return None
+    return Prior(gain_bound=gain, decay_rate=decay, scaling=run.prior.scaling)
 
 
 def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
     """A class that says something: the prior that is stated, or a rest that is not larger than the data and decays."""
     if (stated := _stated(run)) is not None:
         return stated, "the class as stated"
-    sizes = np.concatenate([np.zeros(0), *(np.abs(f.values).ravel() for f in problem.frequency)])
+    sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
     small = run.modes.hz and sizes.size
-    size = float(np.median(sizes)) if small else _sizes(problem)[0]
-    rates = _possible_rates(problem)
+    size = float(np.median(sizes)) if small else response_sizes(problem)[0]
+    rates = possible_rates(problem)
     words = "the modes beside a rest as large as the median response" if small else "a rest as large as the response"
-    return Prior(gain_bound=size, decay_rate=float(rates[len(rates) // 2])), words
+    return dataclasses.replace(problem.prior, gain_bound=size, decay_rate=float(rates[len(rates) // 2])), words
 
 
 def inflated(data: Any, run: RunFile) -> Any:
@@ -123,7 +140,13 @@ def inflated(data: Any, run: RunFile) -> Any:
     if factor == 1:
         return data
     why = "as the program found" if run.identify.inflate_note else "as stated"
-    return data.with_bound(factor * data.bound, f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}")
+    note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
+    if not isinstance(data, FrequencyResponse) or data.joint == "entry":
+        return data.with_bound(factor * data.bound, note)
+    wider: dict[str, Any] = {"bound": factor * data.bound, "note": note, "bound_kind": "hard", "probability": None}
+    if data.ellipsoid is not None:
+        wider |= {"ellipsoid": float(factor) ** 2 * data.ellipsoid}
+    return dataclasses.replace(data, **wider)
 
 
 def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, Prior]:
@@ -133,20 +156,21 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, 
     say("looking for a prior")
     found = suggest_prior(problem)
     chosen, note = found.prior, PRIOR_NOTE + found.summary()
-    if chosen is None or chosen.gain_bound > found.safety * _sizes(problem)[0]:
+    if chosen is None or chosen.gain_bound > found.safety * response_sizes(problem)[0]:
         chosen, what = _reference(run, problem)
         note += (
             f"\nNot taken: a rest larger than every response says nothing. In its place {what}: |G| <= {chosen.gain_bound:.4g} in"
             f" |z| < {chosen.decay_rate:.5g}"
         )
-    return dataclasses.replace(run, prior=PriorChoice(**dataclasses.asdict(chosen), note=note)), chosen
+    return dataclasses.replace(run, prior=PriorChoice(**prior_fields(chosen), note=note)), chosen
 
 
 def sample_words(identification: Identification, model: Any, order: int) -> str:
     """Whether a model keeps all samples, or which not."""
-    residuals = model_residuals(identification.problem, model)
+    problem = identification.problem
+    residuals = model_residuals(problem, model)
     outside = [
-        (float(ratio), _place(residual.kind, float(at)))
+        (float(ratio), _place(residual.kind, float(at), _of_entry(problem, *residual.entry)))
         for residual in residuals
         for at, ratio in zip(residual.axis, residual.ratio, strict=True)
         if ratio > 1 + 1e-5
@@ -163,16 +187,30 @@ def sample_words(identification: Identification, model: Any, order: int) -> str:
 def unused_words(validation: Validation) -> str:
     """What lines that were not used say of the small model."""
     data: Any = validation.data
-    ratio = bound_ratio(validation.residuals, data.bound, data.tilt).ravel()
-    outside = [(float(r), _place("frequency", float(w))) for r, w in zip(ratio, data.omega, strict=True) if r > 1]
-    text = f"Of {ratio.size} lines that were not used, "
+    ratio = data.ratio(validation.residuals)
+    joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
+    outside = []
+    for k, i, j in np.argwhere(ratio > 1):
+        entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
+        place = _place("frequency", float(data.omega[k]), _of_entry(data, *entry))
+        outside.append((float(ratio[k, i, j]), place))
+    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
+    text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
     if not outside:
         return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
     return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
 
 
-def _place(kind: str, at: float) -> str:
-    return f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
+def _of_entry(data: Any, output: int | None, input: int | None) -> str:
+    """Which entry, output or column a sample is of, where there are several."""
+    if len(data.outputs) == len(data.inputs) == 1:
+        return ""
+    parts = [str(side[k].name) for side, k in ((data.outputs, output), (data.inputs, input)) if k is not None]
+    return f" ({' / '.join(parts)})" if parts else ""
+
+
+def _place(kind: str, at: float, of: str = "") -> str:
+    return (f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s") + of
 
 
 def _named(outside: list[tuple[float, str]]) -> str:

@@ -140,7 +140,7 @@ def identify(
         str | None, typer.Option(help='State before a time record: "rest" (default), "free" or "periodic".')
     ] = None,
     channel: Annotated[
-        str | None, typer.Option(help="OUTPUT,INPUT (from 0) where files hold several channels; default 0,0.")
+        str | None, typer.Option(help="OUTPUT,INPUT (from 0): one entry of files with several channels; default all.")
     ] = None,
     mode: Annotated[
         list[str] | None,

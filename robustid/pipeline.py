@@ -15,12 +15,14 @@ from robustid._pipeline_core import from_data, from_problem
 from robustid._pipeline_data import Measured, measured
 from robustid._pipeline_file import MODES_NOTE, PRIOR_NOTE, read_run_file
 from robustid._pipeline_result import IdentifiedReduced, Store
-from robustid._pipeline_steps import Say
+from robustid._pipeline_steps import Say, default_prior
 from robustid.advice import suggest_kautz, suggest_prior
+from robustid.advice.prior import response_sizes
 from robustid.bases import kautz
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.interpolation import MixedProblem, Prior
+from robustid.interpolation.prior import prior_fields
 
 __all__ = ["IdentifiedReduced", "Proposal", "identify_reduced", "propose", "run"]
 
@@ -66,11 +68,11 @@ def propose(
     Raises
     ------
     InputError, InputTypeError
-        Data without sample time or bound, with several channels or different sample times.
+        Data without sample time or bound, with different channels or sample times.
     """
     choices = []
-    placeholder = prior or Prior(gain_bound=1.0, decay_rate=1.05)
-    # Refuses what lacks a sample time, a bound or a single channel, before anything is computed from it.
+    placeholder = prior or default_prior((*frequency, *time))
+    # Refuses what lacks a sample time or a bound, before anything is computed from it.
     step, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     if modes:
         hz, damping = np.array(modes, dtype=float).T
@@ -85,8 +87,8 @@ def propose(
         choices.append(PRIOR_NOTE + found.summary())
         chosen = found.prior
         if chosen is None:  # nothing fits: a class large enough to show the contradiction of the data themselves
-            size = max([np.abs(f.values).max() for f in frequency] + [np.abs(t.y).max() for t in time])
-            chosen = Prior(gain_bound=100 * float(size) or 1.0, decay_rate=float(found.decay_rates[0]))
+            size = 100 * response_sizes(problem)[0]
+            chosen = dataclasses.replace(placeholder, gain_bound=size or 1.0, decay_rate=float(found.decay_rates[0]))
         problem = dataclasses.replace(problem, prior=chosen)
     return Proposal(problem, tuple(choices))
 
@@ -148,7 +150,7 @@ def identify_reduced(
     Raises
     ------
     InputError, InputTypeError
-        Data without bounds, of several channels, contradictory arguments.
+        Data without bounds, of different channels, contradictory arguments.
 
     Notes
     -----
@@ -176,7 +178,7 @@ def identify_reduced(
     if modes is not None:
         content["modes"] |= {"hz": [float(m[0]) for m in modes], "damping": [float(m[1]) for m in modes]}
     if prior is not None:
-        content["prior"] = {"gain_bound": prior.gain_bound, "decay_rate": prior.decay_rate}
+        content["prior"] = {name: value for name, value in prior_fields(prior).items() if value is not None}
     asked = read_run_file(content, "identify_reduced", sources=False)
     if isinstance(data, MixedProblem):
         given = [("modes", modes), ("prior", prior), ("delay", delay), ("repeat", None if repeat == 1 else repeat)]

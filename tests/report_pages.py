@@ -54,7 +54,7 @@ def named(panel: charts.Panel, name: str) -> charts.Layer:
     return next(layer for layer in panel.layers if layer.name == name)
 
 
-def layers(chart: charts.Chart, panel: int) -> dict[str, charts.Layer]:
+def layers(chart: charts.Chart, panel: int = 0) -> dict[str, charts.Layer]:
     return {layer.name: layer for layer in chart.panels[panel].layers}
 
 

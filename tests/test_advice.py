@@ -136,7 +136,6 @@ LINES = np.arange(1.0, 9.0)
     ("frf", "options", "error", "sentence"),
     [
         ("frf", {}, InputTypeError, "`frf` must be a FrequencyResponse; got str"),
-        (rid.FrequencyResponse(LINES, np.ones((8, 2, 1)), dt=0.1), {}, InputError, "got 2 outputs and 1 inputs"),
         (rid.FrequencyResponse(LINES, np.ones(8)), {}, InputError, "`dt` is needed"),
         (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": 1.0}, InputError, "`dt` = 1 s allows frequencies up to 3.14"),
         (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": -1.0}, InputError, "`dt` must be positive"),

@@ -77,7 +77,7 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys,
         f"lowest {found.coherence[:, 0].min():.3g} at",
         "x [mm] / force [N]",
         "written: g.npz, g.html",
-        "robustid identify --frequency g.npz --channel 0,0 --report report.html",
+        "robustid identify --frequency g.npz --report report.html",
         "robustid fit g.npz --order auto",
     ):
         assert words in out, words

@@ -10,6 +10,7 @@ import scipy.linalg
 import problems
 import robustid as rid
 from matrix_plants import judge_margin, random_matrix_problem, response
+from robustid.identification.modes import modes_of
 
 OMEGA = np.linspace(0.01, 3.1, 60)
 SOLVERS = "structured", "cvxpy"
@@ -232,3 +233,23 @@ def test_pick_of_one_exact_matrix():
     result = identified(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2)))
     # The nearest contraction in the Frobenius norm is U: |0.5 U|_F = 0.5 sqrt(2), in units of 0.1.
     assert result.margin == pytest.approx(5 * np.sqrt(2), rel=1e-6)
+
+
+@pytest.mark.parametrize("delay", range(4))
+def test_modes_have_the_residues_of_their_poles(delay):
+    """Against Cauchy's integral around each pole; those of repeated poles are left out."""
+    basis = rid.kautz([0.7, 1.5], [0.003, 0.02], dt=1.0, delay=delay)
+    residues = np.random.default_rng(15).standard_normal((basis.size, 2, 3))
+    found = modes_of(basis, residues)
+    np.testing.assert_allclose([mode.omega for mode in found], [0.7, 1.5])
+    for mode in found:
+        pole = np.exp(mode.omega * (-mode.damping + 1j * np.sqrt(1 - mode.damping**2)))
+        ring = 1e-4 * np.exp(2j * np.pi * np.arange(16) / 16)
+        states = np.linalg.inv((pole + ring)[:, None, None] * np.eye(len(basis.A)) - basis.A)
+        values = basis.D[:, 0] + (basis.C @ states @ basis.B)[..., 0]
+        near(mode.residue, np.tensordot((ring @ values) / 16, residues, 1), 1e-10)
+        sizes = np.linalg.svd(mode.residue, compute_uv=False)
+        assert mode.rank_ratio == pytest.approx(sizes[1] / sizes[0])
+    for repeat in (2, 3):
+        basis = rid.kautz([0.7, 1.5], [0.003, 0.02], dt=1.0, delay=delay, repeat=repeat)
+        assert modes_of(basis, np.ones((basis.size, 2, 2))) == ()

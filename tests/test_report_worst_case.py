@@ -155,7 +155,7 @@ def test_nyquist_holds_polygons_points_and_the_model(error: rid.WorstCaseError) 
 def test_outlines_of_the_data_are_their_borders(tilt: complex | None) -> None:
     result = identified(tilt=None if tilt is None else np.full(7, tilt))
     frf = result.problem.frequency[0]
-    (layer,) = charts._data_discs(result)
+    (layer,) = charts._data_discs(result.problem, (0, 0))
     for k, outline in enumerate((layer.x + 1j * layer.y).reshape(frf.omega.size, -1)[:, :-1]):
         offset = outline - frf.values[k, 0, 0]
         border = np.abs(offset + (tilt or 0) * offset.conj())

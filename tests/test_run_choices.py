@@ -138,19 +138,17 @@ def test_samples_without_bound_take_that_of_the_rest(folder):
 
 
 @pytest.mark.usefixtures("unreduced")
-def test_several_channels_are_taken_one_by_one(folder):
+def test_several_channels_are_taken_together_or_one_by_one(folder):
     record, _ = plant_records()
     rid.save("record.npz", record)
     data = {"record": [{"file": "record.npz"}], "estimate": {"period": 50}}
     rest = {"modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]}, "prior": {"gain_bound": 0.1, "decay_rate": 1.1}}
-    with pytest.raises(
-        rid.InputError, match=r"2 outputs \(left \[m\], right \[m\]\).* add channel = \[output, input\]"
-    ):
-        rid.run(ask(folder, data, rest, QUICK), "out")
+    both = rid.run(ask(folder, data, rest, QUICK), "both")
     right = rid.run(ask(folder, data, rest, QUICK, {"channel": ["right", 0]}), "right")
     left = rid.run(ask(folder, data, rest, QUICK, {"channel": [0, "force"]}), "left")
     ratio = np.abs(left.model(1) / right.model(1))
     assert ratio == pytest.approx(3, rel=0.05)
+    assert np.abs(both.model(1)).ravel() == pytest.approx(np.abs([left.model(1), right.model(1)]), rel=0.05)
 
 
 @pytest.mark.usefixtures("unreduced")

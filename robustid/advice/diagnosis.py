@@ -186,7 +186,8 @@ def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProbl
     parts = (basis,) if problem.parametric is None else (problem.parametric, basis)
     bounds = problem.parameter_bounds
     if bounds is not None:
-        bounds = np.vstack([bounds, np.tile([-np.inf, np.inf], (basis.size, 1))])
+        free = np.broadcast_to([-np.inf, np.inf], (basis.size, *bounds.shape[1:]))
+        bounds = np.concatenate([bounds, free])
     return dataclasses.replace(problem, parametric=parts, parameter_bounds=bounds)
 
 
@@ -218,10 +219,11 @@ def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
 
 def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
     """The pair that the frequency lines ask for most, beside those that are there."""
-    if not problem.frequency:
+    lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    if not lines:
         return None
     omega, value, bound = (
-        np.concatenate([getattr(f, name) for f in problem.frequency]) for name in ("omega", "values", "outer_radius")
+        np.concatenate([getattr(f, name) for f in lines]) for name in ("omega", "values", "outer_radius")
     )
     poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
     if 2 * omega.size < 4 * (poles.size + 1) + 4:

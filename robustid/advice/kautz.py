@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -91,8 +92,8 @@ def suggest_kautz(
     Parameters
     ----------
     frf : FrequencyResponse
-        One input, one output; lines that are missing are left out. Without `bound`, 5 % of the magnitude takes its place; of an
-        ellipse, the disc around it.
+        Lines that are missing are left out; the modes are common to all entries. Without `bound`, 5 % of the magnitude takes
+        its place; of an ellipse, the disc around it; of a joint bound, that of each entry alone.
     dt : float, s
         Sample time of the basis; default that of `frf`.
     modes : int
@@ -110,7 +111,7 @@ def suggest_kautz(
     Raises
     ------
     InputError
-        More than one channel, no sample time, too few lines for the modes asked.
+        No sample time, too few lines for the modes asked.
     InputTypeError
         Something that isn't a FrequencyResponse.
 
@@ -193,27 +194,36 @@ def _checked(frf: Any, dt: Any) -> LineData:
         raise InputTypeError(
             f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
         )
-    if frf.values.shape[1:] != (1, 1):
-        raise InputError(
-            f"`frf` must have one input and one output; got {frf.values.shape[1]} outputs and {frf.values.shape[2]} inputs."
-            " Pick one entry with .channel(output, input)"
-        )
-    frf = frf.select(~frf.missing[:, 0, 0])
     given = frf.dt if dt is None else dt
     if given is None:
         raise InputError("`dt` is needed: `frf` is of continuous time; give the sample time of the model in s")
     step = as_positive("dt", given)
+    frf = frf.select(~frf.missing.all(axis=(1, 2)))
     angle = frf.omega * step
     if angle.max() > np.pi * (1 + 1e-12):
         raise InputError(
             f"`dt` = {step:g} s allows frequencies up to {np.pi / step:g} rad/s; got {frf.omega.max():g} rad/s"
         )
-    value = frf.values[:, 0, 0]
-    size = np.abs(value)
-    if not np.any(size > 0):
+    if not np.any(np.abs(frf.values[~frf.missing]) > 0):
         raise InputError("`frf` is zero at all lines; check the output")
-    bound = np.maximum(0.05 * size, 1e-6 * size.max()) if frf.bound is None else frf.outer_radius[:, 0, 0]
-    data = LineData(angle, value, np.asarray(bound), step)
+    data = line_data([frf], step)
     if data.room < 1:
         raise InputError(f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth rest")
     return data
+
+
+def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
+    """The lines of all, in order, without entries that are zero throughout."""
+    angle = np.concatenate([f.omega for f in frfs]) * dt
+    order = np.argsort(angle, kind="stable")
+    measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.concatenate([f.values for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.where(measured, value, 0.0)
+    size = np.abs(value)
+    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0))
+    if all(f.bound is not None for f in frfs):
+        bound = np.concatenate([f.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
+    bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
+    if size.shape[1] == 1:
+        return LineData(angle[order], value[:, 0], bound[:, 0], dt)
+    return LineData(angle[order], value[:, seen], bound[:, seen], dt)

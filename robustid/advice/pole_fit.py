@@ -22,7 +22,7 @@ _DELAYS = range(4)  # samples
 
 @dataclasses.dataclass(frozen=True)
 class LineData:
-    """Angles of the lines, values, bounds, sample time."""
+    """Angles of the lines, values, bounds, sample time; of several entries (F, E), a bound infinite where one was not measured."""
 
     angle: np.ndarray
     value: np.ndarray
@@ -32,6 +32,14 @@ class LineData:
     def select(self, index: Any) -> LineData:
         """Some of the lines."""
         return LineData(self.angle[index], self.value[index], self.bound[index], self.dt)
+
+    @property
+    def each(self) -> tuple[LineData, ...]:
+        """The entries, one by one."""
+        if self.value.ndim == 1:
+            return (self,)
+        pairs = zip(self.value.T, self.bound.T, strict=True)
+        return tuple(LineData(self.angle, *pair, self.dt).select(np.isfinite(pair[1])) for pair in pairs)
 
     @property
     def room(self) -> int:
@@ -68,11 +76,14 @@ def design(data: LineData, poles: np.ndarray) -> np.ndarray:
 
 
 def residual_rows(poles: np.ndarray, data: LineData) -> np.ndarray:
-    """What least squares leaves at these poles, in units of the bounds, as real rows."""
-    columns = design(data, poles.reshape(-1, 2))
-    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-    y = data.scaled(data.value[:, None])[:, 0]
-    return y - Q @ (Q.T @ y)
+    """What least squares leaves at these poles, in units of the bounds, as real rows: real parts of all entries first."""
+    left = []
+    for one in data.each:
+        columns = design(one, poles.reshape(-1, 2))
+        Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+        y = one.scaled(one.value[:, None])[:, 0]
+        left.append((y - Q @ (Q.T @ y)).reshape(2, -1))
+    return np.hstack(left).ravel()
 
 
 def ratios(rows: np.ndarray) -> np.ndarray:
@@ -114,25 +125,30 @@ def _count(poles: np.ndarray) -> str:
 
 def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
     """The pole on a grid whose pair removes most of the residual."""
-    columns = design(data, poles)
-    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-    residual = residual_rows(poles, data)
     lines = data.angle.size
     # Between the lines too: the resonance of a light mode usually lies there.
     place = np.interp(np.linspace(0, lines - 1, min(8 * lines, 400)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
     for zeta in _START:
-        pairs = [data.scaled(pole_pair(data.angle, np.log([turn, zeta]))) for turn in place]
-        stacked = np.stack(pairs, axis=1)
-        stacked = stacked - np.tensordot(Q, np.tensordot(Q.T, stacked, 1), 1)
-        gram = np.einsum("kni,knj->nij", stacked, stacked)
-        gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-        moment = np.einsum("kni,k->ni", stacked, residual)
-        gain = np.einsum("ni,ni->n", moment, np.linalg.solve(gram, moment[..., None])[..., 0])
+        tried = [np.log([turn, zeta]) for turn in place]
+        gain = np.sum([_gains(one, poles, tried) for one in data.each], axis=0)
         if gain.max() > best:
-            best, where = gain.max(), np.log([place[np.argmax(gain)], zeta])
+            best, where = gain.max(), tried[int(np.argmax(gain))]
     return where
+
+
+def _gains(data: LineData, poles: np.ndarray, tried: list[np.ndarray]) -> np.ndarray:
+    """What a further pair of each pole tried removes of the sum of squares of one entry."""
+    columns = design(data, poles)
+    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    residual = residual_rows(poles, data)
+    stacked = np.stack([data.scaled(pole_pair(data.angle, pole)) for pole in tried], axis=1)
+    stacked = stacked - np.tensordot(Q, np.tensordot(Q.T, stacked, 1), 1)
+    gram = np.einsum("kni,knj->nij", stacked, stacked)
+    gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+    moment = np.einsum("kni,k->ni", stacked, residual)
+    return np.einsum("ni,ni->n", moment, np.linalg.solve(gram, moment[..., None])[..., 0])
 
 
 def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
@@ -164,6 +180,11 @@ def smallest_rest(data: LineData, poles: np.ndarray) -> int:
     """The delay for which modes and smooth rest fit with the smallest rest: what is left to the gain bound."""
     if not len(poles):
         return 0
+    return int(np.argmin(np.sum([_rest_sizes(one, poles) for one in data.each], axis=0)))
+
+
+def _rest_sizes(data: LineData, poles: np.ndarray) -> np.ndarray:
+    """Largest smooth rest of one entry at each delay, relative to its largest value."""
     y = data.scaled(data.value[:, None])[:, 0]
     smooth, sizes = smooth_terms(data.angle), []
     for delay in _DELAYS:
@@ -173,4 +194,4 @@ def smallest_rest(data: LineData, poles: np.ndarray) -> int:
         norms = np.linalg.norm(columns, axis=0)
         weights = np.linalg.lstsq(columns / norms, y, rcond=1e-12)[0] / norms
         sizes.append(np.abs(smooth @ weights[-SMOOTH:]).max())
-    return int(np.argmin(sizes))
+    return np.array(sizes) / max(np.abs(data.value).max(), np.finfo(float).tiny)

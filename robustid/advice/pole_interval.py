@@ -66,9 +66,10 @@ def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, t
 
 def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.ndarray, float, bool]:
     """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the box was reached."""
-    local, span = _local_fit(data, poles, which)
+    fits = [_local_fit(one, poles, which) for one in data.each]
+    local, span = [local for local, _ in fits], fits[0][1]
     centre = poles[which]
-    _, best = local.minimax(centre)
+    best = max(local.minimax(centre)[1] for local in local)
     level = 1.0 if best <= 1 else 2 * best
     low = np.array([max(span[0], 1e-3 * span[1]), DAMPING[0]])
     high = np.array([min(span[1], 0.999 * np.pi), DAMPING[1]])
@@ -85,7 +86,7 @@ def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.nda
 
 
 def _reach(
-    local: _Local, centre: np.ndarray, ray: np.ndarray, level: float, low: np.ndarray, high: np.ndarray
+    fits: list[_Local], centre: np.ndarray, ray: np.ndarray, level: float, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """The last pole along a ray, inside the box, that isn't refuted; rounded outwards."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,7 +94,7 @@ def _reach(
     end = float(np.min(room))
 
     def refuted(step: float) -> bool:
-        return local.minimax(centre + step * ray, level)[0] > level
+        return any(local.minimax(centre + step * ray, level)[0] > level for local in fits)
 
     inside, outside = 0.0, min(1e-3, end)
     while not refuted(outside):

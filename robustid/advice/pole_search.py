@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid._arrays import Frozen, as_positive, freeze
-from robustid.advice.kautz import KautzSuggestion
+from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
-from robustid.advice.pole_fit import LineData
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import Sections
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification import Identification, identify
 from robustid.identification.forms import Claim, Posed, pose, sections_of
@@ -329,14 +329,10 @@ def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str
 
 def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzSuggestion | None:
     """What the frequency lines leave to every pole, in the order of the pairs."""
-    if not problem.frequency:
+    lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    if not lines:
         return None
-    omega, value, bound = (
-        np.concatenate([getattr(f, name).reshape(f.omega.size) for f in problem.frequency])
-        for name in ("omega", "values", "outer_radius")
-    )
-    order = np.argsort(omega, kind="stable")
-    data = LineData(omega[order] * problem.dt, value[order], bound[order], problem.dt)
+    data = line_data(lines, problem.dt)
     if data.room < len(poles):
         return None
     turns = poles + np.log([problem.dt, 1.0])

@@ -10,6 +10,7 @@ import numpy as np
 
 from robustid._arrays import Frozen, as_array, freeze
 from robustid.advice.sensitivity import default_points, guaranteed
+from robustid.data import TangentialResponse
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
 from robustid.identification.forms import pose, sections_of
 from robustid.interpolation import MixedProblem, Prior
@@ -25,6 +26,7 @@ _TAILS = (
     0.1  # accuracy that sets the number of Taylor coefficients: tails up to 1 % of a bound only make K a little larger
 )
 _CEILINGS = (8.0, 8e3)
+_QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _NEGLIGIBLE = 0.01  # a rest below this part of the smallest bound can't be told from none
 
 
@@ -130,7 +132,7 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     """
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    rates = _possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    rates = possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
     if rates.size == 0 or rates[0] <= 1:
@@ -141,9 +143,11 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
         if np.isinf(gains[k]):
             break  # a larger rho makes the class smaller still
-    floor = _sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
+    floor = response_sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
     priors = tuple(
-        Prior(gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho)) if np.isfinite(gain) else None
+        dataclasses.replace(problem.prior, gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho))
+        if np.isfinite(gain)
+        else None
         for rho, gain in zip(rates, gains, strict=True)
     )
     errors = np.full(rates.size, np.nan)
@@ -172,7 +176,7 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
 
 def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none."""
-    largest, smallest = _sizes(problem)
+    largest, smallest = response_sizes(problem)
     for ceiling in _CEILINGS:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
@@ -189,29 +193,49 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     return np.inf
 
 
-def _sizes(problem: MixedProblem) -> tuple[float, float]:
-    """Largest response in the data and smallest bound, both as a gain (output per input)."""
-    values = [float(np.abs(f.values).max()) for f in problem.frequency]
-    bounds = [float(f.inner_radius.min()) for f in problem.frequency]
+def response_sizes(problem: MixedProblem) -> tuple[float, float]:
+    """Largest response in the data and smallest bound, both as a gain (output per input), divided by the scaling."""
+    values, bounds = [], []
+    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    for f in problem.frequency:
+        values.append(float(entry_sizes(problem, f).max()))
+        weights = _largest_weights(f, scales)
+        bounds.append(float((f.inner_radius / weights)[np.isfinite(f.bound)].min()))
     for record in problem.time:
-        drive = float(np.abs(record.u).max()) or 1.0
-        values.append(float(np.abs(record.y[np.isfinite(record.bound)]).max()) / drive)
-        bounds.append(float(record.bound.min()) / drive)
+        drive = np.linalg.norm(record.u[:, None] * scales, axis=2).max(axis=0)
+        drive = np.where(drive > 0, drive, 1.0)
+        values.append(float(np.where(np.isfinite(record.bound), np.abs(record.y) / drive, 0.0).max()))
+        bounds.append(float((record.bound / drive).min()))
     return max(*values, *bounds), min(bounds)
 
 
-def _possible_rates(problem: MixedProblem) -> np.ndarray:
-    """The default rates without the slowest ones, at which many data need too many coefficients."""
+def entry_sizes(problem: MixedProblem, f: Any) -> np.ndarray:
+    """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
+    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    return (np.abs(f.values) / _largest_weights(f, scales))[np.isfinite(f.bound)]
+
+
+def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
+    """What the scaling makes of every sample; of one in directions, of the largest gain in them."""
+    if isinstance(f, TangentialResponse):
+        return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
+    return scales
+
+
+def possible_rates(problem: MixedProblem) -> np.ndarray:
+    """The default rates without the slowest ones, at which many data, or matrices, need too many coefficients."""
     rates, refusal = _default_rates(problem), None
+    largest = response_sizes(problem)[0] * _CEILINGS[0]
+    entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
         try:
-            sections_of(
-                problem.with_prior(gain_bound=_sizes(problem)[0] * _CEILINGS[0], decay_rate=float(rho)), "auto", _DIGITS
-            )
+            form = sections_of(problem.with_prior(gain_bound=largest, decay_rate=float(rho)), "auto", _DIGITS)
         except SizeError as error:
             refusal = error
             continue
-        return rates[first:]
+        slow = form is not None and form.order * entries > _QUICK_MATRIX
+        if not slow or entries == 1 or rho == rates[-1]:
+            return rates[first:]
     raise refusal or InputError("`problem` has no decay rate to try")
 
 
@@ -238,7 +262,7 @@ def _recommend(
     errors: np.ndarray,
     priors: tuple[Prior | None, ...],
 ) -> tuple[Prior | None, str]:
-    largest, floor = _sizes(problem)
+    largest, floor = response_sizes(problem)
     cost = np.array([np.inf if p is None else slope_bound(p) for p in priors])
     k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]

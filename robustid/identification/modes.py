@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy.linalg
 
 from robustid._arrays import Frozen, freeze
 from robustid.bases import ParametricBasis
 
 _SAME_POLE = 1e-9
+_DEFECTIVE = 1e-6  # of the eigenvectors of both sides: rounding splits those of a Jordan block, and leaves them nearly orthogonal
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,14 +41,15 @@ class Mode(Frozen):
 
 def modes_of(basis: ParametricBasis, residues: np.ndarray) -> tuple[Mode, ...]:
     """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
-    values, right = np.linalg.eig(basis.A)
+    values, *vectors = scipy.linalg.eig(basis.A, left=True)
+    left, right = (np.asarray(side) for side in vectors)
+    overlap = np.sum(left.conj() * right, axis=0)
     near = np.abs(values[:, None] - values) <= _SAME_POLE
     found = []
-    inverse = np.linalg.pinv(right)
     for k, pole in enumerate(values):
-        if np.sum(near[k]) > 1 or np.imag(pole) < 0 or pole == 0:
+        if np.sum(near[k]) > 1 or np.abs(overlap[k]) < _DEFECTIVE or np.imag(pole) < 0 or pole == 0:
             continue
-        weights = (basis.C @ right[:, k]) * (inverse[k] @ basis.B[:, 0])
+        weights = (basis.C @ right[:, k]) * (left[:, k].conj() @ basis.B[:, 0]) / overlap[k]
         R = np.tensordot(weights, residues, 1)
         log = np.log(pole) / basis.dt
         singular = np.linalg.svd(R, compute_uv=False)

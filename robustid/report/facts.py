@@ -15,9 +15,9 @@ from robustid.report.style import number
 
 _HZ = 2 * np.pi
 _LONG = 100  # letters of a heading
+_DIRECTIONS = "combinations of outputs / combinations of inputs"
 
 CHOSEN = "Chosen by the program from these data"
-SHARED_BARS = "Of a bound that entries share they show what it leaves to one entry alone."
 CAUTION = (
     "These are assumptions. Data can refute them, never prove them: a consistent result says that nothing"
     " measured so far contradicts them."
@@ -83,7 +83,7 @@ def where(identification: Identification, residual: Residual) -> str:
         return f"all outputs / {problem.inputs[input_]}, one bound"
     if isinstance(problem.frequency[residual.index], FrequencyResponse):
         return "all entries, one bound"
-    return "in directions"
+    return _DIRECTIONS
 
 
 def verdict(identification: Identification) -> Verdict:
@@ -205,9 +205,23 @@ def _scaling_words(identification: Identification) -> str:
     return f"S, the sizes that count as alike, by output, for {', '.join(u.name for u in problem.inputs)}: {listed}."
 
 
+def bars_words(identification: Identification) -> str:
+    """What is drawn of the frequency samples."""
+    words = "Bars are the disc of each sample: magnitude ± bound, and the phases inside it."
+    if shared_words(identification):
+        words += " Of a bound that entries share they show what it leaves to one entry alone."
+    if not all(isinstance(f, FrequencyResponse) for f in identification.problem.frequency):
+        words += " Samples of combinations of channels aren’t drawn here; their residuals are, below."
+    return words
+
+
 def shared_words(identification: Identification) -> str:
     """What bounds that several samples share mean; empty where each has its own."""
-    kinds = {getattr(f, "joint", "entry") for f in identification.problem.frequency}
+    return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
+
+
+def joint_words(kinds: set[str]) -> str:
+    """What the bounds of these kinds (`FrequencyResponse.joint`) mean that several samples share."""
     words = ""
     if "column" in kinds:
         words += (
@@ -250,7 +264,8 @@ def experiments(identification: Identification) -> list[Experiment]:
     alike: dict[tuple[Any, ...], list[Experiment]] = {}
     for r in identification.residuals:
         row = _experiment(identification, r, given[r.kind][r.index])
-        alike.setdefault((r.kind, r.index, row._replace(channel="")), []).append(row)
+        shared = row.channel if r.kind == "frequency" and None in r.entry else ""
+        alike.setdefault((r.kind, r.index, row._replace(channel=shared)), []).append(row)
     return [row for rows in alike.values() for row in _together(rows)]
 
 
@@ -258,6 +273,8 @@ def _together(rows: list[Experiment]) -> list[Experiment]:
     """Entries of one experiment that differ in nothing but their names, in one row."""
     if len(rows) == 1:
         return rows
+    if rows[0].channel == _DIRECTIONS:
+        return [rows[0]._replace(samples=sum(row.samples for row in rows))]
     what = "outputs" if rows[0].name.startswith("time") else "entries"
     names = "; ".join(row.channel for row in rows)
     named = f": {names}" if len(names) <= _LONG else ""
@@ -336,50 +353,13 @@ def limiting(identification: Identification) -> list[Limiting]:
     return rows
 
 
-class ModeRow(NamedTuple):
-    """A mode of the parametric part with several channels, as text."""
-
-    hz: str
-    damping: str
-    peak: str
-    largest: str
-    rank_ratio: str
-
-
-def mode_rows(identification: Identification) -> list[ModeRow]:
-    """The modes of the parametric part and their residue matrices; none of one channel, whose coefficients say it all."""
-    problem, rows = identification.problem, []
-    for mode in () if problem.entries.single else identification.modes:
-        size = np.abs(mode.residue)
-        i, j = np.unravel_index(int(np.argmax(size)), size.shape)
-        with np.errstate(divide="ignore"):  # an integrator
-            peak = np.linalg.norm(mode.residue, 2) / -np.expm1(-mode.omega * mode.damping * problem.dt)
-        ratio = number(mode.rank_ratio, 2) if min(size.shape) > 1 else "–"
-        rows.append(
-            ModeRow(
-                number(mode.omega / _HZ, 5),
-                number(mode.damping, 3),
-                number(float(peak), 3),
-                transfer(identification, int(i), int(j)),
-                ratio,
-            )
-        )
-    return rows
-
-
-RANKS = (
-    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
-    " its resonance. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of"
-    " a structure has, larger where two modes share the poles, or where the data leave it open."
-)
-
-
 def reduction_words(identification: Identification, reduction: Any) -> str:
     """How small, how near, and whether the samples are still kept."""
     ratio = largest_ratio(identification.problem, reduction.model)
     kept = "every sample stays within its bound" if ratio <= 1 else "not every sample stays within its bound"
     size = f"{number(reduction.bound, 3)} {unit(identification)}".rstrip()
-    near = f" The frequency responses differ by at most {size}." if np.isfinite(reduction.bound) else ""
+    norm = "" if identification.problem.entries.single else " (largest singular value)"
+    near = f" The frequency responses differ by at most {size}{norm}." if np.isfinite(reduction.bound) else ""
     return (
         f"Order {reduction.order} instead of {identification.order}.{near} Samples:"
         f" {kept} (largest |residual|/bound {number(ratio)}). Status: {reduction.status.value}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -36,13 +37,17 @@ def drawn_lines(view: FrfView) -> int:
 
 def _entry(view: FrfView, i: int, j: int, cells: int) -> Chart:
     frf, axis = view.frf, frequency_axis(view.frf.omega)
-    size, silent = view.size[:, i, j], view.silent[:, i, j]
-    radius = None if view.radius is None else view.radius[:, i, j]
-    levels = {name: level[:, i, j] for name, level in view.levels.items()}
-    angle, span = phases(frf.omega, frf.values[:, i, j], radius)
-    kept = thinned(position(frf.omega, axis.log), [size, next(iter(levels.values()), size)], cells)
-    kept = kept[frf.omega[kept] > 0] if axis.log else kept
-    x, low_high = rounded(frf.omega[kept] / HZ), _magnitude_range(size, radius, levels)
+    used = ~frf.missing[:, i, j]
+    if not used.any():
+        nothing = Panel(title=f"{view.entry(i, j)}: not measured", x=axis, y=Axis(label=""), layers=())
+        return Chart(name=f"entry-{i}-{j}", panels=(nothing, dataclasses.replace(nothing, title="")), linked=True)
+    omega, size, silent = frf.omega[used], view.size[used, i, j], view.silent[used, i, j]
+    radius = None if view.radius is None else view.radius[used, i, j]
+    levels = {name: level[used, i, j] for name, level in view.levels.items()}
+    angle, span = phases(omega, frf.values[used, i, j], radius)
+    kept = thinned(position(omega, axis.log), [size, next(iter(levels.values()), size)], cells)
+    kept = kept[omega[kept] > 0] if axis.log else kept
+    x, low_high = rounded(omega[kept] / HZ), _magnitude_range(size, radius, levels)
     magnitude, phase = [], []
     if radius is not None:
         ends = {"low": np.maximum(size - radius, low_high[0]), "high": size + radius}
@@ -119,14 +124,14 @@ def _magnitude_range(size: np.ndarray, radius: np.ndarray | None, levels: dict[s
 
 def overview_charts(view: FrfView) -> list[Chart]:
     """Of all entries at once: singular values where there are several, coherence where it is known."""
-    charts = [singular_chart(view)] if min(view.ny, view.nu) > 1 else []
+    charts = [singular_chart(view)] if min(view.ny, view.nu) > 1 and view.complete.any() else []
     return charts + ([coherence_chart(view)] if view.frf.coherence is not None else [])
 
 
 def singular_chart(view: FrfView) -> Chart:
     """Singular values of the matrix (CMIF): a peak of the largest one is a mode, a second peak there another one."""
-    omega, values = view.frf.omega, view.singular_values
-    axis = frequency_axis(omega)
+    omega, values = view.frf.omega[view.complete], view.singular_values
+    axis = frequency_axis(view.frf.omega)
     kept = thinned(position(omega, axis.log), [values[:, 0], values[:, -1]], cells_per_entry(1))
     kept = kept[omega[kept] > 0] if axis.log else kept
     x, layers = rounded(omega[kept] / HZ), []

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.data.frf_bounds import joint_radius
-from robustid.report.facts import Verdict, bound_source
+from robustid.report.facts import Verdict, bound_source, joint_words
 from robustid.report.frf_view import FrfView
 from robustid.report.style import number
 
 _LOW_COHERENCE, _FEW_DOF = 0.8, 10
+_LISTED = 6  # entries that are named
 _TOLERATED = 0.05  # part of the lines that may be bad before it is worth a warning: antiresonances always are
 _NOTED = {
     "smeared": "This is a first look by Welch's method: peaks and notches narrower than its windows are smeared, and the bound"
@@ -37,8 +38,10 @@ def verdict(view: FrfView) -> Verdict:
     """What the bound promises, in one sentence."""
     frf, lines = view.frf, view.frf.omega.size
     where = f"at all {lines} lines" + (f" and in all {view.ny * view.nu} entries" if view.ny * view.nu > 1 else "")
+    if not view.complete.all():
+        where = f"at all {lines} lines, in all entries measured there,"
     sentences = {
-        "hard": f"The true response lies within the bound {where}: this is what was stated about the data.",
+        "hard": f"The true response lies within the bound {where.rstrip(',')}: this is what was stated about the data.",
         "rest": f"The bound was taken from measurements without excitation; it covers what disturbs {where} as it did then.",
         "statistical": "The bound is taken from the scatter of the data; the probability that it holds"
         f" {where} at once isn't stated.",
@@ -71,13 +74,32 @@ def summary_rows(view: FrfView) -> list[tuple[str, str]]:
         ("Channels", f"{view.ny} × {view.nu} (outputs × inputs): {names[0]} / {names[1]}"),
         ("Time", "continuous" if frf.dt is None else f"sample time {number(frf.dt, 6)} s"),
     ]
+    if not view.complete.all():
+        rows.append(("Missing", _missing_words(view)))
     if frf.bound is not None:
-        rows.append(("Bound", bound_source(frf)))
+        rows.append(
+            ("Bound", f"{bound_source(frf)}. {joint_words({frf.joint})}" if frf.joint != "entry" else bound_source(frf))
+        )
     if frf.dof is not None:
         rows.append(("Degrees of freedom", f"{number(frf.dof)} of the covariance at every line"))
     if frf.coherence is not None:
         rows.append(("Coherence", _coherence_words(view)))
     return rows
+
+
+def _missing_words(view: FrfView) -> str:
+    """How much was not measured, and where."""
+    lines, parts = view.frf.omega.size, []
+    for i, j in np.argwhere(view.measured < lines).tolist():
+        gone = lines - int(view.measured[i, j])
+        parts.append(
+            f"{view.entry(i, j)} at {'every line' if gone == lines else f'{gone} lines' if gone > 1 else '1 line'}"
+        )
+    more = f" and {len(parts) - _LISTED} more entries" if len(parts) > _LISTED else ""
+    return (
+        f"{int(view.frf.missing.sum())} of {view.frf.values.size} values: {', '.join(parts[:_LISTED])}{more}. Every entry was"
+        f" measured at {int(view.complete.sum())} of the {lines} lines."
+    )
 
 
 def _coherence_words(view: FrfView) -> str:
@@ -100,12 +122,12 @@ def level_rows(view: FrfView) -> list[tuple[str, ...]]:
     """A row an entry: medians over the lines, the levels relative to the response."""
     frf = view.frf
     shares = [None if array is None else view.relative(array) for array in (view.radius, *view.levels.values())]
-    rows = []
+    rows, sizes = [], view.median(view.size)
     for i in range(view.ny):
         for j in range(view.nu):
             cells = ["–" if share is None else _percent(share[i, j]) for share in shares]
-            size = number(float(np.median(view.size[:, i, j])), 3)
-            silent = f"{int(view.silent[:, i, j].sum())} of {frf.omega.size}" if frf.bound is not None else "–"
+            size = number(sizes[i, j], 3)
+            silent = f"{int(view.silent[:, i, j].sum())} of {view.measured[i, j]}" if frf.bound is not None else "–"
             rows.append((view.entry(i, j), size, *cells, silent))
     return rows
 
@@ -117,10 +139,10 @@ def _percent(share: float) -> str:
 def warnings(view: FrfView) -> list[str]:
     """What must be seen before this is used."""
     frf, out = view.frf, [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
-    share = view.silent.mean(axis=0)
+    share = view.silent.sum(axis=0) / np.maximum(view.measured, 1)
     if share.max() > _TOLERATED:
         i, j = np.unravel_index(np.argmax(share), share.shape)
-        count, lines = int(view.silent[:, i, j].sum()), frf.omega.size
+        count, lines = int(view.silent[:, i, j].sum()), int(view.measured[i, j])
         where = f" of {view.entry(int(i), int(j))}" if share.size > 1 else ""
         more = (
             f" (the worst of {int(np.sum(share > _TOLERATED))} such entries)" if np.sum(share > _TOLERATED) > 1 else ""

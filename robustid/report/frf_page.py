@@ -38,6 +38,7 @@ def frf_page(frf: FrequencyResponse, records: Any, title: str | None) -> str:
         overview=[figure for parts in overview.values() for figure in parts],
         spectra=spectra,
         records=len(view.records),
+        complete=bool(view.complete.all()),
     )
 
 
@@ -46,7 +47,9 @@ def _numbers(view: FrfView) -> list[tuple[str, str]]:
     if view.radius is not None:
         share = view.relative(view.radius)
         worst = ", worst entry" if share.size > 1 else ""
-        found.append((f"median bound / response{worst}", f"{number(100 * float(np.max(share)), 2)} %"))
+        found.append(
+            (f"median bound / response{worst}", f"{number(100 * float(np.fmax.reduce(share, axis=None)), 2)} %")
+        )
     return found
 
 

@@ -53,7 +53,6 @@ class FrfView:
     def __post_init__(self) -> None:
         if not isinstance(self.frf, FrequencyResponse):
             raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(self.frf).__name__}")
-        self.frf.require_complete("a report of a frequency response")
         object.__setattr__(self, "records", _checked(self.records, self.frf))
 
     @property
@@ -72,12 +71,22 @@ class FrfView:
 
     @cached_property
     def size(self) -> np.ndarray:
-        """|G|, (F, ny, nu)."""
-        return np.abs(self.frf.values)
+        """|G|, (F, ny, nu); NaN where it was not measured."""
+        return np.where(self.frf.missing, np.nan, np.abs(self.frf.values))
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """Number of lines at which each entry was measured, (ny, nu)."""
+        return np.sum(~self.frf.missing, axis=0)
+
+    @cached_property
+    def complete(self) -> np.ndarray:
+        """The lines at which every entry was measured, (F,) bool."""
+        return np.all(~self.frf.missing, axis=(1, 2))
 
     @property
     def radius(self) -> np.ndarray | None:
-        """Of the disc around each value."""
+        """Of the disc around each value; infinite where it was not measured."""
         return self.frf.outer_radius
 
     @cached_property
@@ -98,22 +107,30 @@ class FrfView:
         return found
 
     def relative(self, level: np.ndarray) -> np.ndarray:
-        """Median over the lines of a level relative to the response, (ny, nu); NaN where the response is zero."""
+        """Median over the measured lines of a level relative to the response, (ny, nu); NaN where the response is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = level / self.size
         ratio[self.size == 0] = np.inf  # a median over all lines: zeros count as large
-        middle = np.median(ratio, axis=0)
+        middle = self.median(ratio)
         return np.where(np.isfinite(middle), middle, np.nan)
+
+    def median(self, array: np.ndarray) -> np.ndarray:
+        """Over the lines at which each entry was measured, (ny, nu); NaN for an entry without one."""
+        middle = np.full(self.measured.shape, np.nan)
+        for place in np.argwhere(self.measured):
+            i, j = map(int, place)
+            middle[i, j] = np.median(array[~self.frf.missing[:, i, j], i, j])
+        return middle
 
     @cached_property
     def singular_values(self) -> np.ndarray:
-        """Of the matrix at every line, largest first: the complex mode indicator function, (F, min(ny, nu))."""
-        return np.linalg.svd(self.frf.values, compute_uv=False)
+        """Of the matrix at every `complete` line, largest first: the complex mode indicator function, (F, min(ny, nu))."""
+        return np.linalg.svd(self.frf.values[self.complete], compute_uv=False)
 
     @cached_property
     def singular_bound(self) -> np.ndarray | None:
-        """How far every singular value can be from its true one, (F,): |E| <= R entry by entry has ||E|| <= ||R||."""
-        return None if self.radius is None else np.linalg.norm(self.radius, 2, axis=(1, 2))
+        """How far each of them can be from its true one, (F,): |E| <= R entry by entry has ||E|| <= ||R||."""
+        return None if self.radius is None else np.linalg.norm(self.radius[self.complete], 2, axis=(1, 2))
 
     def spectrum(self, side: str, channel: int) -> Spectrum:
         """Of an input ("u") or output ("y") of the records."""

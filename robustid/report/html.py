@@ -17,7 +17,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import charts, evidence, facts, matrix_charts, rests_on, worst_case_charts, worst_case_facts
+from robustid.report import charts, evidence, facts, matrix_charts, modes, rests_on, worst_case_charts, worst_case_facts
 from robustid.report import over_poles as over_poles_section
 from robustid.report import tube as tube_section
 from robustid.report.grids import Grid, grid_of
@@ -60,7 +60,8 @@ def write_report(
     """Write everything there is to know about a result as one self-contained HTML page.
 
     Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
-    against their bounds, the samples that limit the result, order, poles, verification, versions. Of a fitted matrix
+    against their bounds, the samples that limit the result, order, poles, verification, versions; of several channels every
+    entry, the singular values, and the modes with the ranks of their residues. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
     numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
     bound, noise and distortion, coherence, and the spectra of the records. The page works offline and fetches nothing.
@@ -213,6 +214,7 @@ def render_report(
         title=title or facts.heading(identification),
         result=identification,
         facts=facts,
+        modes=modes,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
         findings=findings,

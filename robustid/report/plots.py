@@ -179,7 +179,8 @@ def draw(chart: charts.Chart) -> Figure:
             for layer in panel.layers:
                 handles.setdefault(layer.name, _draw_layer(ax, layer))
             lowest = not chart.linked or not any(below.layers for below in chart.panels[k + columns :: columns])
-            _dress(ax, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
+            if panel.layers:  # a blank one would change the axis that it shares
+                _dress(ax, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
             if lowest:
                 ax.tick_params(labelbottom=True)
             ax.set_visible(bool(panel.layers))

@@ -10,6 +10,7 @@ from robustid.mfd import MatrixFraction
 from robustid.report import facts
 from robustid.report.frf_view import FrfView
 from robustid.report.mfd_view import FitView
+from robustid.report.modes import ModeRow, mode_rows
 from robustid.report.poles import pole_table
 from robustid.report.style import number
 
@@ -80,8 +81,8 @@ def render_summary(
     limiting = facts.limiting(identification)
     if limiting:
         parts.append(_limiting(identification, limiting, verdict.key == "inconsistent"))
-    if modes := facts.mode_rows(identification):
-        parts.append(_modes(modes, facts.unit(identification)))
+    if rows := mode_rows(identification):
+        parts.append(_modes(rows, facts.unit(identification)))
     parts.append(_poles(identification, reduction))
     parts.append(Text(facts.CAUTION, style="dim"))
     return Group(*parts)
@@ -124,7 +125,7 @@ def _limiting(identification: Identification, rows: list[facts.Limiting], incons
     return left_out(table, len(rows) - _MOST_SAMPLES)
 
 
-def _modes(rows: list[facts.ModeRow], unit: str) -> Table:
+def _modes(rows: list[ModeRow], unit: str) -> Table:
     peak = f">Peak\n[{unit}]" if unit else ">Peak"
     table = headed("Modes of the parametric part", ">Hz", ">Damping", peak, "Largest in", ">Rank\nratio")
     for row in rows[:_MOST_POLES]:

@@ -194,7 +194,7 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
         _plane(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
         _plane(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
     ]
-    worst = np.argsort(-error.upper[:, *entry])[:_CLOSE_UP]
+    worst = np.argsort(-error.sigma_upper)[:_CLOSE_UP]  # the same ones, in the same colours, for every entry
     near = []
     for colour, k in zip((ALERT, *FURTHER), worst.tolist(), strict=False):
         words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"

@@ -14,7 +14,7 @@ from robustid.certify import WorstCaseError
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.storage import describe, digest
-from robustid.report.facts import CAUTION, Verdict, unit
+from robustid.report.facts import CAUTION, Verdict, transfer, unit
 from robustid.report.style import number
 from robustid.report.worst_case_charts import bounded_model
 
@@ -59,8 +59,9 @@ def _rounded(value: float, rounding: str, digits: int) -> str:
 
 def sentence(error: WorstCaseError) -> str:
     """The guarantee in plain words."""
-    upper, what = error.upper.ravel(), unit(error.identification)
-    hz, relative = error.omega / _HZ, error.upper.ravel() / np.maximum(np.abs(error.nominal), np.finfo(float).tiny)
+    upper, what, hz = error.sigma_upper, unit(error.identification), error.omega / _HZ
+    relative = upper / np.maximum(_response(error), np.finfo(float).tiny)
+    norm = "" if error.identification.problem.entries.single else " (largest singular value of the difference)"
     where = (
         f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
         if hz.size > 1
@@ -69,14 +70,19 @@ def sentence(error: WorstCaseError) -> str:
     worst = f" The largest error is possible at {number(hz[np.argmax(upper)], 5)} Hz;" if hz.size > 1 else ""
     return (
         f"Every plant that agrees with the data and the assumptions has a response within {at_most(upper.max())} {what}".rstrip()
-        + f" of the {bounded_model(error)[0]}, {where}.{worst} the median over the frequencies is"
+        + f" of the {bounded_model(error)[0]}{norm}, {where}.{worst} the median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."
     )
 
 
+def _response(error: WorstCaseError) -> np.ndarray:
+    """Size of the response of the model, (F,): its largest singular value."""
+    return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
+
+
 def rows(error: WorstCaseError) -> list[tuple[str, str]]:
     """(what, in which words): reach, gap, certificates, the whole circle, what is assumed, what was tested."""
-    identification, upper, lower = error.identification, error.upper.ravel(), error.lower.ravel()
+    identification, upper, lower = error.identification, error.sigma_upper, error.sigma_lower
     gap = float(np.max(1 - lower / np.maximum(upper, np.finfo(float).tiny)))
     poles = (
         " The guarantee is conditional on the poles: data that are consistent with them don’t validate them."
@@ -96,8 +102,8 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
         ("Between the frequencies", circle_words(error)),
         (
             "Assumed",
-            f"The class named above: K, ρ and the poles of the parametric part; and that every sample lies within its bound.{poles}"
-            f" {CAUTION}",
+            f"The class named above: K, ρ{_further(identification)} and the poles of the parametric part; and that every sample"
+            f" lies within its bound.{poles} {CAUTION}",
         ),
         (
             "Tested",
@@ -106,6 +112,12 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
             " its bound.",
         ),
     ]
+
+
+def _further(identification: Identification) -> str:
+    """What else the class of several channels assumes."""
+    problem = identification.problem
+    return ", the scaling" * (problem.prior.scaling is not None) + ", the symmetry" * problem.entries.symmetric
 
 
 def circle_words(error: WorstCaseError) -> str:
@@ -154,7 +166,7 @@ class WorstRow(NamedTuple):
 
 def worst_rows(error: WorstCaseError) -> list[WorstRow]:
     """The frequencies with the largest guaranteed errors, largest first."""
-    size = dict(zip(error.omega.tolist(), np.abs(error.nominal).tolist(), strict=True))
+    size = dict(zip(error.omega.tolist(), _response(error).tolist(), strict=True))
     return [
         WorstRow(
             number(w / _HZ, 5),
@@ -166,6 +178,37 @@ def worst_rows(error: WorstCaseError) -> list[WorstRow]:
         )
         for w, high, low, sample in error.worst(_ROWS)
     ]
+
+
+class EntryRow(NamedTuple):
+    """The largest guaranteed error of an entry, as text."""
+
+    name: str
+    hz: str
+    upper: str
+    lower: str
+    relative: str
+
+
+def entry_rows(error: WorstCaseError) -> list[EntryRow]:
+    """The largest error of every entry; none of one channel."""
+    identification, found = error.identification, []
+    if identification.problem.entries.single:
+        return []
+    size = np.abs(error.nominal)
+    for i, j in np.ndindex(size.shape[1:]):
+        k = int(np.argmax(error.upper[:, i, j]))
+        relative = float(np.median(error.upper[:, i, j] / np.maximum(size[:, i, j], np.finfo(float).tiny)))
+        found.append(
+            EntryRow(
+                transfer(identification, i, j),
+                number(error.omega[k] / _HZ, 5),
+                at_most(error.upper[k, i, j]),
+                at_least(error.lower[k, i, j]),
+                f"{at_most(100 * relative)} %",
+            )
+        )
+    return found
 
 
 class ParameterRow(NamedTuple):
@@ -182,16 +225,14 @@ def parameter_rows(error: WorstCaseError) -> list[ParameterRow]:
     identification, found = error.identification, error.parameters
     if identification.problem.parametric is None:
         return []
-    columns = (
-        identification.problem.parametric.labels,
-        found.lower,
-        found.upper,
-        found.attained,
-        identification.parameters,
-    )
-    return [
-        ParameterRow(
-            label, f"{at_least(low)} … {at_most(high)}", f"{number(ends[0])} … {number(ends[1])}", number(value)
-        )
-        for label, low, high, ends, value in zip(*columns, strict=True)
-    ]
+    rows, single = [], identification.problem.entries.single
+    values = identification.parameters
+    for place in np.ndindex(found.lower.shape):
+        label = identification.problem.parametric.labels[place[0]]
+        if not single:
+            label += f": {transfer(identification, *place[1:])}"
+        low, high, value = (float(part[place]) for part in (found.lower, found.upper, values))
+        first, last = found.attained[place]
+        interval, reached = f"{at_least(low)} … {at_most(high)}", f"{number(first)} … {number(last)}"
+        rows.append(ParameterRow(label, interval, reached, number(value)))
+    return rows

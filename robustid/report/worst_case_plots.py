@@ -55,7 +55,8 @@ def plot_worst_case(error: WorstCaseError) -> Figure:
 def plot_nyquist(error: WorstCaseError) -> Figure:
     """Nyquist plot: at every frequency the polygon that holds every consistent value, and values that are reached.
 
-    With the model and the discs of the data; beside it the polygons of the largest errors around the model, to scale.
+    With the model and the discs of the data; beside it the polygons of the largest errors around the model, to scale. Several
+    channels: a row for every entry, the frequencies at which the largest singular value of the error is largest.
     Parameters and errors as for `plot_worst_case`.
 
     Examples
