@@ -52,7 +52,9 @@ def test_the_whole_way_of_a_matrix_in_python():
     found = rid.identify_reduced(frf, modes=modes, prior=prior, inflate=1.5, worst_case=False)
     assert found.identification.problem.prior == prior
     assert found.reduction.order <= 4
-    assert np.all(found.identification.problem.frequency[0].bound == pytest.approx(1.5 * frf.bound))
+    np.testing.assert_allclose(found.identification.problem.frequency[0].bound, 1.5 * frf.bound)
+    with pytest.raises(rid.InputError, match=r"suggest_class.*one input and one output"):
+        rid.advice.suggest_class(frequency=frf)
     same = rid.identify_reduced(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False)
     assert f"scaling = {SCALING}" in same.run_file.text()
 
@@ -147,3 +149,18 @@ def test_remedies_for_a_matrix_that_contradicts_its_class():
     found = {trial.change: trial.margin for trial in rid.advice.diagnose(result).trials}
     (more,) = (margin for change, margin in found.items() if change.startswith("one more pair, at 9.0"))
     assert more <= 1 < found["K times 2"]
+
+
+def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
+    _, basis, frf = measured(count=10)
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
+    problem = rid.MixedProblem(frequency=frf.with_bound(2 * frf.bound), prior=prior, parametric=basis)
+    found = rid.identify_reduced(problem, omega=[60.0], directions=4)
+    _, i, j = np.unravel_index(np.argmax(found.error.upper), (1, 2, 2))
+    (words,) = (finding for finding in found.findings if "Every consistent system" in finding)
+    assert f"(largest at 9.5493 Hz (y{i + 1} / u{j + 1}))" in words
+    rid.save("two.npz", frf)
+    modes = {"hz": [4.0], "damping": [0.03], "hz_interval": [[3.9, 4.1]], "damping_interval": [[0.02, 0.04]]}
+    asked = ask(folder, {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True}})
+    with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add channel = \[output, input\]"):
+        rid.run(asked, "out")
