@@ -12,8 +12,10 @@ from command_line import main as command
 from robustid import _pipeline_steps as steps
 from robustid._pipeline_file import RunFile
 from robustid.advice import suggest_kautz
+from robustid.data import datasets
+from robustid.errors import DatasetNotFoundError
 from robustid.identification.residuals import largest_ratio, model_residuals
-from run_files import QUICK, ask
+from run_files import EXAMPLES, QUICK, ask
 from test_matrix_reduce import DT, HZ, lines, plant
 
 folder, unreduced = run_files.folder, run_files.unreduced
@@ -164,3 +166,21 @@ def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
     asked = ask(folder, {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True}})
     with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add channel = \[output, input\]"):
         rid.run(asked, "out")
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_beam_from_its_example(tmp_path):
+    try:
+        datasets.find("beam_ring/symexc_1.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    result = rid.run(EXAMPLES / "beam_ring.toml", tmp_path / "out")
+    assert result.consistent
+    hz = result.run_file.modes.hz
+    assert np.array(hz) == pytest.approx([11.2, 22.6, 28.1, 33.2, 58.3, 65.4], abs=0.1)
+    assert result.model.D.shape == (2, 2)
+    assert result.reduction.order <= 20
+    assert np.all(np.abs(result.model.poles()) < 1)
+    assert largest_ratio(result.identification.problem, result.model) <= 1
+    assert (tmp_path / "out" / "report.html").is_file()
