@@ -31,7 +31,7 @@ def measured(seed=0, **options):
 @pytest.mark.usefixtures("unreduced")
 def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     """Modes, prior and scaling are left to the program; the file that it writes says them and gives the same."""
-    truth, _, frf = measured(bound=0.02, count=20)
+    truth, _, frf = measured(bound=0.02, count=16)
     rid.save("two.npz", frf)
     first = rid.run(ask(folder, {"frequency": [{"file": "two.npz"}]}, QUICK), "first")
     stated = tomllib.loads((folder / "first" / "run.toml").read_text(encoding="utf-8"))
@@ -41,14 +41,14 @@ def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     assert first.consistent
     assert first.model.D.shape == (2, 2)
     assert largest_ratio(first.identification.problem, truth) <= 1
-    assert "all 80 samples" in first.findings[1]
+    assert "all 64 samples" in first.findings[1]
     second = rid.run(folder / "first" / "run.toml", "second")
     assert second.identification.margin == first.identification.margin
     assert second.findings == first.findings
 
 
 def test_the_whole_way_of_a_matrix_in_python():
-    truth, basis, frf = measured()
+    truth, basis, frf = measured(count=16)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2, scaling=SCALING)
     modes = list(zip(HZ, modes_of(truth), strict=False))
     found = rid.identify_reduced(frf, modes=modes, prior=prior, inflate=1.5, worst_case=False)
@@ -154,7 +154,7 @@ def test_remedies_for_a_matrix_that_contradicts_its_class():
 
 
 def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
-    _, basis, frf = measured(count=10)
+    _, basis, frf = measured(count=8)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
     problem = rid.MixedProblem(frequency=frf.with_bound(2 * frf.bound), prior=prior, parametric=basis)
     found = rid.identify_reduced(problem, omega=[60.0], directions=4)
