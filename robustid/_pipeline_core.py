@@ -27,7 +27,7 @@ from robustid.report.worst_case_facts import at_most
 
 _FIXED_POLES = (
     "The poles were taken from these data, which leave them a box. This bound holds for the poles as they were taken, not for the"
-    " box: over_poles = true in [worst_case] covers it (minutes)."
+    " box: over_poles = true in [worst_case] covers it (minutes{})."
 )
 
 
@@ -35,8 +35,13 @@ def from_data(run: RunFile, data: Measured, say: Say, store: Store, executor: An
     """Modes, lines, bounds and prior as the run file says, or chosen; then the rest."""
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     placeholder = steps.placeholder(run, data)
-    dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
+    everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
+    dt = everything.dt
     _check_frequencies(run, dt)
+    if run.worst_case.over_poles and not everything.entries.single:
+        raise InputError(
+            "[worst_case] over_poles = true bounds one entry: add channel = [output, input], by number or name, or leave it out"
+        )
     store.responses(data.responses)
     run = steps.with_modes(run, data, say)
     parts = [steps.chosen_lines(run, frf) for frf in data.responses]
@@ -106,7 +111,8 @@ def _decided(
         run, error, small = _bounded(run, result, reduction, say, store, executor)
         findings.append(_error_words(small))
         if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
-            findings.append(_FIXED_POLES)
+            single = problem.entries.single
+            findings.append(_FIXED_POLES.format("" if single else "; of one entry, channel = [output, input]"))
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, say, store, executor)
         findings.append(words)
@@ -163,12 +169,15 @@ def _bounded(
 
 
 def _error_words(error: WorstCaseError) -> str:
-    upper, size = error.upper.ravel(), np.abs(error.nominal)
-    k = int(np.argmax(upper))
+    upper = error.upper
+    size = np.abs(np.reshape(error.nominal, upper.shape))
+    k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
+    problem = error.identification.problem
+    place = f"{error.omega[k] / (2 * np.pi):.5g} Hz{steps.of_entry(problem, int(i), int(j))}"
+    entries = "" if upper[0].size == 1 else " in every entry"
     text = (
-        f"Every consistent system is within {at_most(upper[k])} of the small model at {upper.size} frequencies (largest at"
-        f" {error.omega[k] / (2 * np.pi):.5g} Hz), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the"
-        " response."
+        f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
+        f" (largest at {place}), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the response."
     )
     circle = error.__dict__.get("circle")
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")

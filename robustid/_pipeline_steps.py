@@ -170,7 +170,7 @@ def sample_words(identification: Identification, model: Any, order: int) -> str:
     problem = identification.problem
     residuals = model_residuals(problem, model)
     outside = [
-        (float(ratio), _place(residual.kind, float(at), _of_entry(problem, *residual.entry)))
+        (float(ratio), _place(residual.kind, float(at), of_entry(problem, *residual.entry)))
         for residual in residuals
         for at, ratio in zip(residual.axis, residual.ratio, strict=True)
         if ratio > 1 + 1e-5
@@ -192,7 +192,7 @@ def unused_words(validation: Validation) -> str:
     outside = []
     for k, i, j in np.argwhere(ratio > 1):
         entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
-        place = _place("frequency", float(data.omega[k]), _of_entry(data, *entry))
+        place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
         outside.append((float(ratio[k, i, j]), place))
     count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
     text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
@@ -201,7 +201,7 @@ def unused_words(validation: Validation) -> str:
     return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
 
 
-def _of_entry(data: Any, output: int | None, input: int | None) -> str:
+def of_entry(data: Any, output: int | None, input: int | None) -> str:
     """Which entry, output or column a sample is of, where there are several."""
     if len(data.outputs) == len(data.inputs) == 1:
         return ""

@@ -15,6 +15,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
+from robustid.certify.consistent_set import check_one_channel
 from robustid.certify.pole_cells import PoleCell, box_of
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
@@ -81,6 +82,7 @@ def suggest_class(
     (1, True)
     """
     data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
+    check_one_channel(data, "suggest_class")
     wanted = None if delay is None else as_count("delay", delay)
     if modes is None:
         parts, resonances = _from_data(data, wanted)

@@ -60,12 +60,16 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs. The model
     is judged anew, by responses and simulations, at every sample.
 
+    Of several channels the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
+    of the modes move, on the side with fewer channels; the other side is linear. Samples that share a bound count together.
+
     Parameters
     ----------
     identification : Identification
         Its model is the start, its margin what the bounds are multiplied by where the data contradict the class.
     rigid_body : RigidBody, optional
-        ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact. Integrators of the parametric part are always kept.
+        ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact; of several channels ``RigidBody(min(ny, nu))``,
+        one for each on the side with fewer. Integrators of the parametric part are always kept.
 
     Returns
     -------
