@@ -82,13 +82,13 @@ class SarasonMap(Frozen):
         """X(x)."""
         if self.entries.single:
             return self._matrix(x)
-        return self.joined(np.array([[self._matrix(entry) for entry in row] for row in self.entries.expand(x)]))
+        return self.joined(self._matrix(self.entries.expand(x)))
 
     def stein(self, Y: np.ndarray) -> np.ndarray:
         """The S with S - A S A' = Y: <Y, X(x)> = <`first_row`(S), x> for all x; entry by entry of matrices."""
         if self.entries.single:
             return self._stein(Y)
-        return self.joined(np.array([[self._stein(entry) for entry in row] for row in self.parted(Y)]))
+        return self.joined(self._stein(self.parted(Y)))
 
     def first_row(self, S: np.ndarray) -> np.ndarray:
         """The weights c S of x, (size,)."""
@@ -108,8 +108,8 @@ class SarasonMap(Frozen):
         return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
 
     def _matrix(self, x: np.ndarray) -> np.ndarray:
-        """X(x) of one entry, from its Stein equation."""
-        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ np.reshape(x, (1, -1)))
+        """X(x) of one entry or of a stack of them, from its Stein equation."""
+        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ x[..., None, :])
 
     def _stein(self, Y: np.ndarray) -> np.ndarray:
         return solve_stein(self.pair.A, self.pair.A.T, Y)
@@ -131,14 +131,16 @@ class ShiftMap(SarasonMap):
         return ShiftMap, (self.pair.order, self.entries)
 
     def _matrix(self, x: np.ndarray) -> np.ndarray:
+        if x.ndim > 1:
+            return np.array([self._matrix(part) for part in x])
         padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
         return np.lib.stride_tricks.sliding_window_view(padded, self.pair.order)[::-1].copy()
 
     def _stein(self, Y: np.ndarray) -> np.ndarray:
         """Sums along the diagonals, from the lower right corner."""
         S = np.array(Y)
-        for row in range(S.shape[0] - 2, -1, -1):
-            S[row, :-1] += S[row + 1, 1:]
+        for row in range(S.shape[-2] - 2, -1, -1):
+            S[..., row, :-1] += S[..., row + 1, 1:]
         return S
 
     def _turned(self, M: np.ndarray) -> np.ndarray:
