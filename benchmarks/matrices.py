@@ -17,7 +17,7 @@ from solver_scaling import ACCURACY, counted
 
 QUICK = (2, 2, 60, 500), (4, 4, 20, 200)
 FULL = (2, 2, 200, 500), (4, 4, 60, 500)
-PEER = (2, 2, 6, 30), (2, 2, 10, 30), (3, 3, 10, 30), (2, 2, 20, 30), (3, 3, 20, 30)  # Clarabel's block has the size L (p + q)
+PEER = (2, 2, 6, 30), (2, 2, 10, 30), (3, 3, 10, 30), (2, 2, 20, 30), (3, 3, 20, 30)  # blocks of size L (p + q)
 
 
 def measurements(p, q, length, lines, seed=0):
