@@ -93,7 +93,7 @@ def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, 
 def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = {}
-    exec(compile(python_blocks()[3], "README.md", "exec"), names)
+    exec(compile(python_blocks()[4], "README.md", "exec"), names)
     assert names["fit"].status.converged
     assert names["fit"].model.nstates == 6
     assert capsys.readouterr().out.count("ModeRow") == 2
@@ -103,7 +103,7 @@ def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, 
 def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = {}
-    exec(compile(python_blocks()[2], "README.md", "exec"), names)
+    exec(compile(python_blocks()[3], "README.md", "exec"), names)
     frf = names["frf"]
     delay = np.exp(-1j * frf.omega * frf.dt)
     truth = np.stack([[0.8 * delay, np.full(delay.shape, 0.1)], [0 * delay, np.full(delay.shape, 0.5)]]).transpose(
