@@ -214,6 +214,12 @@ def sample_map(problem: MixedProblem, integrators: int) -> SampleMap:
     return SampleMap((*lines, *records), discs, problem.dt, integrators, *size)
 
 
+def with_lines(samples: SampleMap, frf: FrequencyResponse, problem: MixedProblem) -> SampleMap:
+    """The map with further lines."""
+    track = _line_track(frf, problem)
+    return dataclasses.replace(samples, tracks=(track, *samples.tracks), discs=samples.discs + track.y.size)
+
+
 def _line_track(frf: Any, problem: MixedProblem) -> Track:
     """A sample is sum_ij W_ij G_ij at its line, tilted where its bound is an ellipse."""
     lines, points = frf.omega.size, np.exp(1j * frf.omega * problem.dt)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from robustid.identification.residuals import largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
+from robustid.reduction.guard import Guard
 from robustid.reduction.refinement import (
     Fit,
     Pair,
@@ -26,7 +27,7 @@ from robustid.reduction.refinement import (
     pole_functions,
     with_poles,
 )
-from robustid.reduction.sample_map import SampleMap, sample_map
+from robustid.reduction.sample_map import SampleMap, sample_map, with_lines
 
 _log = logging.getLogger("robustid")
 
@@ -34,6 +35,7 @@ _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, 
 _REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
 _QUICK, _KEPT = 6, 3  # steps of the first look at every start; starts that are followed to their end
 _NEAR = 1.5  # times the limit: where further starts are followed too
+_EXCHANGES = 6  # times that lines where nothing was measured are added at one order
 _STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
 _CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
@@ -60,6 +62,10 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs. The model
     is judged anew, by responses and simulations, at every sample.
 
+    Between and beyond the lines, where no sample holds a model, it may differ from the identified one by K S (the prior) and the
+    largest gain that one has within a tenth of the frequency, entry by entry: no resonance that nobody measured. Where a model
+    differs by more, lines are added there and the order is searched again.
+
     Of several channels the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
     of the modes move, on the side with fewer channels; the other side is linear. Samples that share a bound count together.
 
@@ -75,7 +81,7 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     -------
     Reduction
         ``margin`` is the largest \|residual\|/bound of the model, ``tried`` the pairs (order, smallest such ratio found at that
-        order); `hankel` are the Hankel singular values of the identified model's stable part, `bounds` their a-priori error
+        order, or that of its difference where nothing was measured if that is larger); `hankel` are the Hankel singular values of the identified model's stable part, `bounds` their a-priori error
         bounds; `bound` is inf, as the model isn't a truncated one: `worst_case_error(...).with_model(model)` bounds its error.
 
     Raises
@@ -132,6 +138,14 @@ def _integrators(identification: Identification, rigid_body: Any) -> int:
     return max(held, 2)
 
 
+class _Found(NamedTuple):
+    """The best model of an order."""
+
+    judged: float  # the larger of its margin and of the distance where nothing was measured
+    margin: float
+    model: Any
+
+
 class _Search:
     """Orders tried, with the best fit of each."""
 
@@ -139,6 +153,7 @@ class _Search:
         self.identification = identification
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.chains = integrators * self.samples.heads
+        self.guard = Guard(identification, integrators)
         self.families = starts.truncations(identification, self.samples)
         basis = identification.problem.parametric
         self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
@@ -146,7 +161,7 @@ class _Search:
         self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
         self.fits: dict[int, Fit] = {}
-        self.found: dict[int, tuple[float, Any]] = {}
+        self.found: dict[int, _Found] = {}
         self.target = self._target()
 
     def reduction(self) -> Reduction:
@@ -173,7 +188,8 @@ class _Search:
     def _downwards(self, order: int) -> int:
         """As far as the model of one order, truncated, leads to one of the order below."""
         while order in self.fits and order > self.chains:
-            self._try(order - 1, [starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)])
+            start = starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)
+            self._try(order - 1, lambda s=start: [s])
             if not self.suffices(order - 1):
                 break
             order -= 1
@@ -182,22 +198,36 @@ class _Search:
     def suffices(self, order: int) -> bool:
         """Whether a model of this order was found that keeps the limit."""
         if order not in self.found:
-            self._try(order, self._starts(order - self.chains))
-        return order in self.found and self.found[order][0] <= self.limit
+            self._try(order, lambda: self._starts(order - self.chains))
+        return order in self.found and self.found[order].judged <= self.limit
 
-    def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
-        """Refine these starts; the best model of the order is kept, judged anew at every sample."""
-        n = order - self.chains
+    def _try(self, order: int, pairs: Callable[[], Iterable[Pair | None]]) -> None:
+        """Refine these starts; the best model of the order is kept, judged anew at every sample.
+
+        Where it leaves the identified model too far between or beyond them, lines are added there, for all orders to come.
+        """
+        for _ in range(_EXCHANGES):
+            fit = self._refined(order - self.chains, pairs())
+            if fit is None:
+                return
+            model = starts.statespace(self.samples, fit, self.identification.model)
+            margin = largest_ratio(self.identification.problem, model)
+            between, missed = self.guard.check(model, self.limit) if margin <= self.limit else (0.0, None)
+            judged = max(margin, between)
+            if order not in self.found or judged < self.found[order].judged:
+                self.found[order] = _Found(judged, margin, model)
+                self.fits[order] = fit
+            _log.info("order %d: margin %.4g", order, self.found[order].judged)
+            if missed is None:
+                return
+            self.samples = with_lines(self.samples, missed, self.identification.problem)
+            self.target = self._target()
+
+    def _refined(self, n: int, pairs: Iterable[Pair | None]) -> Fit | None:
         fit = self._parametric_kept(n)
-        if fit is None or fit.worst > self.limit:
-            fit = self._best(pairs, n)
-        if fit is None:
-            return
-        model = starts.statespace(self.samples, fit, self.identification.model)
-        margin = largest_ratio(self.identification.problem, model)
-        if order not in self.found or margin < self.found[order][0]:
-            self.found[order], self.fits[order] = (margin, model), fit
-        _log.info("order %d: margin %.4g", order, self.found[order][0])
+        if fit is not None and fit.worst <= self.limit:
+            return fit
+        return self._best(pairs, n)
 
     def _parametric_kept(self, n: int) -> Fit | None:
         """The best fit with the poles of the parametric part, those of a short rest refined, the numerators minimax."""
@@ -281,9 +311,9 @@ class _Search:
     def _result(self, order: int) -> Reduction:
         identification = self.identification
         whole = balanced_truncations(identification.model)(identification.order)
-        tried = {k: margin for k, (margin, _) in self.found.items()}
-        if order in self.found and self.found[order][0] <= self.limit:
-            margin, model = self.found[order]
+        tried = {k: found.judged for k, found in self.found.items()}
+        if order in self.found and self.found[order].judged <= self.limit:
+            _, margin, model = self.found[order]
             status, bound = self._status(margin), np.inf
         else:
             # Its own free responses, not refitted ones: the residuals that identify verified.

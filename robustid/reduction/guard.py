@@ -1,0 +1,76 @@
+"""Between and beyond the lines: how far a small model may be from the identified one where nothing was measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.data import FrequencyResponse
+from robustid.identification import Identification
+from robustid.identification.simulation import responses
+
+_GRID = 1024  # angles equally spaced, and as many, a constant ratio apart, below the first of them
+_LOWEST = 1e-5  # rad, beside 0
+_NEAR = 0.1  # relative: a resonance that has moved by less is the same one
+
+
+class Guard:
+    r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the prior.
+
+    At every angle; where G has integrators, from the lowest line on. Times the margin of data that contradict the class: by so
+    much F misses them itself.
+    """
+
+    def __init__(self, identification: Identification, integrators: int):
+        problem, model = identification.problem, identification.model
+        lines = np.abs(problem.angles)
+        lines = np.unique(lines[lines > 0])
+        lowest = min(lines.min(initial=np.inf), np.pi / _GRID)
+        even = np.linspace(0, np.pi, _GRID)
+        low = np.geomspace(_LOWEST, even[1], _GRID, endpoint=False)
+        angles = np.unique(np.concatenate([even, low, lines, (lines[1:] + lines[:-1]) / 2, _resonances(model)]))
+        self._lowest = lowest if integrators else 0.0
+        self._angles = angles[angles >= self._lowest]
+        self._model, self._dt = model, problem.dt
+        scales = identification.prior.scales(problem.entries.outputs, problem.entries.inputs)
+        self._gain, self._times = identification.prior.gain_bound * scales, max(1.0, identification.margin)
+        self._response = responses(model, self._angles)
+        self._allowed = self._allowed_at(self._angles, self._response)
+
+    def _allowed_at(self, angles: np.ndarray, here: np.ndarray) -> np.ndarray:
+        """(F, ny, nu)."""
+        first = np.searchsorted(self._angles, angles * (1 - _NEAR))
+        last = np.searchsorted(self._angles, angles * (1 + _NEAR), side="right")
+        sizes = np.abs(self._response)
+        around = [sizes[a:b].max(axis=0, initial=0.0) for a, b in zip(first, last, strict=True)]
+        return self._times * (self._gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
+
+    def check(self, model: Any, limit: float) -> tuple[float, FrequencyResponse | None]:
+        r"""The largest \|G - F\| over what is allowed; and the lines that hold a model to `limit` where it is beyond, if any.
+
+        One line for every stretch of angles, with the identified model as data.
+        """
+        own = np.setdiff1d(_resonances(model), self._angles)
+        own = own[own >= self._lowest]
+        response = responses(self._model, own)
+        order = np.argsort(np.concatenate([self._angles, own]))
+        angles = np.concatenate([self._angles, own])[order]
+        values = np.concatenate([self._response, response])[order]
+        allowed = np.concatenate([self._allowed, self._allowed_at(own, response)])[order]
+        ratio = np.max(np.abs(responses(model, angles) - values) / allowed, axis=(1, 2))
+        over = np.flatnonzero(ratio > limit)
+        if not over.size:
+            return float(ratio.max()), None
+        stretches = np.split(over, np.flatnonzero(np.diff(over) > 1) + 1)
+        at = np.array([stretch[np.argmax(ratio[stretch])] for stretch in stretches])
+        return float(ratio.max()), FrequencyResponse(angles[at] / self._dt, values[at], bound=allowed[at], dt=self._dt)
+
+
+def _resonances(model: Any) -> np.ndarray:
+    """Angles of the poles, and half a width to either side."""
+    poles = model.poles()
+    poles = poles[(poles.imag >= 0) & (poles != 0)]
+    angles, width = np.angle(poles), -np.log(np.abs(poles))
+    found = np.concatenate([angles, angles - width, angles + width])
+    return found[(found >= 0) & (found <= np.pi)]
