@@ -11,6 +11,7 @@ from robustid.identification import Identification
 from robustid.identification.simulation import responses
 
 _GRID = 1024  # angles equally spaced, and as many, a constant ratio apart, below the first of them
+_SOME = 40  # lines that are added with the first
 _LOWEST = 1e-5  # rad, beside 0
 _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 
@@ -45,6 +46,12 @@ class Guard:
         sizes = np.abs(self._response)
         around = [sizes[a:b].max(axis=0, initial=0.0) for a, b in zip(first, last, strict=True)]
         return self._times * (self._gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
+
+    @property
+    def spread(self) -> FrequencyResponse:
+        """Some lines everywhere, with the identified model as data."""
+        at = np.searchsorted(self._angles, np.linspace(self._lowest, np.pi, _SOME + 1)[1:])
+        return FrequencyResponse(self._angles[at] / self._dt, self._response[at], bound=self._allowed[at], dt=self._dt)
 
     def check(self, model: Any, limit: float) -> tuple[float, FrequencyResponse | None]:
         r"""The largest \|G - F\| over what is allowed; and the lines that hold a model to `limit` where it is beyond, if any.

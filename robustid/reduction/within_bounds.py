@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.identification.residuals import largest_ratio
@@ -81,8 +82,9 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     -------
     Reduction
         ``margin`` is the largest \|residual\|/bound of the model, ``tried`` the pairs (order, smallest such ratio found at that
-        order, or that of its difference where nothing was measured if that is larger); `hankel` are the Hankel singular values of the identified model's stable part, `bounds` their a-priori error
-        bounds; `bound` is inf, as the model isn't a truncated one: `worst_case_error(...).with_model(model)` bounds its error.
+        order, or that of its difference where nothing was measured if that is larger); `hankel` are the Hankel singular values of
+        the identified model's stable part, `bounds` their a-priori error bounds; `bound` is inf, as the model isn't a truncated
+        one: `worst_case_error(...).with_model(model)` bounds its error.
 
     Raises
     ------
@@ -153,7 +155,7 @@ class _Search:
         self.identification = identification
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.chains = integrators * self.samples.heads
-        self.guard = Guard(identification, integrators)
+        self.guard, self.holding = Guard(identification, integrators), False
         self.families = starts.truncations(identification, self.samples)
         basis = identification.problem.parametric
         self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
@@ -189,7 +191,7 @@ class _Search:
         """As far as the model of one order, truncated, leads to one of the order below."""
         while order in self.fits and order > self.chains:
             start = starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)
-            self._try(order - 1, lambda s=start: [s])
+            self._try(order - 1, [start])
             if not self.suffices(order - 1):
                 break
             order -= 1
@@ -198,16 +200,18 @@ class _Search:
     def suffices(self, order: int) -> bool:
         """Whether a model of this order was found that keeps the limit."""
         if order not in self.found:
-            self._try(order, lambda: self._starts(order - self.chains))
+            self._try(order, self._starts(order - self.chains))
         return order in self.found and self.found[order].judged <= self.limit
 
-    def _try(self, order: int, pairs: Callable[[], Iterable[Pair | None]]) -> None:
+    def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
         """Refine these starts; the best model of the order is kept, judged anew at every sample.
 
-        Where it leaves the identified model too far between or beyond them, lines are added there, for all orders to come.
+        Where it leaves the identified model too far between or beyond them, lines are added there, for all orders to come, and it
+        is refined again.
         """
+        n = order - self.chains
+        fit = self._refined(n, pairs)
         for _ in range(_EXCHANGES):
-            fit = self._refined(order - self.chains, pairs())
             if fit is None:
                 return
             model = starts.statespace(self.samples, fit, self.identification.model)
@@ -220,8 +224,16 @@ class _Search:
             _log.info("order %d: margin %.4g", order, self.found[order].judged)
             if missed is None:
                 return
-            self.samples = with_lines(self.samples, missed, self.identification.problem)
-            self.target = self._target()
+            self._hold(missed)
+            fit = self._best([fit.pair], n)
+
+    def _hold(self, lines: FrequencyResponse) -> None:
+        """Further lines with the identified model as data; with the first of them some everywhere."""
+        problem = self.identification.problem
+        if not self.holding:
+            self.holding, self.samples = True, with_lines(self.samples, self.guard.spread, problem)
+        self.samples = with_lines(self.samples, lines, problem)
+        self.target = self._target()
 
     def _refined(self, n: int, pairs: Iterable[Pair | None]) -> Fit | None:
         fit = self._parametric_kept(n)
