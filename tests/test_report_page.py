@@ -170,6 +170,10 @@ def test_poles_at_zero_are_called_a_delay() -> None:
         assert "time constant" not in said
         assert said.endswith(f"{words or 'damping 0.004'}.")
         assert said.count("delay") == (words is not None)
+    twice = rid.kautz(2 * np.pi * 17.67, 0.004, dt=0.01, delay=1, repeat=2)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=twice))
+    said = dict(facts.assumptions(result))["Parametric part"]
+    assert said.count("17.67 Hz") == said.count("(2 times)") == 1
     import control
 
     taps = control.ss(np.eye(3, k=-1), np.eye(3, 1), np.eye(3), 0, 0.01)

@@ -14,6 +14,7 @@ from robustid.report.poles import PoleRow, pole_table
 from robustid.report.style import ALERT, DATA, FAINT, NOMINAL, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
+_BESIDE = 1.1  # of the axis beside the first and the last line
 _SMALLEST_RATIO = 1e-3
 
 
@@ -60,6 +61,9 @@ def _residual_panel(
     problem, margin, (smallest, largest) = identification.problem, identification.margin, span
     low, high = band(problem)
     last = max(float(r.axis.max()) for r in parts[0])
+    if kind == "frequency" and last > 0:
+        first = min(float(r.axis.min(where=r.axis > 0, initial=last)) for r in parts[0])
+        low, high = max(low, first / _BESIDE), min(high, last * _BESIDE)
     x = hertz(problem, low, high) if kind == "frequency" else Axis(label="time [s]", range=(-0.02 * last, 1.02 * last))
     log = largest > 3
     floor = (

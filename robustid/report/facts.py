@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -167,8 +168,9 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
         out.append(("Parametric part", "None: nothing is known about single modes."))
     else:
         rows = pole_rows(basis.poles, problem.dt)
-        listed = [describe_pole(row) for row in rows if row.modulus > 0]
-        if len(listed) < len(rows):  # poles at z = 0
+        times = Counter(describe_pole(row) for row in rows if row.modulus > 0)
+        listed = [words if count == 1 else f"{words} ({count} times)" for words, count in times.items()]
+        if times.total() < len(rows):  # poles at z = 0
             listed.append(delay_words(basis))
         words = "; ".join(listed) or "none"
         free = "free " if problem.parameter_bounds is None else ""

@@ -184,8 +184,20 @@ def render_report(
         from robustid.report.frf_page import frf_page
 
         return frf_page(identification, records, title)
-    shown = further_models(reduction, models)
     drawn, context = _guarantees(identification, worst_case, tube, over_poles, sensitivity)
+    context |= {"title": title or facts.heading(identification), "findings": findings, "run_file": run_file}
+    return _identification_page(identification, reduction, models, drawn, context)
+
+
+def _identification_page(
+    identification: Identification,
+    reduction: Reduction | None,
+    models: Mapping[str, control.StateSpace] | None,
+    drawn: dict[str, list[Figure]],
+    context: dict[str, Any],
+) -> str:
+    """The page with the figures and the context of what is guaranteed."""
+    shown = further_models(reduction, models)
     found = [
         charts.time_chart(identification, shown),
         evidence.hankel_chart(identification, reduction),
@@ -211,14 +223,11 @@ def render_report(
         "template.html.j2",
         {chart.name: figures(chart) for chart in found} | drawn,
         grids=grids,
-        title=title or facts.heading(identification),
         result=identification,
         facts=facts,
         modes=modes,
         tables=[(name, pole_table(model)) for name, model, *_ in charts.curves(identification, shown)],
         reduction=reduction,
-        findings=findings,
-        run_file=run_file,
         **context,
     )
 
