@@ -213,3 +213,19 @@ def test_one_sample_has_no_sample_time(tmp_path):
     np.savez(tmp_path / "data.npz", time=[0.0], u=[1.0], y=[1.0])
     with pytest.raises(InputError, match="one sample gives no sample time; give `dt`"):
         load(tmp_path / "data.npz")
+
+
+def test_a_saved_result_is_not_data(tmp_path):
+    import robustid as rid
+
+    record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)))
+    result.save(tmp_path / "plate")
+    rid.worst_case_error(result, omega=[50.0], directions=4).save(tmp_path / "error")
+    for name, loader in (("plate", "load_identification"), ("error", "load_worst_case_error")):
+        for suffix in (".npz", ".json"):
+            with pytest.raises(FileFormatError, match=f"{name}{suffix} belongs to a saved .*{loader}$"):
+                load(tmp_path / f"{name}{suffix}")
+    save(tmp_path / "plain.npz", full_record())
+    (tmp_path / "plain.json").write_text('{"format": "another 1"}')
+    assert load(tmp_path / "plain.npz").y.shape == full_record().y.shape
