@@ -45,7 +45,9 @@ def read_table(path: Any) -> Table:
     if not head:
         raise FileFormatError(f"{path.name} is empty (0 bytes); write or copy the file again")
     if (kind := _saved_result(path)) is not None:
-        raise FileFormatError(f"{path.name} belongs to a saved {kind}, not to measurements; read it with {_SAVED[kind]}")
+        raise FileFormatError(
+            f"{path.name} belongs to a saved {kind}, not to measurements; read it with {_SAVED[kind]}"
+        )
     try:
         table = _reader(path, head)(path)
     except MemoryError:

@@ -134,7 +134,7 @@ class ShiftDesign:
         out = np.real(z[:, F:]) @ columns.real
         if F:
             weights = columns.gain * tilted(z[:, :F].T, columns.tilt).T.conj()
-            out += columns.decay * np.real([self._short.over_angles(row) for row in weights])
+            out += columns.decay * np.real(self._short.over_angles(weights))
         return out
 
 
@@ -142,13 +142,14 @@ class BlockDesign:
     """G = [E Q] for the entries of a matrix: every part of the rows with the columns that it acts on."""
 
     def __init__(self, columns: BlockColumns, Q: np.ndarray, discs: int):
-        self._shape, last = (columns.shape[0], columns.shape[1] + Q.shape[1]), np.arange(Q.shape[1])
+        self._shape = columns.shape[0], columns.shape[1] + Q.shape[1]
         self._parts = []
         for part in columns.parts:
             rows = range(*part.rows.indices(columns.shape[0]))
+            last = np.flatnonzero(np.any(Q[part.rows] != 0, axis=0))  # the others belong to other entries
             index = np.concatenate([np.arange(*part.columns.indices(columns.shape[1])), columns.shape[1] + last])
             within = min(max(discs - rows.start, 0), len(rows))
-            self._parts.append((part.rows, index, design_of(part.block, Q[part.rows], within)))
+            self._parts.append((part.rows, index, design_of(part.block, Q[part.rows, last], within)))
 
     def apply(self, v: np.ndarray) -> np.ndarray:
         """G v."""

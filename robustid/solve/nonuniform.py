@@ -49,9 +49,9 @@ class NonuniformSums:
         self._at = exponents % self._grid
 
     def over_angles(self, weights: np.ndarray) -> np.ndarray:
-        """sum_k weights_k exp(-i m theta_k) for every m, (count,)."""
-        gridded = self._spread @ (weights * self._phase)
-        return np.asarray(scipy.fft.fft(gridded))[self._at] * self._correction
+        """sum_k weights_k exp(-i m theta_k) for every m, (..., count), of weights (..., F)."""
+        gridded = (self._spread @ (weights * self._phase).T).T
+        return np.asarray(scipy.fft.fft(gridded))[..., self._at] * self._correction
 
     def over_exponents(self, weights: np.ndarray) -> np.ndarray:
         """sum_m weights_m exp(-i m theta_k) for every angle, (F,)."""
