@@ -81,6 +81,32 @@ def stretch_of_mean_period(record):
     )
 
 
+def say_what_it_is_worth(result, out):
+    """The small model, pictures and report, and errors in units of the bench."""
+    lines, stretch = result.problem.frequency[0], result.problem.time[0]
+    reduced = rid.reduce_within_bounds(result)
+    models = {f"reduced, order {reduced.order}": reduced.model}
+    plot_frequency_response(result, models).savefig(out / "response.png", dpi=110)
+    plot_time_response(result, models).savefig(out / "time.png", dpi=110)
+    plot_residuals(result, models).savefig(out / "residuals.png", dpi=110)
+    write_report(result, out / "report.html", reduction=reduced, title="Motor bench: current to torsion")
+
+    residuals = model_residuals(result.problem, reduced.model)
+    peak = int(np.argmax(np.abs(lines.values)))
+    error, size = np.abs(residuals[0].error), np.abs(lines.values[:, 0, 0])
+    print(
+        f"\n7. What can be said: a model of order {reduced.order} keeps every sample within {reduced.margin:.2f} of its widened"
+        " bound.\n"
+        f"   At {lines.freq_hz[peak]:g} Hz, where the response is largest: {1e3 * error[peak]:.2g} mrad off, bound"
+        f" {1e3 * residuals[0].bound[peak]:.2g} mrad, of {1e3 * size[peak]:.3g} mrad per unit of current.\n"
+        f"   Median over the lines: {100 * np.median(error / size):.2g} % off, bound"
+        f" {100 * np.median(residuals[0].bound / size):.2g} %. In time: {1e3 * np.abs(residuals[1].error).max():.2g} mrad off,\n"
+        f"   bound {1e3 * residuals[1].bound.max():.2g} mrad, of {1e3 * np.abs(stretch.y).max():.3g} mrad at most.\n"
+        "   This holds at the samples, at this amplitude, with these poles: K, rho and the poles are assumptions."
+        f"\n\nPictures and report: {out}"
+    )
+
+
 def main(argv=None):
     record, out = opened(argv, __doc__)
     if record is None:
@@ -134,27 +160,7 @@ def main(argv=None):
     result = rid.identify(problem)
     print(result.summary())
 
-    reduced = rid.reduce_within_bounds(result)
-    models = {f"reduced, order {reduced.order}": reduced.model}
-    plot_frequency_response(result, models).savefig(out / "response.png", dpi=110)
-    plot_time_response(result, models).savefig(out / "time.png", dpi=110)
-    plot_residuals(result, models).savefig(out / "residuals.png", dpi=110)
-    write_report(result, out / "report.html", reduction=reduced, title="Motor bench: current to torsion")
-
-    residuals = model_residuals(problem, reduced.model)
-    peak = int(np.argmax(np.abs(lines.values)))
-    error, size = np.abs(residuals[0].error), np.abs(lines.values[:, 0, 0])
-    print(
-        f"\n7. What can be said: a model of order {reduced.order} keeps every sample within {reduced.margin:.2f} of its widened"
-        " bound.\n"
-        f"   At {lines.freq_hz[peak]:g} Hz, where the response is largest: {1e3 * error[peak]:.2g} mrad off, bound"
-        f" {1e3 * residuals[0].bound[peak]:.2g} mrad, of {1e3 * size[peak]:.3g} mrad per unit of current.\n"
-        f"   Median over the lines: {100 * np.median(error / size):.2g} % off, bound"
-        f" {100 * np.median(residuals[0].bound / size):.2g} %. In time: {1e3 * np.abs(residuals[1].error).max():.2g} mrad off,\n"
-        f"   bound {1e3 * residuals[1].bound.max():.2g} mrad, of {1e3 * np.abs(stretch.y).max():.3g} mrad at most.\n"
-        "   This holds at the samples, at this amplitude, with these poles: K, rho and the poles are assumptions."
-        f"\n\nPictures and report: {out}"
-    )
+    say_what_it_is_worth(result, out)
 
 
 if __name__ == "__main__":
