@@ -19,11 +19,10 @@ _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 class Guard:
     r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the prior.
 
-    At every angle; where G has integrators, from the lowest line on. Times the margin of data that contradict the class: by so
-    much F misses them itself.
+    At every angle; where G has integrators, from the lowest line on. `times` as much where F itself misses its data by so much.
     """
 
-    def __init__(self, identification: Identification, integrators: int):
+    def __init__(self, identification: Identification, integrators: int, times: float = 1.0):
         problem, model = identification.problem, identification.model
         lines = np.abs(problem.angles)
         lines = np.unique(lines[lines > 0])
@@ -35,7 +34,7 @@ class Guard:
         self._angles = angles[angles >= self._lowest]
         self._model, self._dt = model, problem.dt
         scales = identification.prior.scales(problem.entries.outputs, problem.entries.inputs)
-        self._gain, self._times = identification.prior.gain_bound * scales, max(1.0, identification.margin)
+        self._gain, self._times = identification.prior.gain_bound * scales, times
         self._response = responses(model, self._angles)
         self._allowed = self._allowed_at(self._angles, self._response)
 

@@ -155,7 +155,8 @@ class _Search:
         self.identification = identification
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.chains = integrators * self.samples.heads
-        self.guard, self.holding = Guard(identification, integrators), False
+        self.guard = Guard(identification, integrators, max(1.0, identification.margin))
+        self.holding = False
         self.families = starts.truncations(identification, self.samples)
         basis = identification.problem.parametric
         self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
@@ -174,6 +175,7 @@ class _Search:
             if first is not None:
                 return self._result(self._downwards(first))
             self.limit = self.identification.margin * (1 + _ROUNDING)
+            self.guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
         return self._result(self._smallest())
 
     def _smallest(self) -> int:
