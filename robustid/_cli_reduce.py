@@ -94,7 +94,7 @@ def _within_bounds(console: Any, identification: Any) -> Any:
     with step(console, "searching for the smallest order"):
         reduction = reduce_within_bounds(identification)
     for tried, margin in reduction.tried:
-        console.print(f"order {tried:3d}: largest |residual|/bound {margin:.4g}", highlight=False)
+        console.print(f"order {tried:3d}: {margin:.4g} of what is allowed", highlight=False)
     console.print(f"order {reduction.order}: {reduction.status.value}", highlight=False)
     return reduction
 

@@ -238,7 +238,7 @@ def test_chart_of_order_against_margin(tmp_path):
     assert np.all(layers["beyond the bounds"].y > 1)
     assert plot_margins(reduction).axes[0].get_xlabel() == "order [–]"
     write_report(result, tmp_path / "report.html", reduction=reduction)
-    assert "Largest residual of the best model of every order" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Best model of every order: at the samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
     with pytest.raises(rid.InputError, match="tries no orders"):
         plot_margins(rid.balanced_truncation(result.model, order=10))
     with pytest.raises(rid.InputTypeError, match="reduce_within_bounds"):

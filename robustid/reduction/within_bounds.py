@@ -46,7 +46,9 @@ _ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified mod
 class SearchStatus(enum.Enum):
     """What the search found; the value is the user's sentence."""
 
-    WITHIN = "every sample stays within its bound"
+    WITHIN = (
+        "every sample stays within its bound, and where nothing was measured the model stays near the identified one"
+    )
     OUTSIDE = "every sample stays within its bound, but the data contradict the class: the model is none of it"
     INFLATED = "every sample stays within its bound times the margin of the data, which contradict the class"
     UNREDUCED = "no smaller model that keeps every sample within its bound was found; the model is the one identified"

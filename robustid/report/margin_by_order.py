@@ -20,7 +20,7 @@ _FLOOR = 1e-3  # what lies below, an interpolation of the samples, is drawn here
 
 
 def margin_chart(reduction: Reduction) -> Chart:
-    """Largest |residual|/bound against the order, with the bound itself, and the order that was chosen."""
+    """Largest error over what is allowed, with the limit itself, against the order; and the order that was chosen."""
     orders, margins = np.array(reduction.tried, dtype=float).T
     shown = np.maximum(margins, _FLOOR)
     within, chosen = margins <= 1, orders == reduction.order
@@ -39,16 +39,18 @@ def margin_chart(reduction: Reduction) -> Chart:
     layers.append(Layer(name="bound", x=ends, y=np.ones(2), colour=ALERT, dash="dash"))
     span = min(0.5, float(shown.min()) / 2), max(2.0, 2 * float(shown.max()))
     panel = Panel(
-        title="Largest residual of the best model of every order",
-        x=Axis(label="order [–]", range=(float(ends[0]), float(ends[1]))),
-        y=Axis(label="largest |residual| / bound [–]", log=True, range=span),
+        title="Best model of every order: at the samples, and where nothing was measured",
+        x=Axis(
+            label="order [–]", range=(float(ends[0]), float(ends[1])), tick=float(max(1, np.ceil(np.ptp(orders) / 14)))
+        ),
+        y=Axis(label="largest |error| / allowed [–]", log=True, range=span),
         layers=tuple(layers),
     )
     return Chart(name="margins", panels=(panel,))
 
 
 def plot_margins(reduction: Reduction) -> Figure:
-    r"""Largest \|residual\|/bound against the order, of the best models that `reduce_within_bounds` found.
+    r"""Largest \|residual\|/bound, or error where nothing was measured, over the orders that `reduce_within_bounds` tried.
 
     Parameters
     ----------
