@@ -67,7 +67,7 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
 
     Between and beyond the lines, where no sample holds a model, it may differ from the identified one by K S (the prior) and the
     largest gain that one has within a tenth of the frequency, entry by entry: no resonance that nobody measured. Where a model
-    differs by more, lines are added there and the order is searched again.
+    differs by more, lines are added there and it is refined again.
 
     Of several channels the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
     of the modes move, on the side with fewer channels; the other side is linear. Samples that share a bound count together.
@@ -178,7 +178,13 @@ class _Search:
                 return self._result(self._downwards(first))
             self.limit = self.identification.margin * (1 + _ROUNDING)
             self.guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
+            # What missed the narrower one wasn't compared with the identified model.
+            self.found = {k: f for k, f in self.found.items() if f.margin > self.limit or self._stays(f.model)}
         return self._result(self._smallest())
+
+    def _stays(self, model: Any) -> bool:
+        """Whether a model stays near the identified one."""
+        return self.guard.check(model, self.limit)[1] is None
 
     def _smallest(self) -> int:
         """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap; then down."""
