@@ -122,7 +122,10 @@ def test_rigid_poles_are_exact_and_directions_found(ny, nu, count, modes, side, 
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("ny", "nu", "count", "modes", "side", "dt"), CASES)
+@pytest.mark.parametrize(
+    ("ny", "nu", "count", "modes", "side", "dt"),
+    [*CASES[:2], pytest.param(*CASES[2], marks=pytest.mark.slow), *CASES[3:]],
+)
 def test_noise_free_data_are_reproduced(ny, nu, count, modes, side, dt, seeds):
     for seed in range(seeds):
         plant = machine(seed, ny, nu, count, modes, dt)

@@ -136,7 +136,7 @@ def test_order_40_over_many_seeds(domain, kind):
     assert max(errors) < 3.5e-3
 
 
-@pytest.mark.parametrize("domain", ["s", "z"])
+@pytest.mark.parametrize("domain", [pytest.param("s", marks=pytest.mark.slow), "z"])
 def test_order_20_single_channel_with_one_percent_noise(domain):
     errors = []
     for seed in range(12):

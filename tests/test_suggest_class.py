@@ -117,6 +117,7 @@ def test_data_without_a_mode_and_data_that_contradict_each_other():
     assert "no candidate has a guaranteed error" in found.summary()
 
 
+@pytest.mark.slow
 def test_few_samples_bound_nothing_at_the_light_mode():
     """Six lines and the amplitudes that are assumed: a bound away from the light mode, none at it, and so it is to be measured."""
     data = rid.flexible_structure(lines=6, samples=2)
