@@ -13,10 +13,11 @@ import time
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-import robustid as rid
 from problems import random_problem
+
+import robustid as rid
 from robustid.identification.forms import pose
-from robustid.solve import available_solvers
+from robustid.identification.solver.cvxpy_backend import available_solvers
 
 
 def full_lmi(problem):

@@ -50,7 +50,7 @@ def measurements(p, q, length, lines, seed=0):
 def ours(p, q, length, lines):
     """All of identify(): what to print, with seconds per stage."""
     import robustid as rid
-    from robustid.solve import structured
+    from robustid.identification.solver import interior_point as structured
 
     problem, systems = measurements(p, q, length, lines), counted(structured)
     start, worked = time.perf_counter(), time.process_time()

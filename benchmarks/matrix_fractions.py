@@ -17,8 +17,9 @@ import numpy as np
 import scipy.linalg
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-import robustid as rid
 from mfd_systems import noisy, random_modal_system, relative_error
+
+import robustid as rid
 from robustid.mfd import Weight, fit_mfd
 from robustid.mfd.comparison import BASES, conditioning, sk_in_basis
 from robustid.mfd.iteration import fit_fraction

@@ -60,9 +60,10 @@ def ours(length, lines, samples, what):
     """Margin (or all of identify) by the structured solver: (value, Newton systems)."""
     import robustid as rid
     from robustid.bases import Sections
+    from robustid.core.threads import threads_for
     from robustid.identification.forms import pose
     from robustid.identification.margin import prove_margin
-    from robustid.solve import structured, threads_for
+    from robustid.identification.solver import interior_point as structured
 
     problem, systems = measurements(length, lines, samples, kautz=what == "identify"), counted(structured)
     start = time.perf_counter()
@@ -105,7 +106,7 @@ def oversampled(rho, lines, top=0.05, bound=0.01):
 def banded(rho, lines, form):
     """All of identify(): (coefficients, margin, width), seconds, Newton systems."""
     import robustid as rid
-    from robustid.solve import structured
+    from robustid.identification.solver import interior_point as structured
 
     problem, systems = oversampled(rho, lines), counted(structured)
     start = time.perf_counter()
@@ -166,7 +167,7 @@ def exponent(sizes, seconds):
 
 def against_peers(full):
     """Table with one row per size; returns name -> [(n, seconds)]."""
-    from robustid.solve import available_solvers
+    from robustid.identification.solver.cvxpy_backend import available_solvers
 
     names = [name for name in PEERS if name in available_solvers()]
     print("margin of n Taylor coefficients, n lines and n/2 time samples; ratios to ours")

@@ -10,8 +10,8 @@ import cvxpy as cp
 import numpy as np
 
 import robustid as rid
-from robustid.certify.consistent_set import consistent_set
-from robustid.interpolation import Functional
+from robustid.guarantees.consistent_set import consistent_set
+from robustid.identification.support_certificate import Functional
 
 
 def problem(light=(17.67, 0.004)):

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robustid.bases import input_normal_pair, solve_stein
-from robustid.interpolation import classical_form
+from robustid.identification.formulation.classical import classical_form
 
 COUNTS = (4, 8, 12, 16, 24, 32, 40, 60, 80)
 DT = 0.01

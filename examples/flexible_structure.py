@@ -14,7 +14,7 @@ import numpy as np
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
-from robustid.identification.simulation import response
+from robustid.core.simulation import response
 from robustid.report import plot_frequency_response, plot_residuals, write_report
 
 # A class has to be named before its prior is asked for; suggest_prior uses neither of these numbers.

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 import robustid as rid
-from robustid.advice.prior import smallest_gain, suggest_prior
+from robustid.advice import suggest_prior
+from robustid.advice.prior import smallest_gain
+from robustid.core.simulation import response, simulate
 from robustid.identification.residuals import largest_ratio
-from robustid.identification.simulation import response, simulate
 from robustid.report.style import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL
 
 BOUND = 0.03  # on every error, in units of the normalised response: the measured noise levels of the paper

@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 
 import robustid as rid
 from robustid.errors import DatasetNotFoundError
-from robustid.mfd.modes import mode_table
-from robustid.mfd.order import suggest_order
+from robustid.mfd import mode_table, suggest_order
 from robustid.report import plot_fit, plot_stabilisation
 
 DT = 1 / 6400

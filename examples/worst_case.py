@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 import robustid as rid
-from robustid.certify import response_tube
-from robustid.identification.simulation import response
+from robustid.core.simulation import response
+from robustid.guarantees import response_tube
 from robustid.report import plot_nyquist, plot_tube, plot_worst_case, write_report
 
 # Between the samples, where nothing was measured: from 0 Hz to the Nyquist frequency, and around the light mode.

@@ -1,6 +1,6 @@
 """``python -m robustid``: the command line."""
 
-from robustid.cli import main
+from robustid.app.cli.main import main
 
 if __name__ == "__main__":
     main()

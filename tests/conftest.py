@@ -7,7 +7,7 @@ import pytest
 os.environ.setdefault("MPLBACKEND", "Agg")
 # The matrices of the tests are small: threads only wait for each other, many times longer on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(pathlib.Path(__file__).parent))
+sys.path.insert(0, str(pathlib.Path(__file__).parent))  # `support`, also where a test runs alone
 
 
 def pytest_collection_modifyitems(items):
@@ -36,21 +36,21 @@ def _no_downloads(tmp_path_factory):
 @pytest.fixture(scope="session")
 def consistent():
     """The identification that most pages are about."""
-    from report_pages import consistent_result
+    from support.report_pages import consistent_result
 
     return consistent_result()
 
 
 @pytest.fixture(scope="session")
 def inconsistent():
-    from report_pages import inconsistent_result
+    from support.report_pages import inconsistent_result
 
     return inconsistent_result()
 
 
 @pytest.fixture(scope="session")
 def simple():
-    from report_pages import simple_result
+    from support.report_pages import simple_result
 
     return simple_result()
 

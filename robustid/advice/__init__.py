@@ -6,7 +6,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
-from robustid.advice.prior import PriorSuggestion, suggest_prior
+from robustid.advice.prior import PriorSuggestion, entry_sizes, possible_rates, response_sizes, suggest_prior
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
@@ -23,7 +23,10 @@ __all__ = [
     "Trial",
     "Variation",
     "diagnose",
+    "entry_sizes",
     "improve_kautz",
+    "possible_rates",
+    "response_sizes",
     "sensitivity",
     "suggest_class",
     "suggest_kautz",

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
 from robustid.advice.kautz import KautzSuggestion
-from robustid.certify import worst_case_error, worst_case_over_poles
-from robustid.certify.pole_cells import PoleCell
+from robustid.core import Frozen, freeze
 from robustid.errors import InputError
-from robustid.identification import Identification, identify
-from robustid.interpolation import MixedProblem, Prior
+from robustid.guarantees import PoleCell, worst_case_error, worst_case_over_poles
+from robustid.identification import Identification, MixedProblem, Prior, identify
 
 _CELLS, _DIRECTIONS = 8, 6
 _AS_GOOD = 1.05  # errors that differ by less do not decide

@@ -8,16 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid._arrays import Frozen
 from robustid.advice.kautz import further_mode
 from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
+from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification import Identification
-from robustid.identification.forms import QUICK_EXACT, pose, sections_of
-from robustid.interpolation import MixedProblem
-from robustid.solve import margin_path
+from robustid.identification import QUICK_EXACT, Identification, MixedProblem, pose, sections_of
+from robustid.identification.solver import margin_path
 
 _log = logging.getLogger("robustid")
 

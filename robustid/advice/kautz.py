@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_count, as_positive, freeze
 from robustid.advice.pole_fit import (
     DAMPING,
     LineData,
@@ -20,6 +19,7 @@ from robustid.advice.pole_fit import (
 )
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import ParametricBasis, kautz
+from robustid.core import Frozen, as_count, as_positive, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 

@@ -9,19 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid._arrays import as_array, as_count
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion, choice, rank
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.certify.consistent_set import check_one_channel
-from robustid.certify.pole_cells import PoleCell, box_of
+from robustid.core import as_array, as_count, response
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
-from robustid.identification import identify
-from robustid.identification.simulation import response
-from robustid.interpolation import MixedProblem, Prior
+from robustid.guarantees import PoleCell, box_of, check_one_channel
+from robustid.identification import MixedProblem, Prior, identify
 
 _log = logging.getLogger("robustid")
 

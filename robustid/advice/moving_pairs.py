@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
 from robustid.bases import ParametricBasis, Sections, kautz, stack_bases
+from robustid.core import Frozen, freeze
 from robustid.errors import InputError
-from robustid.identification.forms import Posed
-from robustid.interpolation import MixedProblem, measurement_rows
+from robustid.identification import MixedProblem, Posed
+from robustid.identification.formulation import measurement_rows
 
 _SAME = 1e-6  # relative: a block that agrees with `kautz` so far was made by it
 _STEP = 1e-4  # of a difference quotient, in the units of `units`

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_count, as_positive
-from robustid.certify import WorstCaseError, response_tube, worst_case_error
-from robustid.certify.consistent_set import check_one_channel
+from robustid.core import as_count, as_positive
 from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
-from robustid.identification import Identification
-from robustid.interpolation import MixedProblem
+from robustid.guarantees import WorstCaseError, check_one_channel, response_tube, worst_case_error
+from robustid.identification import Identification, MixedProblem
 
 _DIRECTIONS, _RTOL = 12, 0.1
 _FREQUENCIES = 24  # of the default candidates, besides those of the parametric poles

@@ -8,18 +8,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_positive, freeze
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import Sections
+from robustid.core import Frozen, as_positive, freeze, threads_for
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification import Identification, identify
-from robustid.identification.forms import Claim, Posed, pose, sections_of
-from robustid.identification.margin import prove_margin
-from robustid.interpolation import MixedProblem
-from robustid.solve import ConvexData, threads_for
+from robustid.identification import (
+    Claim,
+    Identification,
+    MixedProblem,
+    Posed,
+    identify,
+    pose,
+    prove_margin,
+    sections_of,
+)
+from robustid.identification.solver import ConvexData
 
 _log = logging.getLogger("robustid")
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, freeze
 from robustid.advice.sensitivity import default_points, guaranteed
+from robustid.core import Frozen, as_array, freeze
 from robustid.data import TangentialResponse
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
-from robustid.identification.forms import pose, sections_of
-from robustid.interpolation import MixedProblem, Prior
-from robustid.solve import analytic_center, gain_path
+from robustid.identification import MixedProblem, Prior, pose, sections_of
+from robustid.identification.solver import analytic_center, gain_path
 
 _log = logging.getLogger("robustid")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.interpolation import MixedProblem
+from robustid.identification import MixedProblem
 
 KINDS = ("channels", "outputs", "inputs", "entries")
 

@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen
-from robustid.certify import worst_case_error
-from robustid.certify.nominal import as_frequencies
-from robustid.certify.value_set import norm_of_bounds
+from robustid.core import Frozen
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification import identify
-from robustid.interpolation import MixedProblem
+from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
+from robustid.identification import MixedProblem, identify
 
 _POINTS, _DIRECTIONS = 7, 6
 _ABSCISSA = {"gain": "gain_bound", "decay": "decay_rate", "lines": "lines"}

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
+from robustid.core import Frozen, freeze
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

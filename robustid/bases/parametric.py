@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
 from robustid.bases.input_normal import solve_stein
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).

@@ -7,8 +7,8 @@ import functools
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_count
 from robustid.bases.input_normal import InputNormalPair, cascade, line_section
+from robustid.core import Frozen, as_count
 from robustid.errors import InputError
 
 

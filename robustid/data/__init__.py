@@ -1,19 +1,23 @@
 """What was measured: records and responses with bounds on their errors; files, data sets, estimation."""
 
-from robustid.data import datasets
-from robustid.data.conditioning import decimate, detrend, record_problems, sample_time
-from robustid.data.delay import Delay, DelayedModel, estimate_delay, with_delay
+from robustid.data.ellipses import bound_ratio, tilted
+from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
+from robustid.data.estimate.frf import estimate_frf
+from robustid.data.estimate.rest import RestNoise, bounds_from_rest
 from robustid.data.excitation import Excitation, multisine
-from robustid.data.excitation_files import load_excitation
-from robustid.data.files import load, save
 from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.frf import estimate_frf
-from robustid.data.rest import RestNoise, bounds_from_rest
+from robustid.data.io import datasets
+from robustid.data.io.excitation_files import load_excitation
+from robustid.data.io.files import load, save
+from robustid.data.joint_bounds import stacked
+from robustid.data.prepare import decimate, detrend, record_problems, sample_time
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
-from robustid.data.time_record import TimeRecord
+from robustid.data.time_record import INITIAL, PAST, TimeRecord
 
 __all__ = [
+    "INITIAL",
+    "PAST",
     "Delay",
     "DelayedModel",
     "Excitation",
@@ -22,6 +26,7 @@ __all__ = [
     "SimulatedExperiment",
     "TangentialResponse",
     "TimeRecord",
+    "bound_ratio",
     "bounds_from_rest",
     "datasets",
     "decimate",
@@ -35,5 +40,7 @@ __all__ = [
     "record_problems",
     "sample_time",
     "save",
+    "stacked",
+    "tilted",
     "with_delay",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid._arrays import as_array
+from robustid.core import as_array
 from robustid.errors import InputError
 
 _ROUND = 1e-14  # an eigenvalue below this part of the other one is rounding

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.data.crest import low_crest_phases, random_phases, synthesise
-from robustid.data.excited_lines import chosen_lines, given_lines
+from robustid.data.estimate.excited_lines import chosen_lines, given_lines
 from robustid.errors import InputError
 
 
@@ -98,7 +98,7 @@ class Excitation(Frozen):
 
     def save(self, path: str | os.PathLike) -> None:
         """Write ``.csv`` (columns time, u1_exp1, u2_exp1, ..., all periods) or ``.npz``; see `load_excitation`."""
-        from robustid.data.excitation_files import write
+        from robustid.data.io.excitation_files import write
 
         write(path, self)
 

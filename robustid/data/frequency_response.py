@@ -7,9 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid._arrays import as_array, as_bound, as_channels, as_float, as_positive, freeze
-from robustid.data._bounded_response import BoundedResponse
-from robustid.data._lines import (
+from robustid.core import as_array, as_bound, as_channels, as_float, as_positive, freeze
+from robustid.data.bounded_response import BoundedResponse
+from robustid.data.ellipses import as_tilt
+from robustid.data.joint_bounds import as_ellipsoid, as_joint, largest_combination
+from robustid.data.lines import (
     as_bound_kind,
     as_level,
     as_lines,
@@ -18,8 +20,6 @@ from robustid.data._lines import (
     channel_index,
     check_measured,
 )
-from robustid.data.ellipses import as_tilt
-from robustid.data.joint_bounds import as_ellipsoid, as_joint, largest_combination
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_array
+from robustid.core import as_array
 from robustid.data.ellipses import bound_ratio
 from robustid.errors import InputError
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid._arrays import as_array, as_bound, as_channels, freeze
-from robustid.data._lines import Lines, as_bound_kind, as_lines, as_note, as_probability, check_measured
+from robustid.core import as_array, as_bound, as_channels, freeze
 from robustid.data.ellipses import bound_ratio
+from robustid.data.lines import Lines, as_bound_kind, as_lines, as_note, as_probability, check_measured
 from robustid.errors import InputError
 
 _SAME = 1e-12  # sine of an angle between directions that is rounding

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
-from robustid.data._lines import as_bound_kind, channel_index
+from robustid.core import Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
+from robustid.data.lines import as_bound_kind, channel_index
 from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")

@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_positive
 from robustid.bases import Sections
+from robustid.core import as_positive, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.forms import Posed, level_of, pose, sections_of
 from robustid.identification.margin import block_size, check_conic_size, prove_margin, wants_conic
 from robustid.identification.model import nominal_model
+from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
+from robustid.identification.solver.conic import Candidate, ConvexData
+from robustid.identification.solver.cvxpy_backend import solve_conic
+from robustid.identification.solver.paths import analytic_center, gain_path
 from robustid.identification.verification import verify
-from robustid.interpolation import MixedProblem
-from robustid.solve import Candidate, ConvexData, analytic_center, gain_path, solve_conic, threads_for
 
 _log = logging.getLogger("robustid")
 

@@ -9,20 +9,14 @@ import numpy as np
 
 from robustid.bases import Sections, input_normal_pair
 from robustid.errors import InputError, SizeError, Status
+from robustid.identification.certificate import MarginCertificate
+from robustid.identification.formulation.classical import ClassicalForm, classical_form
+from robustid.identification.formulation.functions import MOST_STORED, taylor_tail
+from robustid.identification.formulation.rows import measurement_rows
+from robustid.identification.formulation.sarason import SarasonMap, SectionMap, ShiftMap
+from robustid.identification.problem import MixedProblem
 from robustid.identification.section_choice import demands, shortest_sections
-from robustid.interpolation import (
-    ClassicalForm,
-    MarginCertificate,
-    MixedProblem,
-    SarasonMap,
-    SectionMap,
-    ShiftMap,
-    classical_form,
-    measurement_rows,
-    taylor_tail,
-)
-from robustid.interpolation.functions import MOST_STORED
-from robustid.solve import ConvexData
+from robustid.identification.solver.conic import ConvexData
 
 # The exact form is dense: n^4 work per Newton step. Minutes begin at the second.
 QUICK_EXACT, LARGEST_EXACT = 100, 200

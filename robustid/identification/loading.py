@@ -15,13 +15,15 @@ import numpy as np
 from robustid.bases import ParametricBasis, Sections
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError
+from robustid.identification.certificate import MarginCertificate
 from robustid.identification.forms import Claim, level_of, pose
 from robustid.identification.model import nominal_model
+from robustid.identification.prior import Prior
+from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
+from robustid.identification.solver.conic import Candidate
 from robustid.identification.storage import FORMAT, digest, paths, text_array
 from robustid.identification.verification import verify
-from robustid.interpolation import MarginCertificate, MixedProblem, Prior
-from robustid.solve import Candidate
 
 
 def load_identification(path: str | os.PathLike[str]) -> Identification:

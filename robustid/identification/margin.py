@@ -9,9 +9,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.errors import SizeError, SolverError
+from robustid.identification.certificate import MarginCertificate, certify_margin
 from robustid.identification.forms import Claim, Posed
-from robustid.interpolation import MarginCertificate, SarasonMap, certify_margin
-from robustid.solve import Candidate, margin_path, solve_conic, solver_name
+from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.solver.conic import Candidate
+from robustid.identification.solver.cvxpy_backend import solve_conic, solver_name
+from robustid.identification.solver.paths import margin_path
 
 _log = logging.getLogger("robustid")
 

@@ -10,21 +10,16 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from robustid.identification.contraction import BalancedContraction
 from robustid.identification.forms import Posed, smallest_bound
+from robustid.identification.formulation.functions import taylor_tail
+from robustid.identification.formulation.rows import Rows
+from robustid.identification.hankel import ImpulseReduction, balanced_from_impulse
+from robustid.identification.interpolant import Interpolants, interpolants
+from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
-from robustid.interpolation import (
-    BalancedContraction,
-    ImpulseReduction,
-    Interpolants,
-    MixedProblem,
-    Rows,
-    TaylorInterpolants,
-    balanced_from_impulse,
-    interpolants,
-    taylor_interpolants,
-    taylor_tail,
-)
-from robustid.solve import Candidate
+from robustid.identification.schur import TaylorInterpolants, taylor_interpolants
+from robustid.identification.solver.conic import Candidate
 
 _SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
 _SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are rounding

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, freeze
 from robustid.bases import ParametricBasis
+from robustid.core import Frozen, freeze
 
 _SAME_POLE = 1e-9
 _DEFECTIVE = 1e-6  # of the eigenvectors of both sides: rounding splits those of a Jordan block, and leaves them nearly orthogonal

@@ -7,14 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.data.ellipses import bound_ratio
-from robustid.identification.simulation import responses, simulate
-from robustid.interpolation import MixedProblem
-from robustid.interpolation.assembly import initial_state, measured_entries
-from robustid.interpolation.problem import excited_lines
-from robustid.solve import ConvexData
+from robustid.core import Frozen, freeze, responses, simulate
+from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
+from robustid.identification.formulation.assembly import initial_state, measured_entries
+from robustid.identification.problem import MixedProblem, excited_lines
+from robustid.identification.solver.conic import ConvexData
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -9,19 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
 from robustid.bases import Sections
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.data.ellipses import bound_ratio
+from robustid.core import Frozen, freeze
+from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.identification.certificate import MarginCertificate
 from robustid.identification.forms import Claim, Posed, level_of, pose
+from robustid.identification.interpolant import Interpolants
 from robustid.identification.model import Family, family_of, nominal_model, parametric_values, residue_matrices
 from robustid.identification.modes import Mode, modes_of
+from robustid.identification.prior import Prior, prior_fields
+from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, entry_name
+from robustid.identification.solver.conic import Candidate
 from robustid.identification.storage import save_identification
 from robustid.identification.verification import Verification
-from robustid.interpolation import Interpolants, MarginCertificate, MixedProblem, Prior, prior_fields
-from robustid.solve import Candidate
 
 _MODES = 12  # listed in a summary
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart

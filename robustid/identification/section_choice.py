@@ -10,8 +10,8 @@ import numpy as np
 
 from robustid.bases import Sections
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.interpolation import MixedProblem, taylor_tail
-from robustid.interpolation.problem import excited_lines
+from robustid.identification.formulation.functions import taylor_tail
+from robustid.identification.problem import MixedProblem, excited_lines
 
 _DEGREES = (2, 4, 6, 8)  # eight zeros need about ten percent fewer coefficients than six; more gain little
 _LINES = 200  # that the zeros are chosen for; the number of repetitions is for all

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid._files import atomic_write
 from robustid._version import __version__
 from robustid.bases import Sections
+from robustid.core import atomic_write
 from robustid.errors import InputError
-from robustid.interpolation import MixedProblem, prior_fields
+from robustid.identification.prior import prior_fields
+from robustid.identification.problem import MixedProblem
 
 if TYPE_CHECKING:
     from robustid.identification.result import Identification

@@ -8,13 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import chdtrc
 
-from robustid._arrays import Frozen, freeze
-from robustid.data.ellipses import bound_ratio
-from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.tangential import TangentialResponse
-from robustid.data.time_record import TimeRecord
+from robustid.core import Frozen, freeze, simulate
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
 from robustid.errors import InputError, InputTypeError
-from robustid.identification.simulation import simulate
 
 if TYPE_CHECKING:
     import control

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid.data.ellipses import tilted
+from robustid.core import responses, simulate
+from robustid.data import tilted
 from robustid.identification.forms import Claim, Posed
+from robustid.identification.formulation.functions import line_tails
 from robustid.identification.model import Nominal, family_of, parametric_values, physical_parameters, residue_matrices
+from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, largest, model_residuals
-from robustid.identification.simulation import responses, simulate
-from robustid.interpolation import MixedProblem, line_tails
-from robustid.solve import Candidate, ConvexData
+from robustid.identification.solver.conic import Candidate, ConvexData
 
 
 @dataclasses.dataclass(frozen=True)

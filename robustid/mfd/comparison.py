@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import as_count
-from robustid.bases.krylov_blocks import stacked
-from robustid.bases.vector_polynomials import orthonormal_polynomials, polynomial_nodes
+from robustid.core import as_count
 from robustid.errors import InputError
+from robustid.mfd.krylov_blocks import stacked
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.steps import sk_step
+from robustid.mfd.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 
 (_gejsv,) = scipy.linalg.get_lapack_funcs(("gejsv",), dtype=np.float64)
 BASES = ("monomial", "scaled", "scalar", "orthonormal")
@@ -61,7 +61,7 @@ def sk_in_basis(problem: FractionProblem, denominators: np.ndarray, basis: str) 
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd.criterion import Weight
+    >>> from robustid.mfd import Weight
     >>> omega = np.linspace(10, 90, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 2j * omega + 1600))[:, None, None]
     >>> problem = FractionProblem(omega, values, 2, Weight.relative(values))
@@ -119,7 +119,7 @@ def conditioning(problem: FractionProblem, denominators: np.ndarray, *, steps: i
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd.criterion import Weight
+    >>> from robustid.mfd import Weight
     >>> omega = np.linspace(10, 90, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 2j * omega + 1600))[:, None, None]
     >>> problem = FractionProblem(omega, values, 1, Weight.relative(values))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_count, freeze
-from robustid.bases.vector_polynomials import VectorPolynomials
+from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError, InputTypeError
+from robustid.mfd.vector_polynomials import VectorPolynomials
 
 if TYPE_CHECKING:
     from robustid.mfd.problem import FractionProblem

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, as_array, as_positive, freeze
-from robustid.bases.krylov_blocks import raised
-from robustid.bases.vector_polynomials import VectorPolynomials
+from robustid.core import Frozen, as_array, as_positive, freeze
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction
+from robustid.mfd.krylov_blocks import raised
+from robustid.mfd.vector_polynomials import VectorPolynomials
 
 _LINES_AT_ONCE = 256
 # A pole that moves by this part of the largest motion along directions which the data don't see isn't determined.

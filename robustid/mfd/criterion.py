@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen, as_array, as_float, freeze
+from robustid.core import Frozen, as_array, as_float, freeze
 from robustid.errors import InputError
 
 # Eigenvalues of a covariance below this part of the largest one are rounding, not information.

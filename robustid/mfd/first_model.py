@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_array
+from robustid.core import as_array
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import StateMatrices, response
 from robustid.mfd.iteration import fit_fraction

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Frozen
+from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
@@ -18,7 +18,8 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.first_model import first_model
 from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.model import FractionModel
-from robustid.mfd.problem import FractionProblem, NodeFraction
+from robustid.mfd.node_fraction import NodeFraction
+from robustid.mfd.problem import FractionProblem
 from robustid.mfd.restart import EXTRA, strongest, suspicious
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples

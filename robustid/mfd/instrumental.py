@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robustid.bases.biorthonormal_polynomials import BiorthonormalPolynomials, biorthonormal_polynomials
+from robustid.mfd.biorthonormal_polynomials import BiorthonormalPolynomials, biorthonormal_polynomials
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
 
@@ -39,7 +39,7 @@ def iv_step(problem: FractionProblem, fraction: NodeFraction) -> tuple[NodeFract
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd.criterion import Weight
+    >>> from robustid.mfd import Weight
     >>> from robustid.mfd.steps import gauss_newton_direction, sk_step
     >>> omega = np.linspace(1, 9, 40)
     >>> values = ((1 + 0.1 * np.cos(9 * omega)) / ((1j * omega) ** 2 + 0.2j * omega + 16))[:, None, None]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid._arrays import Frozen
+from robustid.core import Frozen
 from robustid.errors import InputError
 from robustid.mfd.instrumental import iv_step
 from robustid.mfd.node_fraction import Held, NodeFraction, right_divide
@@ -130,7 +130,7 @@ def fit_fraction(
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd.criterion import Weight
+    >>> from robustid.mfd import Weight
     >>> omega = np.linspace(1, 9, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 0.2j * omega + 16))[:, None, None]
     >>> fit = fit_fraction(FractionProblem(omega, values, 2, Weight.relative(values)))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, freeze
+from robustid.core import Frozen, freeze
 from robustid.errors import InputError
-from robustid.identification.validation import check_model
+from robustid.identification import check_model
 
 if TYPE_CHECKING:
     import control

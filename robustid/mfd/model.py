@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, freeze
-from robustid.bases.krylov_blocks import stacked, times_xi
-from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
+from robustid.core import Frozen, freeze
 from robustid.errors import InputError
 from robustid.mfd.chains import StateMatrices, split_rigid
+from robustid.mfd.krylov_blocks import stacked, times_xi
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 
 _LINES_AT_ONCE = 256
 
@@ -148,7 +148,7 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd.criterion import Weight
+    >>> from robustid.mfd import Weight
     >>> from robustid.mfd.iteration import fit_fraction
     >>> omega = np.linspace(1, 9, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 0.2j * omega + 16))[:, None, None]

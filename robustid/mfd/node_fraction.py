@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
+from robustid.core import Frozen, freeze
 
 
 class Held(NamedTuple):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials
 from robustid.errors import InputError
 from robustid.mfd.node_fraction import NOTHING_HELD, Held, NodeFraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials
 
 _FREE = 1e8
 _LINES = 100  # that hold the fraction away from zero; all of them would cost as much as the basis

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import as_count
+from robustid.core import as_count
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.constraints import as_constraints
@@ -95,7 +95,7 @@ def suggest_order(
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> from robustid.mfd.order import suggest_order
+    >>> from robustid.mfd import suggest_order
     >>> s = 1j * np.linspace(1, 9, 60)
     >>> noise = 0.003 * np.exp(1j * np.random.default_rng(0).uniform(0, 7, 60))
     >>> frf = rid.FrequencyResponse(s.imag, (1 + noise) / (s**2 + 0.2 * s + 16))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
+from robustid.core import Frozen, freeze
 from robustid.mfd.fit import MatrixFraction
 
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05

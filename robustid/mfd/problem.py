@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, as_array, as_count, as_positive, freeze
-from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.errors import InputError
 from robustid.mfd.constraints import Condition, orthonormal_rows
 from robustid.mfd.criterion import Weight
 from robustid.mfd.node_fraction import Held, NodeFraction, staircase
 from robustid.mfd.rigid_modes import RigidModes
+from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 
 # A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.
 _EXACT = 1e-10

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, as_array, as_count, freeze
+from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
 from robustid.mfd.chains import StateMatrices, chain, response, sorted_schur
 from robustid.mfd.model import realise

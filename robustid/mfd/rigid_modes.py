@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from robustid._arrays import Frozen, freeze
+from robustid.core import Frozen, freeze
 from robustid.mfd.constraints import Condition
 
 

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid._arrays import as_array, as_count
-from robustid.data import FrequencyResponse
-from robustid.data.joint_bounds import stacked
+from robustid.core import as_array, as_count
+from robustid.data import FrequencyResponse, stacked
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.criterion import Weight
 from robustid.mfd.problem import FractionProblem

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.bases.vector_polynomials import VectorPolynomials, orthonormal_polynomials
 from robustid.errors import InputError
 from robustid.mfd.node_fraction import NOTHING_HELD, Held, NodeFraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials
 
 # Equations that contradict each other leave this much of themselves.
 _CONTRADICTION = 1e-6

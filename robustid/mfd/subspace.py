@@ -8,7 +8,7 @@ import math
 import numpy as np
 import scipy.linalg
 
-from robustid._arrays import Frozen, as_array, as_count, freeze
+from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
 from robustid.mfd.rational_basis import band, pole_choices, rational_krylov, real_rows, triangle
 from robustid.mfd.state_fit import Samples, fit_inputs, output_rows, reflected

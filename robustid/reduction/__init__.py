@@ -1,13 +1,9 @@
 """Smaller models: balanced truncation with its bound, and the continuous model behind a sampled one."""
 
-from robustid.reduction.balanced import (
-    Reduction,
-    ReductionStatus,
-    balanced_truncation,
-    hankel_singular_values,
-)
+from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
 from robustid.reduction.continuous import ContinuousModel, to_continuous
 from robustid.reduction.error_norm import PeakError, hinf_error
+from robustid.reduction.gramians import doubtful_distance, scaled
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 
 __all__ = [
@@ -17,8 +13,10 @@ __all__ = [
     "ReductionStatus",
     "SearchStatus",
     "balanced_truncation",
+    "doubtful_distance",
     "hankel_singular_values",
     "hinf_error",
     "reduce_within_bounds",
+    "scaled",
     "to_continuous",
 ]

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid._arrays import Frozen, as_count, as_float, freeze
+from robustid.core import Frozen, as_count, as_float, freeze
 from robustid.errors import InputError
-from robustid.identification.validation import check_model
+from robustid.identification import check_model
 from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, scaled, split
 from robustid.reduction.limited import limited
 

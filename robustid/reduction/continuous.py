@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid._arrays import Frozen
+from robustid.core import Frozen
 from robustid.errors import InputError
-from robustid.identification.validation import check_model, describe_poles
-from robustid.reduction.balanced import doubtful_distance, scaled
+from robustid.identification import check_model, describe_poles
+from robustid.reduction.gramians import doubtful_distance, scaled
 
 if TYPE_CHECKING:
     import control

@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from scipy.optimize import minimize_scalar
 
 from robustid.errors import InputError
-from robustid.identification.validation import check_model
+from robustid.identification import check_model
 from robustid.reduction.gramians import Parts, split
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from robustid.errors import InputError
-from robustid.identification.validation import describe_poles
+from robustid.identification import describe_poles
 
 _EPS = np.finfo(float).eps
 

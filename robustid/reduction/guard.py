@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import responses
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
-from robustid.identification.simulation import responses
 
 _GRID = 1024  # angles equally spaced, and as many, a constant ratio apart, below the first of them
 _SOME = 40  # lines that are added with the first

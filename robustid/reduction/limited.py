@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid._arrays import as_array, as_positive
+from robustid.core import as_array, as_positive
 from robustid.errors import InputError
-from robustid.identification.validation import check_model, describe_poles
+from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable, scaled
 
 _EPS = np.finfo(float).eps

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.solve.ball import DenseMap, SymmetricBall
-from robustid.solve.design import DenseDesign
-from robustid.solve.discs import Cones
-from robustid.solve.structured import Limits, Program, path, start
+from robustid.identification.solver import Cones, DenseDesign, DenseMap, Limits, Program, SymmetricBall, path, start
 
 _RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
 _GAP = 1e-4  # relative, of the maximum

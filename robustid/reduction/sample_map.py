@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.data.ellipses import tilted
-from robustid.interpolation import MixedProblem
-from robustid.interpolation.assembly import initial_state, measured_entries
-from robustid.interpolation.problem import excited_lines
+from robustid.data import FrequencyResponse, TimeRecord, tilted
+from robustid.identification import MixedProblem, excited_lines
+from robustid.identification.formulation import initial_state, measured_entries
 
 Signals = list[np.ndarray]
 

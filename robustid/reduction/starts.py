@@ -11,7 +11,7 @@ import scipy.linalg
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification
-from robustid.mfd.subspace import subspace_estimate
+from robustid.mfd import subspace_estimate
 from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.minimax import orthonormal_columns
 from robustid.reduction.refinement import Fit, Pair, moved, pole_columns, pole_functions, with_poles

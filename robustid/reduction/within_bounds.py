@@ -11,8 +11,7 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import Identification
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import Identification, largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations

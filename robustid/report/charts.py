@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import responses as values_at
+from robustid.core import simulate
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import Identification
-from robustid.identification.residuals import Residual, model_residuals
-from robustid.identification.simulation import responses as values_at
-from robustid.identification.simulation import simulate
-from robustid.identification.validation import check_model
+from robustid.identification import Identification, Residual, check_model, model_residuals
 from robustid.report.facts import started, transfer, unit_label
 from robustid.report.style import DATA, FAINT, NOMINAL, further, number
 

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.identification import Identification
-from robustid.identification.residuals import Residual, model_residuals
+from robustid.identification import Identification, Residual, model_residuals
 from robustid.report.charts import HZ, Axis, Chart, Layer, Models, Panel, band, curves, hertz
 from robustid.report.facts import transfer, unit, where
 from robustid.report.poles import PoleRow, pole_table

@@ -9,8 +9,7 @@ import numpy as np
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import Status
-from robustid.identification import Identification
-from robustid.identification.residuals import Residual, largest_ratio
+from robustid.identification import Identification, Residual, largest_ratio
 from robustid.report.poles import delay_words, describe_pole, pole_rows
 from robustid.report.style import number
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data.frf_bounds import joint_radius
+from robustid.data.estimate import joint_radius
 from robustid.report.facts import Verdict, bound_source, joint_words
 from robustid.report.frf_view import FrfView
 from robustid.report.style import number

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.data.frf_bounds import variances
+from robustid.data.estimate import variances
 from robustid.errors import InputError, InputTypeError
 
 _SAME_STEP = 1e-6

@@ -11,8 +11,8 @@ import platform
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robustid._files import atomic_write
 from robustid._version import __version__
+from robustid.core import atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.identification import Identification
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Sensitivity
-    from robustid.certify import PoleBand, ResponseTube, WorstCaseError
     from robustid.data import TimeRecord
-    from robustid.mfd.order_sweep import OrderSweep
+    from robustid.guarantees import PoleBand, ResponseTube, WorstCaseError
+    from robustid.mfd import OrderSweep
     from robustid.reduction import Reduction
 
 __all__ = ["page", "plotly_figure", "render_report", "write_report"]
@@ -240,7 +240,7 @@ def _guarantees(
     sensitivity: Sensitivity | None,
 ) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
     """Figures of what is guaranteed, by the name of their chart, and what the templates of the sections are given."""
-    from robustid.certify import PoleBand, ResponseTube, WorstCaseError
+    from robustid.guarantees import PoleBand, ResponseTube, WorstCaseError
 
     check, found, drawn, guaranteed = worst_case_facts.checked, [], {}, None
     if worst_case is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.mfd.modal import continuous
+from robustid.mfd import continuous
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, phase_curves, with_gaps
 from robustid.report.facts import unit_label
 from robustid.report.mfd_facts import with_deviation

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.mfd import FitStatus
-from robustid.mfd.modes import ModeRow
-from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd import FitStatus, ModeRow, OrderSweep
 from robustid.report.facts import Verdict
 from robustid.report.mfd_view import FitView
 from robustid.report.style import number

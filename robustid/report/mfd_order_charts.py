@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.errors import InputTypeError
-from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd import OrderSweep
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel
 from robustid.report.mfd_charts import frequency_axis, rounded, thinned
 from robustid.report.style import ALERT, DATA, FAINT, FURTHER, NOMINAL

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robustid.data import FrequencyResponse
-from robustid.mfd import MatrixFraction
-from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.report import mfd_charts, mfd_facts, mfd_order_charts
 from robustid.report.grids import grid_of
 from robustid.report.html import page

@@ -13,8 +13,7 @@ from robustid.report.plots import draw
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from robustid.mfd import MatrixFraction
-    from robustid.mfd.order_sweep import OrderSweep
+    from robustid.mfd import MatrixFraction, OrderSweep
 
 
 def plot_fit(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Figure:
@@ -101,7 +100,7 @@ def plot_orders(order_sweep: OrderSweep) -> Figure:
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> from robustid.mfd.order import suggest_order
+    >>> from robustid.mfd import suggest_order
     >>> s = 1j * np.linspace(1, 9, 60)
     >>> noise = 0.003 * np.exp(1j * np.random.default_rng(0).uniform(0, 7, 60))
     >>> frf = rid.FrequencyResponse(s.imag, (1 + noise) / (s**2 + 0.2 * s + 16))
@@ -119,7 +118,7 @@ def plot_stabilisation(order_sweep: OrderSweep) -> Figure:
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> from robustid.mfd.order import suggest_order
+    >>> from robustid.mfd import suggest_order
     >>> s = 1j * np.linspace(1, 9, 60)
     >>> noise = 0.003 * np.exp(1j * np.random.default_rng(0).uniform(0, 7, 60))
     >>> frf = rid.FrequencyResponse(s.imag, (1 + noise) / (s**2 + 0.2 * s + 16))

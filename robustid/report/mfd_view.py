@@ -8,14 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from robustid._arrays import Channel, as_channels
+from robustid.core import Channel, as_channels
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification.verification import Check
-from robustid.mfd import FitStatus, MatrixFraction
-from robustid.mfd.covariance import FitCovariance, fit_covariance
-from robustid.mfd.modal import curve_points, resolvent
-from robustid.mfd.modes import ModeRow, mode_table
+from robustid.identification import Check
+from robustid.mfd import (
+    FitCovariance,
+    FitStatus,
+    MatrixFraction,
+    ModeRow,
+    curve_points,
+    fit_covariance,
+    mode_table,
+    resolvent,
+)
 
 _BLOCK = 128  # frequencies evaluated at once: memory grows with states^2 times this
 # The realisation reproduces the fraction to 1e-8 at the worst line of noisy 4 x 4 data of order 40.

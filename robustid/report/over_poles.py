@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.certify import PoleBand, WorstCaseError
-from robustid.certify.pole_cells import AMPLITUDE
-from robustid.identification.simulation import response
+from robustid.core import response
+from robustid.guarantees import AMPLITUDE, PoleBand, WorstCaseError
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, frequency_chart
 from robustid.report.facts import Verdict, transfer, unit
 from robustid.report.style import ALERT, FAINT, FURTHER, number

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.errors import InputError
-from robustid.identification.validation import check_model
+from robustid.identification import check_model
 from robustid.report.style import number
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.certify import ResponseTube
-from robustid.identification.simulation import simulate
+from robustid.core import simulate
+from robustid.guarantees import ResponseTube
 from robustid.report.charts import Axis, Chart, Layer, Panel
 from robustid.report.facts import Verdict, unit
 from robustid.report.style import DATA, MARKERS, NOMINAL, number

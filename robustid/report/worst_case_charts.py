@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from robustid.certify import PoleBand, ValueSet, WorstCaseError
 from robustid.data import FrequencyResponse
-from robustid.interpolation import MixedProblem
+from robustid.guarantees import PoleBand, ValueSet, WorstCaseError
+from robustid.identification import MixedProblem
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_charts, responses, shown_band
 from robustid.report.facts import transfer, unit_label
 from robustid.report.matrix_charts import LARGEST, sigma_chart, sigma_unit

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.certify import WorstCaseError
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import Identification
-from robustid.identification.storage import describe, digest
+from robustid.guarantees import WorstCaseError
+from robustid.identification import Identification, describe, digest
 from robustid.report.facts import CAUTION, Verdict, transfer, unit
 from robustid.report.style import number
 from robustid.report.worst_case_charts import bounded_model

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robustid.certify import ResponseTube, WorstCaseError
 from robustid.errors import InputTypeError
+from robustid.guarantees import ResponseTube, WorstCaseError
 from robustid.report import worst_case_charts as charts
 from robustid.report.matrix_charts import lighter, side_by_side
 from robustid.report.plots import draw
@@ -93,7 +93,7 @@ def plot_tube(tube: ResponseTube) -> Figure:
     Examples
     --------
     >>> import robustid as rid
-    >>> from robustid.certify import response_tube
+    >>> from robustid.guarantees import response_tube
     >>> record = rid.TimeRecord([1.0, 1.0], [0.5, 0.7], dt=0.1, bound=0.01, outputs=["angle [rad]"])
     >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=2.0)))
     >>> figure = plot_tube(response_tube(result, input="step", horizon=4))

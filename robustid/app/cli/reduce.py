@@ -1,0 +1,131 @@
+"""robustid reduce: a smaller model, inside the bounds of the data or with a known distance to the one given."""
+
+from __future__ import annotations
+
+import pathlib
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from robustid.app.cli import terminal
+from robustid.app.cli.steps import in_words, say_written, sources
+from robustid.app.cli.terminal import plain, step
+from robustid.errors import InputError
+
+Path = pathlib.Path
+_SMALLER = Path("reduced.npz")
+_OPTIONS = {name: f"--{name}" for name in ("order", "tol", "horizon", "weight")}
+_OPTIONS |= {"band_hz": "--band", "unstable": "--keep-unstable", "model": "the model"}
+
+
+def reduce(
+    source: Annotated[
+        Path, typer.Argument(help="A saved identification, or a model: .npz or .mat with A, B, C, D, dt.")
+    ],
+    order: Annotated[int | None, typer.Option(help="Number of states to keep.")] = None,
+    tol: Annotated[
+        float | None, typer.Option(help="Error bound, relative to the largest Hankel singular value.")
+    ] = None,
+    band: Annotated[
+        str | None, typer.Option(help="LOW:HIGH in Hz: only these frequencies count. Needs --order.")
+    ] = None,
+    horizon: Annotated[
+        float | None, typer.Option(help="Only the first so many seconds of the response count. Needs --order.")
+    ] = None,
+    weight: Annotated[
+        Path | None,
+        typer.Option(help="A model (.npz or .mat) that weights the error at the outputs. Needs --order."),
+    ] = None,
+    static_gain: Annotated[
+        bool, typer.Option("--static-gain", help="Keep the gain at frequency zero exactly.")
+    ] = False,
+    keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = _SMALLER,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
+
+    A saved identification alone is searched for its smallest order inside the bounds. A model, or an identification with any
+    option that says how, is truncated: the a-priori error bound stands beside the true largest error over all frequencies.
+
+    [bold]Example[/bold]: robustid reduce plant.mat --order 12 --band 5:200 --static-gain -o small.mat
+
+    Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable (it is written all the same); 2 misuse, 70 an
+    error of the program, 130 interrupted.
+    """
+    from robustid.data.io import load_model, save_model
+    from robustid.reduction import ReductionStatus
+
+    if output.suffix.lower() not in (".npz", ".mat"):
+        raise InputError(f"--output {output} must end in .npz or .mat")
+    limits: dict[str, Any] = {"band_hz": None if band is None else _band(band), "horizon": horizon}
+    terminal.check_outputs([output], [*sources(source), *([weight] if weight else [])], force)
+    if weight is not None:
+        limits["weight"] = load_model(weight)
+    console = terminal.console()
+    identification = _load_identification(source)
+    asked = {"order": order, "tol": tol, "match": "static gain" if static_gain else None, **limits}
+    if identification is not None and all(value is None for value in asked.values()):
+        reduction = _within_bounds(console, identification)
+    else:
+        model = load_model(source) if identification is None else identification.model
+        asked["unstable"] = "keep" if keep_unstable or identification is not None else "refuse"
+        with in_words(_OPTIONS):
+            reduction = _truncated(console, model, asked)
+        if identification is not None:
+            _say_margin(console, identification, reduction)
+    save_model(reduction.model, output)
+    say_written(console, output)
+    raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
+
+
+def _band(text: str) -> tuple[float, float]:
+    try:
+        low, high = (float(number) for number in text.split(":"))
+    except ValueError:
+        raise InputError(f"--band must be LOW:HIGH in Hz, such as 5:200 or 5:inf; got {text!r}") from None
+    return low, high
+
+
+def _within_bounds(console: Any, identification: Any) -> Any:
+    from robustid.reduction import reduce_within_bounds
+
+    with step(console, "searching for the smallest order"):
+        reduction = reduce_within_bounds(identification)
+    for tried, margin in reduction.tried:
+        console.print(f"order {tried:3d}: {margin:.4g} of what is allowed", highlight=False)
+    console.print(f"order {reduction.order}: {reduction.status.value}", highlight=False)
+    return reduction
+
+
+def _truncated(console: Any, model: Any, asked: dict[str, Any]) -> Any:
+    from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
+
+    with step(console, f"truncating {model.nstates} states"):
+        reduction = balanced_truncation(model, **asked)
+    console.print(f"order {reduction.order} of {model.nstates}: {reduction.status.value}", highlight=False)
+    if np.isfinite(reduction.bound):
+        console.print(f"error at most {reduction.bound:.6g}, in units of the response", highlight=False)
+    if reduction.status not in (ReductionStatus.UNREDUCED, ReductionStatus.UNSTABLE):
+        with step(console, "largest error over all frequencies"):
+            error = hinf_error(model, reduction.model)
+        # Between the stable parts: the unstable ones are kept as they are.
+        where = "at infinite frequency" if np.isinf(error.omega) else f"at {error.omega / (2 * np.pi):.4g} Hz"
+        console.print(f"largest error over all frequencies: {error.value:.6g}, {where}", highlight=False)
+    return reduction
+
+
+def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
+    from robustid.identification import largest_ratio
+
+    margin = largest_ratio(identification.problem, reduction.model)
+    verdict = "all samples inside" if margin <= 1 else "outside somewhere"
+    console.print(plain(f"largest |residual|/bound {margin:.4g}: {verdict}"), highlight=False)
+
+
+def _load_identification(path: Path) -> Any:
+    """The saved identification at `path`; None where the file is a plain model."""
+    from robustid.identification import load_identification, paths
+
+    return load_identification(path) if paths(path)[1].exists() else None

@@ -1,0 +1,97 @@
+"""robustid report: the page of a saved identification, with what was guaranteed of it."""
+
+from __future__ import annotations
+
+import pathlib
+from typing import Annotated, Any
+
+import typer
+
+from robustid.app.cli import terminal
+from robustid.app.cli.steps import EXIT, repeat_warnings, say_written, sources
+from robustid.app.cli.terminal import step
+from robustid.errors import InputError
+
+Path = pathlib.Path
+_PAGE = Path("report.html")
+
+
+def report(
+    source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
+    bounds: Annotated[
+        list[Path] | None,
+        typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable."),
+    ] = None,
+    steps: Annotated[
+        int | None, typer.Option("--step", min=1, help="Add the guaranteed range of the step response over N samples.")
+    ] = None,
+    sensitivity: Annotated[
+        bool,
+        typer.Option(
+            "--sensitivity", help="Add how the guarantee moves with the assumptions and with the number of lines."
+        ),
+    ] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = _PAGE,
+    title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
+    reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Write the report of a saved identification again; its claims are verified again from the numbers.
+
+    [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
+    """
+    from robustid.identification import load_identification
+    from robustid.reduction import reduce_within_bounds
+    from robustid.report import render_summary, write_report
+
+    inputs = [path for name in (source, *(bounds or [])) for path in sources(name)]
+    terminal.check_outputs([output], inputs, force)
+    console = terminal.console()
+    result = load_identification(source)
+    shown = _bounds(bounds or [], result)
+    reduction = None
+    if reduce:
+        with step(console, "searching for the smallest order"):
+            reduction = reduce_within_bounds(result)
+    if steps is not None:
+        shown["tube"] = _tube(console, result, steps)
+    if sensitivity:
+        shown["sensitivity"] = _sensitivity(console, result.problem)
+    with step(console, "verifying every certificate"):
+        write_report(result, output, reduction=reduction, title=title, **shown)
+    console.print(render_summary(result, reduction))
+    say_written(console, output)
+    repeat_warnings(console, result)
+    raise typer.Exit(EXIT[result.status])
+
+
+def _bounds(files: list[Path], result: Any) -> dict[str, Any]:
+    """What was saved of the identification, by the argument of `write_report` that takes it."""
+    from robustid.app.cli.certify import saved_format
+    from robustid.guarantees import FORMAT_POLES, load_pole_band, load_worst_case_error
+    from robustid.report import same
+
+    found: dict[str, Any] = {}
+    for file in files:
+        over_poles = saved_format(file) == FORMAT_POLES
+        name, load = ("over_poles", load_pole_band) if over_poles else ("worst_case", load_worst_case_error)
+        if name in found:
+            raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
+        found[name] = load(file)
+        if not same(found[name].identification, result):
+            raise InputError(f"--bounds {file} is about another identification than the one reported")
+    return found
+
+
+def _tube(console: Any, result: Any, samples: int) -> Any:
+    from robustid.guarantees import response_tube
+
+    with step(console, "bounding the step response"):
+        return response_tube(result, input="step", horizon=samples)
+
+
+def _sensitivity(console: Any, problem: Any) -> Any:
+    from robustid.advice import sensitivity
+
+    with step(console, "bounding the error under other assumptions"):
+        return sensitivity(problem)

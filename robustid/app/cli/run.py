@@ -1,0 +1,112 @@
+"""robustid run: from a run file to a folder with the report and everything in it."""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from robustid.app.cli import terminal
+from robustid.app.cli.certify import _counted
+from robustid.app.cli.steps import EXIT, in_words, repeat_warnings, say_written, shown
+from robustid.app.cli.terminal import plain
+
+Path = pathlib.Path
+_WORDS = {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
+# Not as arguments of Python, nor as options of other commands: keys of the run file.
+_WORDS |= {
+    name: name
+    for name in ("dt", "order", "repeat", "delay", "accuracy", "solver", "gain_bound", "decay_rate", "scaling")
+}
+_WORDS |= {"unit": "unit", "frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
+
+
+def run(
+    config: Annotated[Path, typer.Argument(help="The run file, TOML.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results. Default: the name of the run file.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run in that folder.")] = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of processes for the worst-case error. Default: one.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
+) -> None:
+    r"""Everything that a run file says: records, response, bounds, class, proof, small model, its error, report.
+
+    What the file does not say, the program chooses; FOLDER/run.toml then says everything, with reasons, and gives the same again.
+    A run file names data and, where you want it otherwise, choices:
+
+        title = "Motor bench"
+        channel = ["angle", "current"]   # \[output, input]: one entry; all of the matrix without it
+
+        [\[record]]                       # once for each: a file, or a dataset
+        file = "bench.csv"
+        use = "response"                 # or "samples", or "rest"
+        start = 1.0                      # s
+
+        [\[frequency]]                    # a response measured elsewhere
+        file = "frf.csv"
+        bound = 0.01
+
+        \[estimate]                       # records to a response
+        period = 2500
+        \[lines]
+        band_hz = [5.0, 200.0]
+        every = 2                        # the others test the result
+        \[modes]
+        hz = [17.67]
+        damping = [0.004]
+        \[prior]
+        gain_bound = 0.2
+        decay_rate = 1.1
+        \[identify]
+        inflate = "auto"                 # or a number; 1 without it
+        \[worst_case]
+        over_poles = true
+
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
+    70 an error of the program, 130 interrupted.
+    """
+    from robustid.app import pipeline
+    from robustid.report import render_summary
+
+    folder = output or Path(config.stem)
+    console = terminal.console()
+    try:
+        with in_words(_WORDS), shown(console, f"reading {config}") as show:
+            result = pipeline.run(
+                config,
+                folder,
+                resume=resume,
+                force=force,
+                executor=None if workers in (None, 1) else workers,
+                progress=_told(show),
+            )
+    except KeyboardInterrupt:
+        if (folder / "run.toml").exists():
+            terminal.warn(
+                console, f"what is finished is in {folder}: the same command with --resume goes on from there"
+            )
+        raise
+    console.print(render_summary(result.identification, result.reduction))
+    for finding in result.findings:
+        console.print("\n" + plain(finding), highlight=False, soft_wrap=True)
+    say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
+    repeat_warnings(console, result.identification)
+    raise typer.Exit(EXIT[result.identification.status])
+
+
+def _told(show: Callable[[str], None]) -> Callable[..., None]:
+    """One line for every step, and at most ten for what is counted."""
+    counters: dict[str, Any] = {}
+
+    def say(text: str, done: int | None = None, count: int | None = None) -> None:
+        if done is None or count is None:
+            show(text)
+        else:
+            counters.setdefault(text, _counted(show, text))(done, count)
+
+    return say

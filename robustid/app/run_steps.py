@@ -1,0 +1,221 @@
+"""The steps of a run: each reads its choices from the run file and writes there those that it makes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from robustid.advice import entry_sizes, possible_rates, response_sizes, suggest_kautz, suggest_prior, suggest_scaling
+from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, Modes, PriorChoice, RunFile
+from robustid.app.sources import Measured
+from robustid.bases import ParametricBasis, kautz
+from robustid.data import FrequencyResponse
+from robustid.identification import (
+    Identification,
+    MixedProblem,
+    Prior,
+    Validation,
+    identify,
+    model_residuals,
+    prior_fields,
+)
+
+SPARE = 1.1  # beyond the smallest inflation of the bounds
+_MOST_NAMED = 6
+
+
+class Say(Protocol):
+    """Where progress goes: what is done now, and how much of it is."""
+
+    def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
+        """Say it."""
+
+
+def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
+    """The poles of the parametric part, from the response where they aren't stated."""
+    if run.modes.hz is not None:
+        return run if run.modes.delay is not None else run.changed("modes", delay=1)
+    if not data.responses:
+        note = "No parametric part: there is no frequency response to take modes from."
+        return run.changed("modes", hz=(), damping=(), delay=1, note=note)
+    say("looking for modes in the frequency response")
+    chosen = run.modes
+    found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
+    box: dict[str, Any] = {}
+    if found.omega.size:
+        box = {
+            "hz_interval": _pairs(found.omega_interval / (2 * np.pi)),
+            "damping_interval": _pairs(found.damping_interval),
+        }
+    modes = Modes(
+        hz=tuple((found.omega / (2 * np.pi)).tolist()),
+        damping=tuple(found.damping.tolist()),
+        repeat=chosen.repeat,
+        delay=found.delay,
+        note=MODES_NOTE + found.summary(),
+        **box,
+    )
+    return dataclasses.replace(run, modes=modes)
+
+
+def _pairs(intervals: np.ndarray) -> tuple:
+    return tuple(tuple(pair) for pair in intervals.tolist())
+
+
+def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
+    """The Kautz pairs that the run file states; None for none."""
+    if not modes.hz:
+        return None
+    omega = 2 * np.pi * np.array(modes.hz)
+    return kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0)
+
+
+def chosen_lines(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
+    """The lines that are used, and those that are left to test with."""
+    used = np.arange(frf.omega.size) % run.lines.every == 0
+    if run.lines.near_hz is not None:
+        for hz in run.modes.hz or ():
+            used |= np.abs(frf.freq_hz - hz) <= run.lines.near_hz
+    return frf.select(used), None if used.all() else frf.select(~used)
+
+
+def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
+    """The factor on all bounds: as stated, or 10 % more than a reference class needs, never below 1."""
+    if run.identify.inflate != "auto":
+        return run
+    say("looking for the smallest factor on the bounds")
+    reference, what = _reference(run, problem)
+    margin = identify(dataclasses.replace(problem, prior=reference)).margin
+    factor = max(1.0, SPARE * float(margin))
+    note = (
+        f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in |z| < {reference.decay_rate:.5g}) needs them"
+        f" {margin:.4g} times as large. "
+        + (
+            "They are left as they are."
+            if factor == 1
+            else f"All are multiplied by {factor:.4g}"
+            f' (that and {100 * (SPARE - 1):.0f} %), as inflate = "auto" asks: every result holds for these wider bounds only.'
+        )
+    )
+    return run.changed("identify", inflate=factor, inflate_note=note)
+
+
+def placeholder(run: RunFile, data: Measured) -> Prior:
+    """A prior of no meaning but its scaling: as stated, or the sizes of the channels where the class isn't stated."""
+    if run.prior.gain_bound is None and run.prior.scaling is None:
+        return default_prior((*data.responses, *data.records))
+    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=run.prior.scaling)
+
+
+def default_prior(data: Sequence[Any]) -> Prior:
+    """A prior of no meaning but its scaling, the sizes of several channels."""
+    several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
+    scaling = suggest_scaling(data) if several else None
+    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=scaling)
+
+
+def _stated(run: RunFile) -> Prior | None:
+    gain, decay = run.prior.gain_bound, run.prior.decay_rate
+    if gain is None or decay is None:
+        return None
+    return Prior(gain_bound=gain, decay_rate=decay, scaling=run.prior.scaling)
+
+
+def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
+    """A class that says something: the prior that is stated, or a rest that is not larger than the data and decays."""
+    if (stated := _stated(run)) is not None:
+        return stated, "the class as stated"
+    sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
+    small = run.modes.hz and sizes.size
+    size = float(np.median(sizes)) if small else response_sizes(problem)[0]
+    rates = possible_rates(problem)
+    words = "the modes beside a rest as large as the median response" if small else "a rest as large as the response"
+    return dataclasses.replace(problem.prior, gain_bound=size, decay_rate=float(rates[len(rates) // 2])), words
+
+
+def inflated(data: Any, run: RunFile) -> Any:
+    """Data with all bounds multiplied by the factor of the run file, which their note says."""
+    factor = run.identify.inflate
+    if factor == 1:
+        return data
+    why = "as the program found" if run.identify.inflate_note else "as stated"
+    note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
+    if not isinstance(data, FrequencyResponse) or data.joint == "entry":
+        return data.with_bound(factor * data.bound, note)
+    wider: dict[str, Any] = {"bound": factor * data.bound, "note": note, "bound_kind": "hard", "probability": None}
+    if data.ellipsoid is not None:
+        wider |= {"ellipsoid": float(factor) ** 2 * data.ellipsoid}
+    return dataclasses.replace(data, **wider)
+
+
+def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, Prior]:
+    """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted."""
+    if (stated := _stated(run)) is not None:
+        return run, stated
+    say("looking for a prior")
+    found = suggest_prior(problem)
+    chosen, note = found.prior, PRIOR_NOTE + found.summary()
+    if chosen is None or chosen.gain_bound > found.safety * response_sizes(problem)[0]:
+        chosen, what = _reference(run, problem)
+        note += (
+            f"\nNot taken: a rest larger than every response says nothing. In its place {what}: |G| <= {chosen.gain_bound:.4g} in"
+            f" |z| < {chosen.decay_rate:.5g}"
+        )
+    return dataclasses.replace(run, prior=PriorChoice(**prior_fields(chosen), note=note)), chosen
+
+
+def sample_words(identification: Identification, model: Any, order: int) -> str:
+    """Whether a model keeps all samples, or which not."""
+    problem = identification.problem
+    residuals = model_residuals(problem, model)
+    outside = [
+        (float(ratio), _place(residual.kind, float(at), of_entry(problem, *residual.entry)))
+        for residual in residuals
+        for at, ratio in zip(residual.axis, residual.ratio, strict=True)
+        if ratio > 1 + 1e-5
+    ]
+    total = sum(residual.axis.size for residual in residuals)
+    largest = max(float(residual.ratio.max()) for residual in residuals)
+    if not outside:
+        return f"The model of order {order} keeps all {total} samples within their bounds (largest |residual|/bound {largest:.4g})."
+    return (
+        f"The model of order {order} leaves {len(outside)} of {total} samples outside their bounds: {_named(outside)}."
+    )
+
+
+def unused_words(validation: Validation) -> str:
+    """What lines that were not used say of the small model."""
+    data: Any = validation.data
+    ratio = data.ratio(validation.residuals)
+    joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
+    outside = []
+    for k, i, j in np.argwhere(ratio > 1):
+        entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
+        place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
+        outside.append((float(ratio[k, i, j]), place))
+    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
+    text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
+    if not outside:
+        return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
+    return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
+
+
+def of_entry(data: Any, output: int | None, input: int | None) -> str:
+    """Which entry, output or column a sample is of, where there are several."""
+    if len(data.outputs) == len(data.inputs) == 1:
+        return ""
+    parts = [str(side[k].name) for side, k in ((data.outputs, output), (data.inputs, input)) if k is not None]
+    return f" ({' / '.join(parts)})" if parts else ""
+
+
+def _place(kind: str, at: float, of: str = "") -> str:
+    return (f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s") + of
+
+
+def _named(outside: list[tuple[float, str]]) -> str:
+    largest = sorted(outside, reverse=True)[:_MOST_NAMED]
+    text = ", ".join(f"{place} ({ratio:.4g} bounds)" for ratio, place in largest)
+    return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")

@@ -1,0 +1,209 @@
+"""From the files that a run file names to bounded responses and records: all channels, or one entry."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.app.run_file import DELAY_NOTE, RecordSource, RunFile
+from robustid.data import (
+    FrequencyResponse,
+    TimeRecord,
+    bounds_from_rest,
+    datasets,
+    decimate,
+    detrend,
+    estimate_delay,
+    estimate_frf,
+    load,
+)
+from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.identification import digest
+
+Say = Callable[[str], None]
+
+
+class Measured(NamedTuple):
+    """What was measured, with bounds."""
+
+    responses: tuple[FrequencyResponse, ...]
+    records: tuple[TimeRecord, ...]
+
+
+def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
+    """All data of a run file, read from `folder`, and the run file with what was read and chosen."""
+    _check_files(run, folder)
+    found, records = [], []
+    for k, source in enumerate(run.record, start=1):
+        name = source.file or source.dataset
+        raw = _named(f"[[record]] {k}, {name}", lambda source=source: _read_record(source, folder))
+        made = _named(f"[[record]] {k}, {name}", lambda source=source, raw=raw: [_prepared(r, source) for r in raw])
+        say(f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}")
+        explicit = _with_past(source, raw[0])
+        found.append(_with_digest(explicit, raw, f"[[record]] {k}, {name}"))
+        records.append((source.use, made))
+    responses, sources = [], []
+    for k, source in enumerate(run.frequency, start=1):
+        place = f"[[frequency]] {k}, {source.file}"
+        given = {"fields": source.fields, "dt": source.dt, "bound": source.bound, "frequency_unit": source.unit}
+        frf = _named(
+            place, lambda source=source, given=given: load(folder / str(source.file), kind="frequency", **given)
+        )
+        say(f"read {source.file}: {frf.omega.size} lines")
+        sources.append(_with_digest(source, [frf], place))
+        responses.append(_sampled(frf, place))
+    run = dataclasses.replace(run, record=tuple(found), frequency=tuple(sources))
+    run = _with_method(run, records)
+    estimated, samples = _bounded(run, records)
+    if run.channel is not None:
+        responses = [frf.channel(*run.channel) for frf in [*estimated, *responses]]
+        samples = [record.channel(*run.channel) for record in samples]
+    else:
+        responses = [*estimated, *responses]
+    data = Measured(tuple(responses), tuple(samples))
+    run, data = _without_delay(run, data)
+    if run.lines.band_hz is not None:
+        data = data._replace(responses=tuple(frf.band(*run.lines.band_hz) for frf in data.responses))
+    return run, data
+
+
+def _check_files(run: RunFile, folder: Path) -> None:
+    for source in (*run.record, *run.frequency):
+        if source.file is not None and not (folder / source.file).is_file():
+            raise InputError(f"there is no file {folder / source.file}; names are seen from the folder of the run file")
+
+
+def _named(place: str, build: Callable[[], Any]) -> Any:
+    """Say of which source a sentence is."""
+    try:
+        return build()
+    except (InputError, InputTypeError, FileFormatError) as error:
+        raise type(error)(f"{place}: {error}") from None
+
+
+def _read_record(source: RecordSource, folder: Path) -> list[TimeRecord]:
+    options = {
+        name: value for name in ("fields", "dt", "bound", "initial") if (value := getattr(source, name)) is not None
+    }
+    if source.file is not None:
+        found: Any = load(folder / source.file, kind="time", **options)
+        return [found]
+    found = datasets.load(str(source.dataset), **options)
+    found = found if isinstance(found, list) else [found]
+    if not all(isinstance(record, TimeRecord) for record in found):
+        raise InputError("this data set is a model, not a record")
+    return found
+
+
+def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:
+    """The source with the digest of what was read; refused where it was made with other data."""
+    names = ("u", "y", "reference", "omega", "values", "bound")
+    arrays = {f"{k}/{n}": a for k, d in enumerate(data) for n in names if (a := getattr(d, n, None)) is not None}
+    have = digest(arrays)
+    if source.digest not in (None, have):
+        raise InputError(
+            f"{place}: these aren't the data that the run file was made with; leave digest out to use them"
+        )
+    return dataclasses.replace(source, digest=have)
+
+
+def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
+    """Outputs combined, a part cut out, offsets removed, fewer samples: in this order."""
+    if source.combine is not None:
+        record = _combined(record, source.combine)
+    if source.start is not None or source.stop is not None:
+        record = record.window(source.start or 0.0, source.stop, past=str(_with_past(source, record).past))
+    if source.detrend is not None:
+        record = detrend(record, kind=source.detrend, until=source.until)
+    return record if source.decimate is None else decimate(record, source.decimate)
+
+
+def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:
+    """What is known of the input outside the part of the record that is used, said."""
+    if source.past is not None or (source.start is None and source.stop is None):
+        return source
+    usual = "known" if source.use == "samples" else "periodic" if record.initial == "periodic" else "unknown"
+    return dataclasses.replace(source, past=usual)
+
+
+def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
+    names = [channel.name for channel in record.outputs]
+    if missing := [name for name in weights if name not in names]:
+        raise InputError(f"combine names {missing[0]!r}; the outputs are {', '.join(names)}")
+    w = np.array([weights.get(name, 0.0) for name in names])
+    bound = record.bound
+    if bound is not None:
+        used = w != 0
+        bound = bound[:, used] @ np.abs(w[used])
+    units = {channel.unit for channel, weight in zip(record.outputs, w, strict=True) if weight}
+    label = " + ".join(name if weights[name] == 1 else f"{weights[name]:g} {name}" for name in weights)
+    output = (label, units.pop() if len(units) == 1 else "")
+    return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
+
+
+def _sampled(frf: FrequencyResponse, place: str) -> FrequencyResponse:
+    if frf.dt is None:
+        raise InputError(f"{place}: no sample time in it; give dt = ...")
+    if frf.bound is None:
+        raise InputError(
+            f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every line)"
+        )
+    return frf
+
+
+def _with_method(run: RunFile, records: list) -> RunFile:
+    """The method that `estimate_frf` takes by itself, said."""
+    excited = [record for use, made in records if use == "response" for record in made]
+    if run.estimate.method is not None or not excited:
+        return run
+    periodic = run.estimate.period is not None or all(record.initial == "periodic" for record in excited)
+    return run.changed("estimate", method="periodic" if periodic else "local")
+
+
+def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list[TimeRecord]]:
+    """The response of the records that are used for one, and the samples of the others; bounds from rest where there is one."""
+    rest = next((made[0] for use, made in records if use == "rest"), None)
+    noise = None if rest is None else bounds_from_rest(rest, factor=run.estimate.rest_factor)
+    excited = [record for use, made in records if use == "response" for record in made]
+    estimated = []
+    if excited:
+        how = run.estimate
+        frf = estimate_frf(excited, method=how.method, period=how.period, probability=how.probability)
+        estimated = [frf if noise is None else noise.bound_response(frf, excited, period=how.period)]
+    samples = []
+    for record in (record for use, made in records if use == "samples" for record in made):
+        if record.bound is None and noise is None:
+            raise InputError('a [[record]] with use = "samples" needs bound = ..., or another record with use = "rest"')
+        samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
+    return estimated, samples
+
+
+def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
+    note, seconds = run.delay.note, 0.0
+    if isinstance(run.delay.seconds, float):
+        seconds = run.delay.seconds
+    else:
+        if not data.responses:
+            raise InputError('[delay] seconds = "auto" needs a frequency response; give the seconds')
+        found = estimate_delay(data.responses[0])
+        dt = float(data.responses[0].dt or 0)
+        whole = any(record.initial != "periodic" for record in data.records)
+        seconds = round(found.seconds / dt) * dt if whole else found.seconds
+        note = (
+            f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, estimated from the response: {found.seconds:.6g} s with standard"
+            f" deviation {found.deviation:.2g} s" + (", rounded to whole samples for the records" if whole else "")
+        )
+    if not seconds:
+        return run.changed("delay", seconds=0.0), data
+    note = note or f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, as stated"
+    if "with_delay" not in note:
+        note += "; the models are those of the plant without it, with_delay(model, seconds) puts it back"
+    kept = Measured(
+        tuple(frf.without_delay(seconds) for frf in data.responses),
+        tuple(record.without_delay(seconds) for record in data.records),
+    )
+    return run.changed("delay", seconds=float(seconds), note=note), kept

@@ -1,0 +1,179 @@
+"""estimate_frf(): frequency responses from records, with a statistical bound that holds for all lines jointly."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.data.estimate.frf_bounds import Estimate, bound
+from robustid.data.estimate.local import local
+from robustid.data.estimate.periodic import periodic
+from robustid.data.estimate.welch import welch
+from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.lines import as_probability
+from robustid.data.prepare import record_problems
+from robustid.data.time_record import TimeRecord
+from robustid.errors import InputError, InputTypeError
+
+_log = logging.getLogger("robustid")
+_METHODS = ("periodic", "local", "welch")
+
+
+def estimate_frf(
+    record: TimeRecord | Sequence[TimeRecord],
+    *,
+    method: str | None = None,
+    period: int | None = None,
+    lines: Any = None,
+    probability: float = 0.95,
+) -> FrequencyResponse:
+    """Frequency response of any number of channels from measured records, with covariance and a joint bound.
+
+    Periodic excitation: ``G = Y U^{-1}`` at every line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by side, averaged
+    over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational with one
+    denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared.
+
+    Parameters
+    ----------
+    record : TimeRecord or sequence of TimeRecord
+        One experiment, or several with the same `dt`, channels and length. Periodic with nu inputs: each nu records in
+        a row make a block (independent inputs, such as an orthogonal multisine); further blocks are further
+        realisations. Where every record has a `reference` (as many channels as inputs), it is taken as the excitation, and the
+        response is that from u to y in closed loop: the quotient of the responses to the reference.
+    method : {"periodic", "local", "welch"}, optional
+        Default: "periodic" where `period` is given or the records say ``initial="periodic"``, else "local". "welch" (Hann windows)
+        smears what changes within its resolution, which it states; a fallback for a first look.
+    period : int, optional
+        Period in samples; every record must be a whole number of periods. Default: each record is one period,
+        and then several blocks are needed.
+    lines : sequence of int, optional
+        DFT lines k, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local, welch: of a
+        segment). Default: those, 0 and Nyquist left out (offsets are no response), where every channel of the excitation reaches
+        a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
+    probability : float
+        Of the bound, jointly for all lines and entries; between 0 and 1.
+
+    Returns
+    -------
+    FrequencyResponse
+        With `bound` (F, ny, nu) and ``bound_kind="statistical"``, `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
+        `dof`, `coherence` (F, ny), the levels of `noise` and (several blocks of several periods) of stochastic nonlinear
+        `distortion`, and a note that says what the scatter was taken over.
+
+    Raises
+    ------
+    InputError
+        No whole number of periods, fewer than two periods (or blocks) in total, experiments that are not
+        independent at a line, too few samples, another method.
+    InputTypeError
+        Something that isn't a TimeRecord.
+
+    Notes
+    -----
+    Periodic. Leading periods of a record that isn't ``initial="periodic"`` are left out while they differ from the later ones
+    more than these among themselves (at most half of them). One block of P periods: the errors are the scatter of
+    ``(Y_p - G U_p) U^{-1}`` over the periods, input and output noise together to first order, dof = P - 1. B > 1 blocks: the
+    scatter of G_b from block to block, dof = B - 1, because it also holds what differs between realisations
+    (nonlinear distortion); where that is no more than the scatter over periods explains, both are taken together, dof = B P - 1.
+    With a dof below 10 the covariances of neighbouring lines are pooled (the note says over how many): a variance that changes
+    abruptly from line to line is then not followed.
+
+    With s^2 the estimated variance of the mean, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
+    so that
+
+        ``bound = s sqrt(dof (alpha^(-1/dof) - 1))``,  ``alpha = (1 - probability)/(lines ny nu)``
+        (Bonferroni)
+
+    (at the real lines 0 and Nyquist Student's t instead). The bound is never below the rounding errors of the
+    DFT.
+
+    Assumes noise that is independent from period to period (periodic) or of a spectrum that is smooth over the window (local) with
+    normal DFT values, small against the input at the lines used; a linear plant within a realisation. Sources: `pintelon2012`,
+    chapters 2, 4 and 7; `mckelvey2012` (local rational method).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robustid.data import TimeRecord, estimate_frf
+    >>> rng = np.random.default_rng(0)
+    >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 10)
+    >>> y = 2 * u + 0.1 * rng.standard_normal(u.size)
+    >>> frf = estimate_frf(TimeRecord(u, y, dt=0.01, initial="periodic"), period=50)
+    >>> frf.freq_hz, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
+    (array([6.]), True)
+    """
+    if method not in (None, *_METHODS):
+        raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
+    probability = as_probability(probability)
+    records = checked_records(record)
+    _check_signals(records)
+    if method is None:
+        steady = all(r.initial == "periodic" for r in records)
+        method = "periodic" if period is not None or steady else "local"
+    if method != "periodic" and period is not None:
+        raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
+    estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
+    return _finished(records[0], estimate, probability)
+
+
+def _other(method: str) -> Any:
+    return local if method == "local" else welch
+
+
+def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> FrequencyResponse:
+    estimate, radius = bound(estimate, probability)
+    return FrequencyResponse(
+        estimate.step * estimate.index,
+        estimate.values,
+        bound=radius,
+        covariance=estimate.covariance,
+        dt=first.dt,
+        inputs=first.inputs,
+        outputs=first.outputs,
+        note=f"statistical: joint {100 * probability:g} % over {len(estimate.index)} lines, {estimate.source}",
+        bound_kind="statistical",
+        probability=probability,
+        dof=estimate.dof,
+        coherence=estimate.coherence,
+        noise=estimate.noise,
+        distortion=estimate.distortion,
+    )
+
+
+def _check_signals(records: list[TimeRecord]) -> None:
+    """Outputs that say nothing in any experiment are refused; what else is wrong with an output is said."""
+    for k, channel in enumerate(records[0].outputs):
+        if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
+            raise InputError(
+                f"`record`: output {channel.name} is constant ({records[0].y[0, k]:.6g}): a sensor that is not connected, or"
+                " saturated; leave that channel out"
+            )
+    for number, record in enumerate(records):
+        for sentence in record_problems(record):
+            if sentence.startswith("output"):
+                _log.warning("record %d: %s", number, sentence)
+
+
+def checked_records(record: Any) -> list[TimeRecord]:
+    """Experiments with the same channels, sample time and length."""
+    records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
+    if not records or not all(isinstance(r, TimeRecord) for r in records):
+        raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")
+    first = records[0]
+    for k, other in enumerate(records):
+        for what, a, b in (
+            ("sample time", first.dt, other.dt),
+            ("shape of u", first.u.shape, other.u.shape),
+            ("shape of y", first.y.shape, other.y.shape),
+            ("reference (in all or none)", _reference(first), _reference(other)),
+        ):
+            if a != b:
+                raise InputError(f"`record`: all experiments must have the same {what}; got {a} and {b} (number {k})")
+    return records
+
+
+def _reference(record: TimeRecord) -> tuple[int, ...] | None:
+    return None if record.reference is None else record.reference.shape

@@ -1,0 +1,207 @@
+"""Frequency responses at the excited lines of periodic experiments."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from robustid.core import as_array, as_count
+from robustid.data.estimate.frf_bounds import Estimate, variances
+from robustid.data.estimate.steady_state import transient_periods
+from robustid.data.time_record import TimeRecord
+from robustid.errors import InputError
+
+_log = logging.getLogger("robustid")
+
+# A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
+# 10-15 % (drives, mains), while a multisine meant for identification is flat to a factor of 2 or 3.
+EXCITED = 0.2
+_MAX_CONDITION = 1e6
+_DISTORTED = 4.0  # standard deviations by which the scatter between realisations must exceed noise
+_GROUPS = 16  # of lines, in each of which distortion is looked for
+
+
+def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
+    """Ratios of the spectra averaged over the periods, nu experiments a block: see `estimate_frf`."""
+    first = records[0]
+    samples, nu = len(first.u), first.u.shape[1]
+    period = samples if period is None else as_count("period", period, least=2)
+    if samples % period:
+        raise InputError(
+            f"`record` has {samples} samples, not a whole number of periods of {period}; cut it to"
+            f" {samples // period * period} samples or correct `period`"
+        )
+    if len(records) % nu:
+        raise InputError(
+            f"`record`: {nu} inputs need {nu} experiments, or a multiple of that; got {len(records)}."
+            " One experiment can't tell the inputs apart"
+        )
+    if samples // period * len(records) // nu < 2:
+        raise InputError(
+            f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
+            " to estimate the noise from; give at least two periods (`period` in samples), or further"
+            " realisations"
+        )
+    loop = all(r.reference is not None for r in records)
+    spectra = {"u": _spectra(records, "u", period), "y": _spectra(records, "y", period)}
+    if loop:
+        spectra["reference"] = _spectra(records, "reference", period)
+    excitation = spectra["reference" if loop else "u"]
+    index = _excited(excitation.mean(axis=1), period) if lines is None else _checked_lines(lines, period)
+    skipped, steady = 0, True
+    if any(r.initial != "periodic" for r in records):
+        skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
+        if not steady:
+            _log.warning(
+                "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
+            )
+    # (F, blocks, periods, channels, experiments)
+    u, y, *r = (by_block(part[:, skipped:, index], nu) for part in spectra.values())
+    return _estimate(records, index, period, u, y, r[0] if r else None, _skipped(skipped, steady))
+
+
+def _estimate(records: Any, index: Any, period: int, u: Any, y: Any, r: Any, skipped: str) -> Estimate:
+    first = records[0]
+    ny, nu, blocks, periods = y.shape[3], u.shape[3], u.shape[1], u.shape[2]
+    if r is not None and r.shape[3] == nu and blocks > 1:
+        # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
+        by_reference = inverse_spectra(r.mean(axis=2), index, period, first.dt, "reference")
+        to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
+        inverse = by_reference @ inverse_spectra(to_u, index, period, first.dt, "u")
+        values = (y.mean(axis=2) @ inverse).mean(axis=1)
+        source = "by the reference, "
+    else:
+        inverse = inverse_spectra(u.mean(axis=2), index, period, first.dt, "u")
+        values = (y.mean(axis=2) @ inverse).mean(axis=1)
+        source = ""
+    error = (y - values[:, None, None] @ u) @ inverse[:, :, None]
+    error = error.swapaxes(-1, -2).reshape(len(index), blocks, periods, ny * nu)  # vec: columns stacked
+    each = error.mean(axis=2, keepdims=True)
+    within, between = error - each, each[:, :, 0] - each.mean(axis=1)
+    rounding = _rounding(records, values, inverse)
+    of_noise, total = blocks * (periods - 1), blocks - 1
+    if blocks == 1:
+        covariance, dof, what = _scatter(within, of_noise * periods), of_noise, f"{periods} periods"
+        noise, distortion = np.sqrt(variances(covariance, values.shape)), None
+    else:
+        covariance, dof = _scatter(between[:, :, None], total * blocks), total
+        noise = distortion = None
+        what = f"{blocks} blocks of experiments ({periods} periods each)"
+        if periods > 1:
+            by_noise = _scatter(within, of_noise * periods * blocks)
+            noise = np.sqrt(variances(by_noise, values.shape))
+            distortion = np.sqrt(np.maximum(variances(covariance - by_noise, values.shape), 0) * blocks)
+            if not _distorted(variances(covariance, values.shape), noise**2, rounding, total, of_noise):
+                covariance = (total * covariance + of_noise * by_noise) / (total + of_noise)
+                dof, what = (
+                    total + of_noise,
+                    f"{blocks} blocks and {periods} periods: no distortion seen between blocks",
+                )
+    power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
+    left = np.mean(np.abs(y - values[:, None, None] @ u) ** 2, axis=(2, 4)).mean(axis=1)
+    left *= blocks * periods / max(blocks * periods - 1, 1)
+    return Estimate(
+        index=index,
+        step=2 * np.pi / (period * first.dt),
+        values=values,
+        covariance=covariance,
+        dof=dof,
+        coherence=np.clip(1 - left / np.where(power > 0, power, 1), 0, 1),
+        rounding=rounding,
+        source=f"{source}scatter over {what}{skipped}",
+        noise=noise,
+        distortion=distortion,
+        real=(2 * index) % period == 0,
+    )
+
+
+def _scatter(errors: np.ndarray, divisor: int) -> np.ndarray:
+    """Sum of e e^H over blocks and periods, (F, B, P, m) -> (F, m, m)."""
+    flat = errors.reshape(errors.shape[0], -1, errors.shape[-1])
+    return flat.swapaxes(1, 2) @ flat.conj() / divisor
+
+
+def _distorted(total: np.ndarray, noise: np.ndarray, rounding: np.ndarray, d1: int, d2: int) -> bool:
+    """Whether the scatter between blocks is more than noise: mean of the logarithm of the ratio, in groups of lines."""
+    from scipy.special import polygamma, psi
+
+    log = np.log((total + rounding**2) / (noise + rounding**2)).reshape(len(total), -1)
+    mean = psi(d1) - np.log(d1) - psi(d2) + np.log(d2)
+    deviation = np.sqrt(polygamma(1, d1) + polygamma(1, d2))
+    groups = np.array_split(log, min(_GROUPS, -(-len(log) // 16)))
+    return any(float(np.max((g.mean(axis=0) - mean) / deviation * np.sqrt(len(g)))) > _DISTORTED for g in groups)
+
+
+def _skipped(count: int, steady: bool) -> str:
+    if not count:
+        return ""
+    return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
+
+
+def _checked_lines(lines: Any, period: int) -> np.ndarray:
+    index = as_array("lines", lines, ndim=1)
+    if index.size == 0 or np.any(index != np.round(index)) or index.min() < 0 or index.max() > period // 2:
+        raise InputError(f"`lines` must be whole numbers from 0 to period//2 = {period // 2}; got {lines!r}")
+    if len(np.unique(index)) != index.size:
+        raise InputError(f"`lines` must be all different; got {lines!r}")
+    return np.sort(index).astype(int)
+
+
+def _spectra(records: list[TimeRecord], name: str, period: int) -> np.ndarray:
+    """(R, periods, period//2+1, n): amplitudes per period."""
+    return dft(np.stack([getattr(r, name) for r in records]), period)
+
+
+def dft(signals: np.ndarray, period: int) -> np.ndarray:
+    """(R, T, n) real -> (R, periods, period//2+1, n): amplitudes per period."""
+    cut = signals.reshape(len(signals), -1, period, signals.shape[-1])
+    return np.fft.rfft(cut, axis=2) / period
+
+
+def by_block(spectra: np.ndarray, nu: int) -> np.ndarray:
+    """(R, P, F, n) -> (F, blocks, P, n, nu): the experiments of a block side by side."""
+    split = spectra.reshape(-1, nu, *spectra.shape[1:])
+    return split.transpose(3, 0, 2, 4, 1)
+
+
+def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
+    amplitude = np.abs(spectra).max(axis=0)
+    amplitude[0] = 0
+    if period % 2 == 0:
+        amplitude[-1] = 0
+    largest = amplitude.max(axis=0)
+    index = np.flatnonzero(np.all(amplitude >= EXCITED * largest, axis=1) & np.all(largest > 0))
+    if index.size == 0:
+        raise InputError("`record`: no line is excited in every input; check the input signals, or give `lines`")
+    return index
+
+
+def inverse_spectra(u: np.ndarray, index: np.ndarray, period: int, dt: float, name: str = "u") -> np.ndarray:
+    """U^{-1} at every line, (F, ..., nu, nu); or say which experiments are not independent where."""
+    # Rows scaled to unit size first: the units of the inputs must not decide on independence.
+    what = "inputs" if name == "u" else "references"
+    size = np.abs(u).max(axis=(0, 1, 3), keepdims=True)
+    if np.all(size > 0) and np.all(np.abs(u).max(axis=(2, 3)) > 0):
+        condition = np.linalg.cond(u / size).max(axis=1)
+        if condition.max() < _MAX_CONDITION:
+            return np.linalg.inv(u / size) / size.swapaxes(-1, -2)
+        worst = index[np.argmax(condition)] / (period * dt)
+        raise InputError(
+            f"`record`: the {what} of the experiments are not independent at {worst:g} Hz (condition"
+            f" {condition.max():.1g}); use other inputs, such as an orthogonal multisine, or leave the line"
+            " out"
+        )
+    raise InputError(
+        f"`record`: {'an input' if name == 'u' else 'a reference'} is zero at a line that is asked for; correct `lines` or"
+        " leave the input out"
+    )
+
+
+def _rounding(records: list[TimeRecord], values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Rounding error of the estimate: the DFT's is relative to the largest sample, not to the line."""
+    u_size, y_size = (np.max([np.abs(getattr(r, s)).max(axis=0) for r in records], axis=0) for s in ("u", "y"))
+    numerator = y_size[:, None] + np.abs(values) @ u_size[:, None]
+    gain = np.abs(inverse).sum(axis=2).max(axis=1)
+    return 16 * np.finfo(float).eps * numerator * gain[:, None, :]

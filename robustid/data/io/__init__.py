@@ -1,0 +1,8 @@
+"""Files, readers and writers."""
+
+from robustid.data.io.files import Origin, origin
+from robustid.data.io.model_files import load_model, save_model
+from robustid.data.io.roles import FREQUENCY, TIME
+from robustid.data.io.saved import WRITERS
+
+__all__ = ["FREQUENCY", "TIME", "WRITERS", "Origin", "load_model", "origin", "save_model"]

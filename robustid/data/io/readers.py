@@ -1,0 +1,157 @@
+"""From a file of any supported format to named arrays; nothing is executed and nothing unpickled."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.data.io.exchange import read_touchstone, read_universal
+from robustid.data.io.matlab import read_hdf5, read_matlab4
+from robustid.data.io.matlab5 import read_matlab5
+from robustid.data.io.table import Table, check_growth, said
+from robustid.data.io.text import read_text
+from robustid.errors import FileFormatError, InputError, InputTypeError
+
+FORMAT = 1
+_SAVED = {
+    "identification": "load_identification",
+    "worst-case error": "load_worst_case_error",
+    "band over poles": "load_pole_band",
+}
+TEXTS = {".csv", ".tsv", ".txt"}
+
+
+def read_table(path: Any) -> Table:
+    """Read a file, its format recognised by its first bytes; by its name only where these don't say."""
+    try:
+        path = Path(path)
+    except TypeError:
+        raise InputTypeError(f"`path` must be the name of a file; got {type(path).__name__}") from None
+    if path.is_dir():
+        raise InputError(f"`path` = {str(path)!r} is a folder; give the name of a file in it")
+    try:
+        with path.open("rb") as file:
+            head = file.read(520)
+    except FileNotFoundError:
+        raise InputError(f"`path` = {str(path)!r}: there is no such file; check the name and the folder") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"`path` = {str(path)!r} can't be read: {said(error)}") from None
+    if not head:
+        raise FileFormatError(f"{path.name} is empty (0 bytes); write or copy the file again")
+    if (kind := _saved_result(path)) is not None:
+        raise FileFormatError(
+            f"{path.name} belongs to a saved {kind}, not to measurements; read it with {_SAVED[kind]}"
+        )
+    try:
+        table = _reader(path, head)(path)
+    except MemoryError:
+        raise FileFormatError(
+            f"{path.name} declares more data than this machine has memory for; is it damaged?"
+        ) from None
+    meta = table.meta or "".join(table.texts.get("robustid", []))
+    if not table.columns:
+        raise FileFormatError(f"{path.name} holds no numeric arrays; store plain vectors or matrices{export(table)}")
+    return dataclasses.replace(table, meta=_checked(path, meta) if meta else None)
+
+
+def _saved_result(path: Path) -> str | None:
+    """What was saved here where it wasn't data: numbers in .npz and the rest beside them, in .json, which says what it is."""
+    if path.suffix not in (".npz", ".json"):
+        return None
+    try:
+        said = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))["format"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    found = re.fullmatch(r"robustid ([a-z -]+) \d+", str(said))
+    return found[1] if found and found[1] in _SAVED else None
+
+
+def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
+    signature, suffix = b"\x89HDF\r\n\x1a\n", path.suffix.lower()
+    if head.startswith(signature) or head[512:520] == signature:
+        return read_hdf5
+    if head.startswith(b"PK"):
+        return _read_npz
+    if head.startswith(b"MATLAB 5.0") or (suffix == ".mat" and head[126:128] in (b"IM", b"MI")):
+        return read_matlab5
+    if suffix == ".mat":
+        return read_matlab4
+    if re.fullmatch(r"\.[sgyzh]\d+p", suffix) or (suffix == ".ts" and b"[version]" in head.lower()):
+        return read_touchstone
+    if head.lstrip()[:2] == b"-1" or suffix in {".uff", ".unv"}:
+        return read_universal
+    if suffix in TEXTS:
+        return read_text
+    raise FileFormatError(
+        f"{path.name} isn't a file that robustid reads; give .csv, .tsv or .txt with column names in the first line,"
+        " .npz (numpy.savez with names), .mat (v5 or v7.3), .h5, .uff (58) or Touchstone (.s1p, .s2p, ...)"
+    )
+
+
+def export(table: Table) -> str:
+    """How to get at objects that only MATLAB can read, as the end of a sentence."""
+    if not table.objects:
+        return ""
+    name, kind = next(iter(table.objects.items()))
+    parts = (
+        ["OutputData", "InputData", "Ts", "TimeUnit"]
+        if kind == "iddata"
+        else ["ResponseData", "Frequency", "FrequencyUnit", "Ts", "TimeUnit"]
+    )
+    pairs = ", ".join(f"'{part}', {name}.{part}" for part in parts)
+    return (
+        f". {name!r} is an object of the MATLAB class {kind}, which only MATLAB can read; if it is an idfrd, frd or iddata, say"
+        f" there: s = struct({pairs}); save('{table.path.stem}_plain.mat', '-struct', 's')"
+    )
+
+
+def _read_npz(path: Path) -> Table:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            for info in archive.zip.infolist():
+                check_growth(path, info.filename, info.file_size, info.compress_size)
+                _check_shape(path, archive.zip, info)
+            arrays = {name: archive[name] for name in archive.files}
+    except FileFormatError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy each have their own for broken bytes
+        if "allow_pickle" in str(error):
+            raise FileFormatError(
+                f"{path.name} holds pickled Python objects, which can run code and are never loaded;"
+                " store plain arrays of numbers with numpy.savez"
+            ) from None
+        raise FileFormatError(f"{path.name} can't be read as .npz ({said(error)}); is the file cut off?") from None
+    meta = arrays.pop("robustid", None)
+    numeric: dict[str, Any] = {k: v for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"}
+    return Table(path, numeric, None if meta is None else str(meta))
+
+
+def _check_shape(path: Path, archive: Any, info: Any) -> None:
+    """The header of an array says its size: numpy allocates it before it reads."""
+    with archive.open(info) as member:
+        if info.file_size < 8 or member.read(6) != b"\x93NUMPY":
+            return
+        version = tuple(member.read(2))
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(member)
+    if not dtype.hasobject:
+        check_growth(path, info.filename, int(np.prod(shape, dtype=object)) * dtype.itemsize, info.file_size)
+
+
+def _checked(path: Path, meta: str) -> dict[str, Any]:
+    try:
+        meta = json.loads(meta)
+        version, kind = meta["robustid"], meta["kind"]  # type: ignore[index]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise FileFormatError(f"{path.name}: the description that robustid.save wrote is damaged; save again") from None
+    if version != FORMAT or kind not in ("frequency", "tangential", "time"):
+        raise FileFormatError(
+            f"{path.name} was written in format {version!r} ({kind!r}), unknown here; use a newer robustid"
+        )
+    return meta  # type: ignore[return-value]

@@ -1,0 +1,135 @@
+"""What `save` writes and `load` gives back exactly."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import itertools
+import json
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from robustid.core import atomic_write
+from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.io.readers import FORMAT
+from robustid.data.io.roles import Lookup
+from robustid.data.io.table import Table
+from robustid.data.tangential import TangentialResponse
+from robustid.data.time_record import TimeRecord
+from robustid.errors import FileFormatError, InputError
+
+_ARRAYS = {
+    "frequency": FrequencyResponse.PER_LINE,
+    "tangential": TangentialResponse.PER_LINE,
+    "time": ("u", "y", "bound", "reference"),
+}
+_FACTS = {
+    "frequency": ("dt", "note", "bound_kind", "probability", "dof", "joint"),
+    "tangential": ("dt", "note", "bound_kind", "probability"),
+    "time": ("dt", "initial", "past_input_bound", "note", "bound_kind"),
+}
+CLASSES = {"frequency": FrequencyResponse, "tangential": TangentialResponse, "time": TimeRecord}
+_COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left")
+_ROWS = 20_000
+
+
+def _described(data: Any, kind: str, layout: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays, and all the rest."""
+    arrays = {name: getattr(data, name) for name in _ARRAYS[kind] if getattr(data, name) is not None}
+    meta = {name: getattr(data, name) for name in (*_FACTS[kind], "inputs", "outputs")}
+    meta["shapes"] = {name: array.shape[1:] for name, array in arrays.items()}
+    samples = len(next(iter(arrays.values())))
+    return arrays, meta | {"robustid": FORMAT, "kind": kind, "samples": samples, "layout": layout}
+
+
+def _write_npz(path: str | os.PathLike, data: Any, kind: str) -> None:
+    arrays, meta = _described(data, kind, ".npz")
+    with atomic_write(path, "wb") as file:
+        np.savez(file, allow_pickle=False, **arrays, robustid=np.array(json.dumps(meta)))
+
+
+def _write_csv(path: str | os.PathLike, data: Any, kind: str) -> None:
+    arrays, meta = _described(data, kind, ".csv")
+    columns = {"time": data.time} if isinstance(data, TimeRecord) else {}
+    for name, array in arrays.items():
+        flat = array.reshape(meta["samples"], -1)
+        for part in ("real", "imag") if np.iscomplexobj(array) else ("real",):
+            names = _column_names(name, array.shape[1:], part if np.iscomplexobj(array) else "")
+            columns |= dict(zip(names, getattr(flat, part).T, strict=True))
+    table = np.column_stack(list(columns.values()))
+    with atomic_write(path, "w") as file:
+        file.write(f"# robustid {json.dumps(meta)}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for start in range(0, len(table), _ROWS):
+            writer.writerows(table[start : start + _ROWS].tolist())
+
+
+def _write_mat(path: str | os.PathLike, data: Any, kind: str) -> None:
+    import scipy.io
+
+    arrays, meta = _described(data, kind, ".mat")
+    plain: dict[str, Any] = {"dt": data.dt or 0.0, "robustid": json.dumps(meta)}
+    for side in ("inputs", "outputs"):
+        plain[side] = np.array([str(channel) for channel in getattr(data, side)], dtype=object)
+    with atomic_write(path, "wb") as file:
+        scipy.io.savemat(file, {**arrays, **plain}, oned_as="column")
+
+
+WRITERS = {".npz": _write_npz, ".csv": _write_csv, ".mat": _write_mat}
+
+
+def _column_names(name: str, shape: tuple[int, ...], part: str) -> Iterator[str]:
+    """Names of the columns of one array, such as real, u2, real_1_2 or covariance_imag_1_1."""
+    base = {"values": part}.get(name, f"{name}_{part}" if part else name)
+    for index in itertools.product(*(range(1, n + 1) for n in shape)):
+        alone = all(n == 1 for n in shape)
+        yield base + ("" if alone else str(index[0]) if len(shape) == 1 else "".join(f"_{i}" for i in index))
+
+
+def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
+    """What `save` wrote, with the arguments given to `load` in place of what is stored."""
+    meta: dict[str, Any] = table.meta
+    if kind not in (None, meta["kind"]):
+        raise InputError(f"`kind` = {kind!r}, but the file holds {meta['kind']} data; leave `kind` out")
+    arrays = {name: _array(table, meta, name, tuple(shape)) for name, shape in meta["shapes"].items()}
+    facts = {name: meta[name] for name in _FACTS[meta["kind"]] if name in meta}  # older files know fewer
+    names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
+    if meta["kind"] != "time":
+        options.pop("initial", None)
+    data = CLASSES[meta["kind"]](**arrays, **facts, **names)
+    if len(arrays["u" if meta["kind"] == "time" else "omega"]) != meta["samples"]:
+        raise FileFormatError(f"the file was written with {meta['samples']} samples and has fewer or more now")
+    bound = options.pop("bound", None)
+    data = data if bound is None else data.with_bound(bound)
+    return dataclasses.replace(data, **options) if options else data
+
+
+def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    column: Any = table.columns.get(name)
+    if meta["layout"] == ".npz":
+        return column
+    if meta["layout"] == ".mat":
+        return column.reshape(-1, *shape)
+    if math.prod(shape) > len(table.columns):
+        raise FileFormatError(f"{name!r} of shape {shape} has more columns than the file; save again, or give `fields`")
+    if name not in _COMPLEX:
+        return _stack(table, _column_names(name, shape, "")).reshape(-1, *shape)
+    real, imag = (_stack(table, _column_names(name, shape, part)) for part in ("real", "imag"))
+    if np.iscomplexobj(real) or np.iscomplexobj(imag):
+        raise FileFormatError(
+            f"the columns of real and imaginary part of {name!r} hold complex numbers; is the file damaged?"
+        )
+    array: Any = np.empty(real.shape, complex)
+    # Not real + 1j*imag, which loses the sign of zeros.
+    array.real, array.imag = real, imag
+    return array.reshape(-1, *shape)
+
+
+def _stack(table: Table, names: Iterator[str]) -> np.ndarray:
+    lookup = Lookup(table, {})
+    return np.column_stack([lookup.column(name, name) for name in names])

@@ -1,0 +1,265 @@
+"""Records made ready: offsets and drifts, lower sample rates, and what is wrong with them in words.
+
+Every operation says what it does to the bound, so that a hard bound stays hard.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.core import as_array, as_count, as_float
+from robustid.data.io.roles import _uniform_step
+from robustid.data.time_record import TimeRecord
+from robustid.errors import InputError, InputTypeError
+
+# Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
+PASSBAND = 0.8
+_REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
+_BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
+# A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
+# has 2.4 times as many in its top step as in the next.
+_CLIPPED_RATIO, _CLIPPED_PART, _CLIPPED_LEAST = 5, 1e-3, 10
+
+
+def sample_time(time: Any) -> float:
+    """Sample time of a vector of sample instants in s; InputError says where they are not uniform.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> rid.sample_time([0.0, 0.5, 1.0])
+    0.5
+    """
+    time = as_array("time", time, ndim=1)
+    return _uniform_step(time, time.size)
+
+
+def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = None) -> TimeRecord:
+    """Remove the offset or the straight drift of the sensors, and nothing of the plant's response.
+
+    Parameters
+    ----------
+    record : TimeRecord
+        In periodic steady state: the mean of input, output and reference over the record (whole periods) is removed, which
+        touches line 0 only. From rest: what is fitted to the output before `until`, while the input is still zero, is
+        removed from the whole output. From an unknown state (and without a bound): a fit to all samples of every signal.
+    kind : {"mean", "linear"}
+        A straight line can't be told from the response over a period: "linear" is refused for periodic records.
+    until : float, s
+        From rest only: the input is zero before it.
+
+    Returns
+    -------
+    TimeRecord
+        The bound grows by what the bound allows the fit to be wrong: it stays what it was, hard or not.
+
+    Raises
+    ------
+    InputError
+        No stretch to fit, an input that acts in it, a record from an unknown state with a bound (what is left of a transient
+        in the fit is not bounded by it).
+
+    Notes
+    -----
+    The fit is linear in the samples, ``fit[k] = sum_i x_i[k] (l_i' y)``, so that its error is at most
+    ``sum_i |x_i[k]| |l_i|' bound``. Assumes an offset (a straight drift) of the sensors that is the same over the record.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> record = rid.TimeRecord([0, 0, 1, 1], [5.1, 4.9, 6.0, 7.0], dt=1.0, bound=0.2)
+    >>> level = rid.detrend(record, until=2.0)
+    >>> level.y.ravel().round(9).tolist(), level.bound.ravel().round(9).tolist()
+    ([0.1, -0.1, 1.0, 2.0], [0.4, 0.4, 0.4, 0.4])
+    """
+    _check_record(record)
+    if kind not in ("mean", "linear"):
+        raise InputError(f'`kind` must be "mean" or "linear"; got {kind!r}')
+    fitted = _fitted_stretch(record, kind, until)
+    rows, weights = _line(record.u.shape[0], fitted, 1 if kind == "mean" else 2)
+    changed = {"y": record.y}
+    if record.initial != "rest":
+        changed["u"] = record.u
+        if record.reference is not None:
+            changed["reference"] = record.reference
+    changed = {name: signal - rows @ (weights @ signal[:fitted]) for name, signal in changed.items()}
+    bound = record.bound
+    if bound is not None:
+        if not np.all(np.isfinite(bound[:fitted])):
+            raise InputError(
+                "`record` has unused samples (an infinite `bound`) where the trend is fitted; detrend first"
+            )
+        bound = bound + np.abs(rows) @ (np.abs(weights) @ bound[:fitted])
+    past = record.largest_past_input + np.abs(record.u - changed["u"]).max() if record.initial == "free" else None
+    return dataclasses.replace(record, **changed, bound=bound, past_input_bound=past)
+
+
+def decimate(record: TimeRecord, factor: int) -> TimeRecord:
+    """Keep every `factor`-th sample, after the same zero-phase low-pass filter on input, output and reference.
+
+    ``y'[k] = sum_j h[j] y[factor k - j]``, h symmetric; likewise u': one filter on both leaves their ratio as it was.
+
+    Parameters
+    ----------
+    record : TimeRecord
+    factor : int
+        At least 2; of a periodic record it must divide the number of samples.
+
+    Returns
+    -------
+    TimeRecord
+        With `dt` times `factor`. Lines up to 0.8 of the new Nyquist frequency are kept (to 1e-4), those above are filtered
+        out: leave them out of what is estimated. The bound is filtered by ``|h|``: no error within the old bound leaves
+        the new one, and the worst one attains it. Samples whose filter reaches outside the record are dropped at both ends and
+        the record is then one from an unknown state; a periodic record is continued by itself and stays whole.
+
+    Raises
+    ------
+    InputError
+        Fewer samples than the filter has (52 times `factor`), or a `factor` that does not divide the period.
+
+    Notes
+    -----
+    Meant for `estimate_frf`: the response at a line is that of the fast record, G(exp(j omega dt)). As time data of an
+    identification a decimated record is approximate, since the filtered input is no staircase between its samples.
+    A Kaiser window gives 80 dB: what aliases is below 1e-4 of what was filtered out.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> u = np.cos(2 * np.pi * 3 * np.arange(400) / 400)
+    >>> record = rid.TimeRecord(u, 2 * u, dt=0.01, bound=0.1, initial="periodic")
+    >>> slow = rid.decimate(record, 4)
+    >>> slow
+    <TimeRecord: 100 samples, 1x1, bound, periodic, dt=0.04 s>
+    >>> bool(np.allclose(slow.y, 2 * u[::4, None], rtol=0, atol=3e-4))
+    True
+    """
+    _check_record(record)
+    factor = as_count("factor", factor, least=2)
+    taps = _low_pass(factor)
+    samples, reach = record.u.shape[0], taps.size // 2
+    periodic = record.initial == "periodic"
+    if periodic and samples % factor:
+        raise InputError(f"`factor` = {factor} must divide the {samples} samples of a periodic record")
+    if samples < taps.size:
+        raise InputError(
+            f"`record` has {samples} samples, fewer than the filter of `factor` = {factor}, which has {taps.size}"
+        )
+
+    long = {name: getattr(record, name) for name in ("u", "y", "reference", "bound")}
+    long = {name: signal for name, signal in long.items() if signal is not None}
+    if periodic:
+        long = {name: np.concatenate([signal[-reach:], signal, signal[:reach]]) for name, signal in long.items()}
+    bound = long.pop("bound", None)
+    slow: dict[str, Any] = {name: _slowed(signal, taps, factor) for name, signal in long.items()}
+    if bound is not None:
+        used = np.isfinite(bound)
+        unused = _slowed((~used).astype(float), np.ones(taps.size), factor) > 0.5
+        slow["bound"] = np.where(unused, np.inf, _slowed(np.where(used, bound, 0.0), np.abs(taps), factor))
+        if not np.any(np.isfinite(slow["bound"])):
+            raise InputError(
+                "`record` has too few used samples in a row (a finite `bound`) for the filter; decimate first"
+            )
+    if periodic:
+        return dataclasses.replace(record, **slow, dt=factor * record.dt)
+    past = np.abs(taps).sum() * max(np.abs(record.u).max(), record.largest_past_input)
+    return dataclasses.replace(record, **slow, dt=factor * record.dt, initial="free", past_input_bound=past)
+
+
+def record_problems(record: TimeRecord) -> tuple[str, ...]:
+    """What is wrong with a record, one sentence each: constant channels, outputs that stay at their extreme value.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> time = np.arange(200)
+    >>> rid.record_problems(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0]
+    'input u is constant (0): it excites nothing'
+    """
+    _check_record(record)
+    found = []
+    for side, signals, channels, why in (
+        ("input", record.u, record.inputs, "it excites nothing"),
+        ("output", record.y, record.outputs, "a sensor that is not connected, or saturated"),
+    ):
+        for signal, channel in zip(signals.T, channels, strict=True):
+            if np.all(signal == signal[0]):
+                found.append(f"{side} {channel.name} is constant ({signal[0]:.6g}): {why}")
+    for signal, channel in zip(record.y.T, record.outputs, strict=True):
+        for word, extreme in (("largest", signal.max()), ("smallest", signal.min())):
+            if (count := _clipped(signal, extreme)) > 0:
+                found.append(
+                    f"output {channel.name} is at its {word} value, {extreme:.6g}, in {count} of {signal.size} samples:"
+                    " it looks saturated, and no linear model gives such samples"
+                )
+    return tuple(found)
+
+
+def _clipped(signal: np.ndarray, extreme: float) -> int:
+    """How many samples are exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
+    at = np.concatenate([[False], signal == extreme, [False]])
+    count, in_runs = int(at.sum()), int(np.sum(at[1:-1] & (at[:-2] | at[2:])))
+    if in_runs < max(_CLIPPED_LEAST, _CLIPPED_PART * signal.size) or count == signal.size:
+        return 0
+    others = signal[signal != extreme]
+    next_to = others[np.argmin(np.abs(others - extreme))]
+    return count if count > _CLIPPED_RATIO * np.sum(signal == next_to) else 0
+
+
+def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:
+    """How many samples from the start on the trend is fitted to."""
+    if record.initial != "rest":
+        if until is not None:
+            raise InputError(f'`until` is for records from rest; this one is initial="{record.initial}"')
+        if record.initial == "periodic" and kind == "linear":
+            raise InputError(
+                '`kind` = "linear": a drift can\'t be told from the response in a periodic record; use "mean"'
+            )
+        if record.initial == "free" and record.bound is not None:
+            raise InputError(
+                "`record` has a bound and an unknown initial state: what its transient leaves in a fit is not bounded;"
+                " detrend first and bound then, or fit before the input starts in a record from rest"
+            )
+        return record.u.shape[0]
+    if until is None:
+        raise InputError("`until` is needed for a record from rest: the time in s before which its input is zero")
+    rest = record.window(0.0, as_float("until", until), past="unknown")
+    if np.any(rest.u):
+        first = int(np.flatnonzero(np.any(rest.u, axis=1))[0])
+        raise InputError(f"`until` = {until:g} s: the input acts from {first * record.dt:g} s on")
+    if len(rest.u) < 2:
+        raise InputError(f"`until` = {until:g} s holds {len(rest.u)} sample; give at least two")
+    return len(rest.u)
+
+
+def _line(samples: int, fitted: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows x (samples, count), 1 and a centred time, and the weights l (count, fitted) of the least-squares fit."""
+    time = np.arange(samples) - (fitted - 1) / 2
+    rows = np.stack([np.ones(samples), time], axis=1)[:, :count]
+    near = rows[:fitted]
+    return rows, (near / (near**2).sum(axis=0)).T  # the two columns are orthogonal over the fitted samples
+
+
+def _low_pass(factor: int) -> np.ndarray:
+    """The taps of a symmetric low-pass filter with gain 1 at zero: a sinc under Kaiser's window."""
+    middle = (1 + PASSBAND) / 2 / factor
+    reach = _REACH * factor
+    taps = np.sinc(middle * np.arange(-reach, reach + 1)) * np.kaiser(2 * reach + 1, 0.1102 * (_BLOCKED_DB - 8.7))
+    return taps / taps.sum()
+
+
+def _slowed(signal: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
+    """Every `factor`-th sample of the convolution, where the filter lies inside the signal."""
+    import scipy.signal
+
+    # The full convolution is inside from 2 reach on, which `factor` divides.
+    return scipy.signal.upfirdn(taps, signal, 1, factor, axis=0)[2 * _REACH : (signal.shape[0] - 1) // factor + 1]
+
+
+def _check_record(record: Any) -> None:
+    if not isinstance(record, TimeRecord):
+        raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")

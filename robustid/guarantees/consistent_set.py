@@ -1,0 +1,213 @@
+"""The set of all consistent systems, and the extremes of linear functionals over it, each with its certificate."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+
+from robustid.bases import input_normal_pair, solve_stein
+from robustid.core import Frozen
+from robustid.errors import InconsistentDataError, InputError
+from robustid.identification import (
+    Functional,
+    Identification,
+    MixedProblem,
+    Posed,
+    SupportCertificate,
+    certify_support,
+    pose,
+)
+from robustid.identification.formulation import Entries, SarasonMap, line_tails, measurement_rows
+from robustid.identification.solver import Candidate, ConvexData, analytic_center, support_path
+
+Entry = tuple[int, int]  # output and input
+
+_BARELY = (
+    1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Extreme(Frozen):
+    """The largest value of a functional: `attained` by a system of the set, at most `upper` by the certificate.
+
+    Attributes
+    ----------
+    upper, attained : float
+        `attained` is -inf where the set is too thin for a verified member.
+    x, p : arrays
+        Coefficients and scaled parameters of the system that attains it.
+    certificate : SupportCertificate
+    """
+
+    upper: float
+    attained: float
+    x: np.ndarray
+    p: np.ndarray
+    certificate: SupportCertificate
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ConsistentSet:
+    """All (x, p) with ||X(x)|| <= 1 and every |residual| <= level * bound, and a point well inside.
+
+    Attributes
+    ----------
+    posed : Posed
+    center : Candidate
+        Analytic centre.
+    level : float
+        1; barely more where the data are barely consistent, so that the set has an inside (bounds over it hold all the more).
+    """
+
+    posed: Posed
+    center: Candidate
+    level: float
+
+    @property
+    def data(self) -> ConvexData:
+        """Its arrays."""
+        return self.posed.data
+
+    def extreme(self, functional: Functional, gap: float) -> Extreme:
+        """Largest value, to a part `gap` of how far it is from the value at the centre."""
+        data, inside = self.data, functional(self.center.x, self.center.p)
+        best, reached = None, (-np.inf, self.center)
+        direction = np.array(functional.x), np.array(functional.p)
+        for point, value, estimate in support_path(data, self.center, self.level, direction):
+            allowed = gap * max(value - inside, 0.0) + functional.tail
+            if value > reached[0]:
+                reached = value, point
+            if estimate > 0.9 * allowed:
+                continue
+            certificate = certify_support(functional, point.samples, point.ball, self.level, data.rows, data.sarason)
+            best = certificate if best is None or certificate.value < best.value else best
+            if best.value - functional.tail - reached[0] <= allowed:
+                break
+        if best is None:  # the path ended early, or the functional is zero
+            point = reached[1]
+            if point is self.center:
+                point = dataclasses.replace(
+                    point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros(data.sarason.shape)
+                )
+            best = certify_support(functional, point.samples, point.ball, self.level, data.rows, data.sarason)
+        x, p = reached[1].x, reached[1].p
+        attained = functional(x, p) - functional.tail if self.contains(x, p) else -np.inf
+        return Extreme(best.value, attained, x, p, best)
+
+    def contains(self, x: np.ndarray, p: np.ndarray) -> bool:
+        """Whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
+        return self.data.margin(x, p) <= 1 + 1e-12 and self.data.sarason.norm(x) <= 1 + 1e-12
+
+    def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[np.ndarray, np.ndarray, float]:
+        """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""
+        problem, here = self.posed.problem, np.array([omega * self.posed.problem.dt])
+        prior, sections, entries = problem.prior, self.posed.sections, problem.entries
+        basis = self.data.sarason.pair if sections is None else sections
+        phi = prior.gain_bound * basis.evaluate(np.exp(-1j * here) / prior.decay_rate)[0]
+        tail = 0.0 if sections is None else float(line_tails(problem, sections, here)[0])
+        number, part = entries.place(*entry)
+        scale = float(prior.scales(entries.outputs, entries.inputs)[entry])
+        x = np.zeros((entries.count, phi.size), complex)
+        x[number] = scale * part * phi
+        values = np.zeros(0) if problem.parametric is None else problem.parametric.response(here)[0]
+        return x.ravel(), self._parameter_weights(values, entry), scale * tail
+
+    def parameter_weights(self, index: int, entry: Entry = (0, 0)) -> np.ndarray:
+        """Weights of the scaled parameters in the entry of parameter number `index`."""
+        parametric = self.posed.problem.parametric
+        return np.real(self._parameter_weights(np.eye(parametric.size)[index], entry))
+
+    def _parameter_weights(self, values: np.ndarray, entry: Entry) -> np.ndarray:
+        """Weights of the scaled parameters in the sum of values (m,) times the parameters of an entry."""
+        rows, (number, part) = self.data.rows, self.posed.problem.entries.place(*entry)
+        weights = np.zeros(rows.P.shape[1], complex)
+        columns = slice(number * values.size, (number + 1) * values.size)
+        weights[columns] = part * values / rows.column_scale[columns]
+        return weights
+
+    def with_node(self, omega: float) -> ConsistentSet:
+        """The same set with coefficients that determine the value at `omega` too.
+
+        The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
+        """
+        posed = self.posed_at(omega)
+        if posed is self.posed:
+            return self
+        pair = posed.data.sarason.pair
+        alpha, beta, gamma, delta = self._interpolant
+        # x = c g(A) of the central interpolant g(zeta) = delta + zeta gamma (I - zeta alpha)^-1 beta, column by column.
+        states = [solve_stein(alpha, pair.A, column[:, None] @ pair.c @ pair.A) for column in beta.T]
+        full = np.stack([gamma @ state for state in states], axis=1) + delta[:, :, None] * pair.c[0]
+        # Of symmetric matrices the mean of both transposes: it has the same data, and is in the ball.
+        start = dataclasses.replace(self.center, x=posed.problem.entries.collapse(full))
+        return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
+
+    def posed_at(self, omega: float) -> Posed:
+        """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""
+        problem = self.posed.problem
+        angle = omega * problem.dt
+        if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
+            return self.posed
+        # At the head of the cascade: tight samples then say nothing about the new coefficients.
+        head = [min(angle, np.pi)]
+        pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor, first=head)
+        data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair, problem.entries))
+        return dataclasses.replace(self.posed, data=data)
+
+    @functools.cached_property
+    def _interpolant(self) -> tuple[np.ndarray, ...]:
+        from robustid.identification import interpolants
+
+        return interpolants(self.data.sarason, self.center.x).realise()
+
+
+def consistent_set(identification: Identification) -> ConsistentSet:
+    """The set of an identification; raises for data that are not consistent.
+
+    Raises
+    ------
+    InconsistentDataError
+        There is nothing to bound: no system fits, or none was found.
+    """
+    if not identification.consistent:
+        raise InconsistentDataError(
+            f"`identification` is {identification.status.name.lower()} (margin {identification.margin:.6g}): there is no consistent"
+            " system whose error could be bounded; loosen the bounds or the prior first"
+        )
+    problem = identification.problem
+    posed = pose(problem, identification.sections)
+    level = 1.0 if identification.margin < 1 - _BARELY else 1 + _BARELY
+    claim = identification.claim
+    shrink = identification.prior.gain_bound / problem.prior.gain_bound
+    none = np.zeros(0)
+    starts = [
+        Candidate(shrink * identification.coefficients, identification.scaled_parameters, none, none, ""),
+        Candidate(claim.x, claim.p, none, none, ""),
+    ]
+    if identification.prior.decay_rate != problem.prior.decay_rate:
+        starts = starts[1:]
+    return set_of(posed, level, starts)
+
+
+def set_of(posed: Posed, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
+    """The set at a level above the smallest margin; `starts` are points that may be inside."""
+    return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
+
+
+def independent_entries(entries: Entries) -> list[Entry]:
+    """The entries whose values are independent, in the order of their unknowns: of symmetric matrices the upper triangle."""
+    places = np.ndindex(entries.outputs, entries.inputs)
+    return [(a, b) for a, b in places if a <= b or not entries.symmetric]
+
+
+def check_one_channel(problem: MixedProblem, what: str) -> None:
+    """Refuse matrices, and say the way out."""
+    if not problem.entries.single:
+        raise InputError(
+            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
+            " Identify an entry by itself, from frf.channel(output, input), and take that"
+        )

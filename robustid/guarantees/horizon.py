@@ -1,0 +1,123 @@
+"""Output samples as linear functionals of the consistent systems: the form of the problem that determines a whole horizon."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from robustid.bases import Sections, input_normal_pair
+from robustid.core import Frozen, freeze, threads_for
+from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consistent_set
+from robustid.identification import (
+    LARGEST_EXACT,
+    LONGEST_TAYLOR,
+    Functional,
+    Identification,
+    MixedProblem,
+    Posed,
+    SupportCertificate,
+    pose,
+    taylor_length,
+)
+from robustid.identification.formulation import SarasonMap, measurement_rows
+from robustid.identification.solver import ConvexData, analytic_center
+
+_ACCURACY = 1e-2  # of a Taylor form: its tails are a tenth of this part of every bound
+_BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Outputs(Frozen):
+    """The response to a known input, from rest: y_k = sum_j u_(k-j) f_j over a consistent set.
+
+    Attributes
+    ----------
+    consistent : ConsistentSet
+    u : (T,) array
+    """
+
+    consistent: ConsistentSet
+    u: np.ndarray
+
+    def __post_init__(self) -> None:
+        self._set(u=freeze(self.u))
+
+    @functools.cached_property
+    def _impulses(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the coefficients in g_j and of the scaled parameters in the parametric f_j: (T, n) and (T, m)."""
+        posed, count = self.consistent.posed, self.u.size
+        prior, rows = posed.problem.prior, posed.data.rows
+        g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float)[:, None]
+        parametric = np.zeros((count, rows.P.shape[1]))
+        if rows.parameters:
+            impulse = posed.problem.parametric.impulse(count)
+            parametric[:, : rows.parameters] = impulse / rows.column_scale[: rows.parameters]
+        return g * posed.data.sarason.pair.taylor(count), parametric
+
+    def functional(self, sample: int, sign: float = 1.0) -> Functional:
+        """+-y_k.
+
+        A function of the unit ball has norm 1 at most in H2: what the basis misses of the functional's representative
+        sum_j K u_(k-j) rho^-j zeta^j is the most that the other coefficients can do.
+        """
+        delayed = self.u[sample::-1]
+        g, parametric = (weights[: sample + 1] for weights in self._impulses)
+        w, tail = delayed @ g, 0.0
+        if sample >= self.determined:
+            prior = self.consistent.posed.problem.prior
+            whole = prior.gain_bound * np.abs(delayed) * prior.decay_rate ** -np.arange(sample + 1.0)
+            energy = float(whole @ whole)
+            tail = float(np.sqrt(max(0.0, energy - w @ w) + 8 * (sample + 8) * np.finfo(float).eps * energy))
+        return Functional(sign * w, sign * (delayed @ parametric), tail)
+
+    @functools.cached_property
+    def determined(self) -> int:
+        """Number of Taylor coefficients that the basis determines: its zeros at the origin."""
+        posed = self.consistent.posed
+        if posed.sections is not None:
+            return posed.sections.order if posed.sections.is_shift else 0
+        nodes = sum(1 if angle in (0.0, np.pi) else 2 for angle in posed.problem.angles)
+        return posed.data.sarason.pair.order - nodes
+
+    def extreme(self, sample: int, sign: float, gap: float) -> Extreme:
+        """The largest value of +-y_k over the set."""
+        with threads_for(self.consistent.data.sarason.pair.order):
+            return self.consistent.extreme(self.functional(sample, sign), gap)
+
+    def supports(self, sample: int, sign: float, value: float, certificate: SupportCertificate) -> bool:
+        """Whether a certificate, evaluated anew, proves that +-y_k is at most `value`."""
+        data = self.consistent.data
+        return (
+            certificate.level >= 1
+            and certificate.value <= value
+            and certificate.verify(self.functional(sample, sign), data.rows, data.sarason)
+        )
+
+
+def consistent_outputs(identification: Identification, u: np.ndarray) -> Outputs:
+    """The responses to u of all consistent systems; raises for data that are not consistent.
+
+    Posed so that the coefficients determine the first T Taylor coefficients, T the length of u: the exact form with T delays, or T
+    Taylor coefficients at least. Where both are too large the form of the identification bounds the rest by a tail.
+    """
+    own = consistent_set(identification)
+    if u.size <= Outputs(own, u).determined:
+        return Outputs(own, u)
+    posed = _over_horizon(identification.problem, u.size)
+    if posed is None:
+        return Outputs(own, u)
+    with threads_for(posed.data.sarason.pair.order):
+        # Tails take from the bounds: a set that is thinner has an outer neighbour in its place, whose bounds hold all the more.
+        level = max(own.level, identification.margin + 3 * float(posed.data.rows.tail.max()))
+        return Outputs(ConsistentSet(posed, analytic_center(posed.data, level), level), u)
+
+
+def _over_horizon(problem: MixedProblem, horizon: int) -> Posed | None:
+    """The smaller form that determines a horizon; None where none is small enough."""
+    exact, length = problem.coefficients - problem.taylor + horizon, max(horizon, taylor_length(problem, _ACCURACY))
+    if exact <= LARGEST_EXACT and exact**2 <= _BALANCE * length:
+        pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, max(horizon, problem.taylor))
+        return Posed(problem, ConvexData(measurement_rows(problem, pair), SarasonMap(pair)), None)
+    return pose(problem, Sections.shift(length)) if length <= LONGEST_TAYLOR else None

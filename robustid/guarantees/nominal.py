@@ -1,0 +1,71 @@
+"""What a bound is asked of: the nominal model and the frequencies, checked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.core import as_array
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification, MixedProblem
+
+_GRID = 64  # frequencies of the default grid, besides those of the poles
+
+
+def as_nominal(model: Any, identification: Identification) -> Any:
+    """The model, checked: the channels and the dt of the data, stable (integrators where the parametric part has them)."""
+    import control
+
+    if model is None:
+        return identification.model
+    if not isinstance(model, control.StateSpace):
+        raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
+    dt, entries = identification.problem.dt, identification.problem.entries
+    if (model.ninputs, model.noutputs) != (entries.inputs, entries.outputs):
+        wanted = (
+            "one input and one output" if entries.single else f"{entries.inputs} inputs and {entries.outputs} outputs"
+        )
+        raise InputError(f"`model` must have {wanted}; got {model.ninputs} and {model.noutputs}")
+    if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
+        raise InputError(f"`model` must be discrete-time with the dt of the data, {dt:g} s; got dt = {model.dt}")
+    poles = np.linalg.eigvals(model.A) if model.nstates else np.zeros(0)
+    basis = identification.problem.parametric
+    allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
+    if np.any(np.abs(poles[~allowed]) >= 1):
+        raise InputError(
+            f"`model` must be stable: its error could not be bounded; got a pole of modulus {np.abs(poles[~allowed]).max():.6g}"
+        )
+    return model
+
+
+def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
+    """Frequencies in rad/s, checked and sorted."""
+    grid = np.unique(np.atleast_1d(as_array("omega", omega)))
+    dt, basis = problem.dt, problem.parametric
+    if grid.size == 0:
+        raise InputError("`omega` is empty; give at least one frequency")
+    if grid[0] < 0 or grid[-1] * dt > np.pi * (1 + 1e-9):
+        bad = grid[0] if grid[0] < 0 else grid[-1]
+        raise InputError(f"`omega` must lie between 0 and pi/dt = {np.pi / dt:g} rad/s (not Hz); got {bad:g}")
+    if basis is not None and basis.has_integrator and grid[0] == 0:
+        raise InputError("`omega` must not contain 0: the integrator of the parametric part is infinite there")
+    return np.minimum(grid, np.pi / dt)
+
+
+def default_grid(identification: Identification) -> np.ndarray:
+    """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
+    problem = identification.problem
+    top, basis = np.pi / problem.dt, problem.parametric
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
+    grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
+    if basis is not None:
+        poles = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
+        for pole in np.unique(np.round(poles, 12)):
+            width = -np.log(np.abs(pole)) * np.array([-2, -1, -0.5, 0, 0.5, 1, 2])
+            grid.append((np.angle(pole) + width) / problem.dt)
+    grid = np.concatenate(grid)
+    if basis is not None and basis.has_integrator and lines.size:
+        grid = grid[grid >= lines.min()]
+    return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))

@@ -1,0 +1,125 @@
+"""Value sets and certificates as a few arrays: stacked, with the ranks of their factors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from robustid.guarantees.consistent_set import independent_entries
+from robustid.guarantees.value_set import ValueSet, directions_at
+from robustid.identification import SupportCertificate
+from robustid.identification.formulation import SINGLE, Entries
+
+Arrays = dict[str, np.ndarray]
+
+
+def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
+    """Stacked multipliers of the samples, and the factors of Y behind each other; Y itself where that is smaller."""
+    certificates = list(certificates)
+    factors = [_smaller(c) for c in certificates]
+    return {
+        "samples": np.stack([c.samples for c in certificates]) if certificates else np.zeros((0, 0), complex),
+        "order": np.array([c.left.shape[0] for c in certificates], int),
+        "width": np.array([c.right.shape[0] for c in certificates], int),
+        "rank": np.array([-1 if len(f) == 1 else f[0].shape[1] for f in factors], int),
+        "factors": np.concatenate([np.zeros(0), *(part.ravel() for f in factors for part in f)]),
+        "level": np.array([c.level for c in certificates], float),
+        "value": np.array([c.value for c in certificates], float),
+    }
+
+
+def _smaller(certificate: SupportCertificate) -> tuple[np.ndarray, ...]:
+    left, right = certificate.left, certificate.right
+    (high, rank), wide = left.shape, right.shape[0]
+    return (left @ right.T,) if (high + wide) * rank > high * wide else (left, right)
+
+
+def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
+    """What `pack_certificates` packed.
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit together.
+    """
+    orders, ranks, factors = arrays["order"], arrays["rank"], arrays["factors"]
+    widths = arrays.get("width", orders)  # files of one channel may have none
+    ends = np.cumsum(np.where(ranks < 0, orders * widths, (orders + widths) * ranks))
+    if np.any(orders < 0) or np.any(widths < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
+        raise ValueError("the factors of its certificates do not fit together")
+    if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} | {len(widths)} != {orders.size}:
+        raise ValueError("the arrays of its certificates differ in length")
+    found = []
+    for k, parts in enumerate(np.split(factors, ends[:-1])[: orders.size]):
+        high, wide, rank = orders[k], widths[k], ranks[k]
+        if rank < 0:
+            left, right = parts.reshape(high, wide), np.eye(wide)
+        else:
+            left, right = parts[: high * rank].reshape(high, rank), parts[high * rank :].reshape(wide, rank)
+        found.append(
+            SupportCertificate(arrays["samples"][k], left, right, float(arrays["level"][k]), float(arrays["value"][k]))
+        )
+    return tuple(found)
+
+
+def pack_values(values: Sequence[ValueSet]) -> Arrays:
+    """Value sets of any frequencies."""
+    certificates = pack_certificates(c for v in values for c in v.certificates)
+    return {
+        "omega": np.array([v.omega for v in values], float),
+        "sides": np.array([v.directions.size for v in values], int),
+        "slack": np.array([v.slack for v in values], float),
+        "support": np.concatenate([np.zeros(0), *(v.support for v in values)]),
+        "entry": np.array([v.entry for v in values], int).reshape(-1, 2),
+        "points": np.concatenate([np.zeros(0, complex), *(v.matrices.ravel() for v in values)]),
+    } | {f"certificates/{name}": array for name, array in certificates.items()}
+
+
+def unpack_values(
+    arrays: Arrays, dt: float, entries: Entries = SINGLE, directions: int | None = None
+) -> list[ValueSet]:
+    """What `pack_values` packed, with the polygons that belong to a number of directions (their own one by default).
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit together, or polygons of another number of sides.
+    """
+    if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
+        raise ValueError("its frequencies are not between 0 and pi/dt")
+    counts = arrays["sides"] if directions is None else np.full(arrays["omega"].size, directions)
+    counts = np.maximum(counts, 3)  # two sides are closed where the response is real only
+    angles = [directions_at(float(w), dt, int(count)) for w, count in zip(arrays["omega"], counts, strict=True)]
+    if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
+        raise ValueError("its polygons do not have the sides of their number of directions")
+    certificates = unpack_certificates(part(arrays, "certificates/"))
+    ends = np.cumsum(arrays["sides"])
+    shape = entries.outputs, entries.inputs
+    points = arrays["points"].reshape(-1, *shape)
+    # Of several channels every polygon comes with one more value than it has sides.
+    more = 0 if entries.single else 1
+    total = int(ends[-1]) if ends.size else 0
+    if (len(certificates), arrays["support"].size, len(points)) != (total, total, total + more * ends.size):
+        raise ValueError("its polygons and certificates differ in number")
+    expected = independent_entries(entries)
+    places = arrays.get("entry", np.zeros((ends.size, 2), int))  # files of one channel may have none
+    repeated = np.reshape(expected * (len(places) // len(expected)), (-1, 2))
+    if not np.array_equal(places, repeated):
+        raise ValueError("its polygons are not those of all entries, one after the other")
+    if np.any(np.ptp(arrays["omega"].reshape(-1, len(expected)), axis=1)):
+        raise ValueError("the polygons of its entries are not at the same frequencies")
+    found = []
+    for k, end in enumerate(ends):
+        at = slice(end - angles[k].size, end)
+        omega, slack = float(arrays["omega"][k]), float(arrays["slack"][k])
+        entry, matrices = expected[k % len(expected)], points[at.start + more * k : at.stop + more * (k + 1)]
+        attained = matrices[: angles[k].size, *entry]
+        proved = omega, angles[k], arrays["support"][at], attained, slack, certificates[at]
+        found.append(ValueSet(*proved, entry, matrices))
+    return found
+
+
+def part(arrays: Arrays, prefix: str) -> Arrays:
+    """The arrays whose names begin so, without it."""
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}

@@ -1,0 +1,78 @@
+"""Guaranteed intervals of the parametric coefficients."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from robustid.core import Frozen, freeze
+from robustid.guarantees.claims import SupportClaim, which
+from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
+from robustid.identification import Functional, SupportCertificate
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ParameterIntervals(Frozen):
+    """For every parametric coefficient p_i, the interval that contains it in every consistent system.
+
+    Attributes
+    ----------
+    lower, upper : (m,) arrays; of several channels (m, ny, nu), every entry of the residue matrices
+        Proved, in the units of `Identification.parameters`.
+    attained : (m, 2) array; (m, ny, nu, 2)
+        Lowest and highest values of systems that were found; the truth of the interval lies between these and the ends.
+    certificates : tuple of SupportCertificate
+        Of -p_i and of p_i, in turn; entry after entry, of symmetric matrices those of the upper triangle.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    attained: np.ndarray
+    certificates: tuple[SupportCertificate, ...]
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("lower", "upper", "attained")})
+
+    def reach(self, parameters: np.ndarray) -> np.ndarray:
+        """How far each coefficient can be from given ones, in the shape of `lower`."""
+        return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
+
+
+def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> ParameterIntervals:
+    """Smallest and largest value of every parametric coefficient over the set, to a part `gap`."""
+    problem, nothing, certificates = consistent.posed.problem, np.zeros(consistent.data.sarason.size), []
+    size = 0 if problem.parametric is None else problem.parametric.size
+    # Lower and upper ends, then what is attained of them.
+    ends = np.zeros((size, problem.entries.outputs, problem.entries.inputs, 4))
+    for entry in independent_entries(problem.entries):
+        for index in range(size):
+            weights = consistent.parameter_weights(index, entry)
+            for side, sign in enumerate((-1.0, 1.0)):
+                found = consistent.extreme(Functional(nothing, sign * weights), gap)
+                ends[index, *entry, [side, 2 + side]] = sign * found.upper, sign * found.attained
+                certificates.append(found.certificate)
+            if problem.entries.symmetric:
+                ends[index, *entry[::-1]] = ends[index, *entry]
+    if problem.entries.single:
+        ends = ends[:, 0, 0]
+    return ParameterIntervals(ends[..., 0], ends[..., 1], ends[..., 2:], tuple(certificates))
+
+
+def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:
+    """What the intervals say, end by end."""
+    data, problem = consistent.data, consistent.posed.problem
+    labels = () if problem.parametric is None else problem.parametric.labels
+    size, entries, nothing = len(labels), problem.entries, np.zeros(data.sarason.size)
+    proofs = iter(found.certificates)
+    if len(found.certificates) != 2 * size * entries.count:
+        raise ValueError("its intervals and their certificates differ in number")
+    stated = np.stack([-found.lower, found.upper], axis=-1).reshape(size, entries.outputs, entries.inputs, 2)
+    for entry in independent_entries(entries):
+        both = (entry, entry[::-1]) if entries.symmetric else (entry,)
+        for index, side in np.ndindex(size, 2):
+            functional = Functional(nothing, (2.0 * side - 1) * consistent.parameter_weights(index, entry))
+            name = f"{'upper' if side else 'lower'} end of the coefficient of {labels[index]}{which(problem, entry)}"
+            value = min(float(stated[index, *place, side]) for place in both)
+            yield SupportClaim(name, functional, value, next(proofs), data.rows, data.sarason)

@@ -1,0 +1,267 @@
+"""Poles that are known up to a box: cells of it, each with a convex relaxation that covers all poles inside."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.bases import ParametricBasis, kautz
+from robustid.core import Frozen, as_array, freeze
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.identification import Identification, MixedProblem
+
+AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
+_REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
+_DISTANT = 3.0  # lines whose bound would grow by more than this factor are left out: they say next to nothing
+_ROUNDING = 1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4
+_WIDER = 1 + 1e-9  # the same for products
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PoleCell(Frozen):
+    """A box of poles a_i = exp((-d_i + j sqrt(1 - d_i^2)) w_i T), one natural frequency and damping ratio per mode.
+
+    A mode c/(1 - a z^-1) with |a - a0| <= r expands about the middle a0 into multiples of z^-k/(1 - a0 z^-1)^(k+1), whose
+    coefficients c (a - a0)^k are bounded by C r^k, and a remainder of modulus at most C r^m / (d^m (d - r)), d = |1 - a0 z^-1|,
+    after m terms. So the systems with poles in the cell are among those with m-fold poles at its middle, coefficients in intervals,
+    and samples whose bounds are wider by what the remainder does to them.
+
+    Attributes
+    ----------
+    omega, damping : (M, 2) arrays
+        Ends, rad/s and 1.
+    amplitude : (M,) array
+        C, the largest |c| of every mode.
+    delay : int, samples
+    dt : float, s
+    """
+
+    omega: np.ndarray
+    damping: np.ndarray
+    amplitude: np.ndarray
+    delay: int
+    dt: float
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
+
+    @functools.cached_property
+    def middle(self) -> np.ndarray:
+        """The a0, (M,) complex."""
+        return _pole(self.omega.mean(axis=1), self.damping.mean(axis=1), self.dt)
+
+    @functools.cached_property
+    def radius(self) -> np.ndarray:
+        """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals."""
+        steps = self.dt * self.omega
+        decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
+        middle = np.asarray(np.log(self.middle))
+        away = [
+            np.maximum(high - value, value - low)
+            for (low, high), value in ((decay, -np.real(middle)), (turn, np.imag(middle)))
+        ]
+        return np.exp(-decay[0]) * np.hypot(*away) * _WIDER + _ROUNDING
+
+    def basis(self) -> ParametricBasis:
+        """Repeated pairs at the middle."""
+        omega, damping = self.omega.mean(axis=1), self.damping.mean(axis=1)
+        return kautz(omega, damping, dt=self.dt, repeat=_REPEAT, delay=self.delay)
+
+    def intervals(self) -> np.ndarray:
+        """Of the coefficients of `basis`, (2 M repeat, 2)."""
+        ends = []
+        for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
+            one = kautz(w, d, dt=self.dt, repeat=_REPEAT, delay=self.delay)
+            rows = np.linalg.norm(one.C, axis=1)
+            norms = (np.linalg.norm(one.A, axis=1) if self.delay == 0 else np.ones(rows.size)) / rows
+            # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
+            shrink = (self.radius[number] / abs(self.middle[number])) ** (np.arange(rows.size) // 2)
+            ends.append(2 * self.amplitude[number] * shrink * norms)
+        half = np.concatenate(ends) * _WIDER
+        return np.stack([-half, half], axis=1)
+
+    def remainder(self, angles: np.ndarray) -> np.ndarray:
+        """What the expansion leaves out at exp(j angle), at most, (F, M); inf where it does not converge."""
+        z = np.exp(-1j * np.asarray(angles))[:, None]
+        total = np.zeros((z.size, self.middle.size))
+        for pole in (self.middle, self.middle.conj()):
+            distance = np.abs(1 - pole * z) - _ROUNDING
+            room = distance - self.radius
+            with np.errstate(divide="ignore", invalid="ignore"):
+                total += np.where(room > 0, self.amplitude * (self.radius / distance) ** _REPEAT / room, np.inf)
+        return total * _WIDER
+
+    def impulse_remainder(self, count: int) -> np.ndarray:
+        """The same for the impulse response: 2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole, (count, M)."""
+        import scipy.special
+
+        k = np.arange(count)[:, None] - self.delay
+        largest = np.abs(self.middle) + self.radius
+        ways = scipy.special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
+        return 2 * self.amplitude * self.radius**_REPEAT * ways * largest ** np.maximum(k - _REPEAT, 0)
+
+    def relaxed(self, problem: MixedProblem) -> MixedProblem | None:
+        """A problem with fixed poles that every consistent system with poles in the cell solves; None if no data are left."""
+        frequency = []
+        for frf in problem.frequency:
+            extra = self.remainder(frf.omega * problem.dt).sum(axis=1) * (1 + line_tilt(frf))
+            near = extra <= _DISTANT * frf.bound[:, 0, 0]
+            if near.any():
+                kept = frf.select(near)
+                frequency.append(kept.with_bound(kept.bound + extra[near, None, None]))
+        time = []
+        for record in problem.time:
+            h = self.impulse_remainder(record.u.shape[0]).sum(axis=1)
+            extra = np.convolve(np.abs(record.u[:, 0]), h)[: h.size]
+            time.append(record.with_bound(record.bound + extra[:, None]))
+        if not frequency and not time:
+            return None
+        return MixedProblem(
+            frequency=tuple(frequency) or None,
+            time=tuple(time) or None,
+            prior=problem.prior,
+            parametric=self.basis(),
+            parameter_bounds=self.intervals(),
+        )
+
+    def split(self, problem: MixedProblem, omega: np.ndarray) -> tuple[PoleCell, PoleCell]:
+        """Two halves of the side of the mode that matters most."""
+        angles = np.concatenate([omega * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
+        weight = np.minimum(self.remainder(angles), 1e300).max(axis=0)
+        mode = int(np.argmax(weight))
+        sides = [
+            np.ptp(self.omega[mode]),
+            np.ptp(self.damping[mode]) * self.omega[mode].mean(),
+        ]  # how far each moves the pole
+        name = "omega" if sides[0] >= sides[1] else "damping"
+        middle = float(getattr(self, name)[mode].mean())
+        halves = []
+        for end in (0, 1):
+            ends = np.array(getattr(self, name))
+            ends[mode, 1 - end] = middle
+            halves.append(dataclasses.replace(self, **{name: ends}))
+        return halves[0], halves[1]
+
+    @property
+    def ends(self) -> np.ndarray:
+        """All sides, (2 M, 2): natural frequencies, then damping ratios."""
+        return np.concatenate([self.omega, self.damping])
+
+    def covered_by(self, cells: Sequence[PoleCell]) -> bool:
+        """Whether cells that lie inside leave out none of its poles, by their ends alone.
+
+        They were made by cuts, so that some cut leaves each of them on one side of it; false for cells that were made otherwise.
+        """
+        whole, parts = self.ends, [cell.ends for cell in cells]
+        return all(_within(part, whole) for part in parts) and _covered(whole, parts)
+
+
+def _within(inner: np.ndarray, outer: np.ndarray) -> bool:
+    return inner.shape == outer.shape and bool(np.all((outer[:, 0] <= inner[:, 0]) & (inner[:, 1] <= outer[:, 1])))
+
+
+def _covered(whole: np.ndarray, parts: list[np.ndarray]) -> bool:
+    if any(_within(whole, part) for part in parts):
+        return True
+    for side, part in itertools.product(range(len(whole)), parts):
+        cut = part[side, 1]
+        below = [p for p in parts if p[side, 1] <= cut]
+        above = [p for p in parts if p[side, 0] >= cut]
+        if below and above and len(below) + len(above) == len(parts):
+            halves = np.array([whole, whole])
+            halves[0, side, 1] = halves[1, side, 0] = cut
+            return _covered(halves[0], below) and _covered(halves[1], above)
+    return False
+
+
+def box_of(identification: Identification, omega: Any, damping: Any, delay: int) -> PoleCell:
+    """The box as one cell, with the amplitudes that are assumed: those of the model times `AMPLITUDE`.
+
+    Raises
+    ------
+    InputError
+        Intervals that do not hold the poles of the identification, other bases than one pair per mode, records not from rest.
+    """
+    problem = identification.problem
+    poles = _modes(identification, delay)
+    omega, damping = _intervals(omega, damping, poles.size, problem.dt)
+    for record in problem.time:
+        if record.initial != "rest":
+            raise InputError(
+                f'`identification` has a time record with initial="{record.initial}": what poles in a box do to its initial state'
+                " is not bounded here; use lines (`estimate_frf`) or a record from rest"
+            )
+    logs = np.log(poles) / problem.dt
+    for name, ends, own in (
+        ("omega_interval", omega, np.abs(logs)),
+        ("damping_interval", damping, -logs.real / np.abs(logs)),
+    ):
+        outside = (own < ends[:, 0] * (1 - 1e-9)) | (own > ends[:, 1] * (1 + 1e-9))
+        if np.any(outside):
+            mode = int(np.argmax(outside))
+            raise InputError(
+                f"`{name}` must hold the poles of `identification`, in their order: their amplitudes set those that are allowed"
+                f" in the box. Mode {mode + 1} has {own[mode]:.9g}, got {ends[mode].tolist()}. Identify with poles in the box first"
+            )
+    weights = identification.parameters.reshape(poles.size, 2)
+    impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
+    # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
+    norms = np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
+    amplitude = np.linalg.norm(weights / norms, axis=1) / 2
+    floor = 1e-3 * amplitude.max(initial=0.0)
+    return PoleCell(omega, damping, AMPLITUDE * np.maximum(amplitude, floor), delay, problem.dt)
+
+
+def _modes(identification: Identification, delay: int) -> np.ndarray:
+    """The pole of every mode, in the upper half plane."""
+    problem = identification.problem
+    basis = problem.parametric
+    if basis is None:
+        raise InputError("`identification` has no parametric part, hence no poles that could lie in a box")
+    poles = basis.poles[np.imag(basis.poles) > 0]
+    logs = np.log(poles)
+    if 2 * poles.size == basis.size and poles.size:
+        pairs = kautz(np.abs(logs) / problem.dt, -logs.real / np.abs(logs), dt=problem.dt, delay=delay)
+        count = delay + 4  # a pair has two functions of second order
+        if np.allclose(pairs.impulse(count), basis.impulse(count), rtol=1e-9, atol=1e-12):
+            return poles
+    raise InputError(
+        "`identification` must have one single `kautz` pair per mode in its parametric part, of the `delay` that is said here"
+        f" ({delay})"
+    )
+
+
+def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    omega, damping = as_array("omega_interval", omega, ndim=2), as_array("damping_interval", damping, ndim=2)
+    for name, ends in (("omega_interval", omega), ("damping_interval", damping)):
+        if ends.shape != (modes, 2):
+            raise InputError(
+                f"`{name}` must have one row (low, high) for each of the {modes} modes of `parametric` (one kautz pair each);"
+                f" got shape {ends.shape}"
+            )
+        if np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
+            raise InputError(f"`{name}` must hold positive ends, low <= high; got {ends.tolist()}")
+    if np.any(damping >= 1) or np.any(omega * dt >= np.pi):
+        raise InputError("`damping_interval` must lie below 1 and `omega_interval` below pi/dt")
+    return omega, damping
+
+
+def line_tilt(frf: FrequencyResponse) -> np.ndarray:
+    """|kappa| of every line: an ellipse's rows are weighted by up to 1 + |kappa|."""
+    return np.zeros(frf.omega.size) if frf.tilt is None else np.abs(frf.tilt[:, 0, 0])
+
+
+def _pole(omega: np.ndarray, damping: np.ndarray, dt: float) -> np.ndarray:
+    return np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * dt)
+
+
+def _products(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest product of positive intervals, (M,) each."""
+    all_of = np.stack([a[:, i] * b[:, j] for i, j in itertools.product((0, 1), repeat=2)])
+    return all_of.min(axis=0), all_of.max(axis=0)

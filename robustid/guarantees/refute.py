@@ -1,0 +1,374 @@
+"""refute(): do new samples fit what an identification guarantees?"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Frozen, freeze, threads_for
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.consistent_set import ConsistentSet, check_one_channel, consistent_set
+from robustid.guarantees.horizon import consistent_outputs
+from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
+
+_GAP = 5e-3  # of the ends that are proved
+_TRIES, _PROGRESS = 12, 1e-3  # half-planes for one sample, and the least that another one must bring
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HalfPlane(Frozen):
+    """A proof that Re(conj(normal) v) <= value for the value v of every consistent system at one new sample.
+
+    Attributes
+    ----------
+    place : int
+        Number of the sample within its experiment.
+    normal : complex
+        Of modulus 1; 1 or -1 for time samples.
+    value : float
+    certificate : SupportCertificate
+    """
+
+    place: int
+    normal: complex
+    value: float
+    certificate: SupportCertificate
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Judged(Frozen):
+    """The new samples of one experiment against everything that is consistent.
+
+    Attributes
+    ----------
+    kind : {"frequency", "time"}
+    index : int
+        Number of the experiment, as given.
+    axis : (N,) array
+        rad/s, or s; only samples with a finite bound.
+    ratio : (N,) array
+        Proved: no consistent system has a smaller |error|/bound at this sample. 0 where a consistent system is inside the bound.
+    attainable : (N,) array
+        |error|/bound of a consistent system that was found at this sample; inf where none was verified.
+    proofs : tuple of HalfPlane
+        For the samples that the centre of the set does not keep.
+    """
+
+    kind: str
+    index: int
+    axis: np.ndarray
+    ratio: np.ndarray
+    attainable: np.ndarray
+    proofs: tuple[HalfPlane, ...]
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("axis", "ratio", "attainable")})
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Refutation(Frozen):
+    """Whether new samples contradict an identification, each by itself: which one, and by how much.
+
+    Attributes
+    ----------
+    identification : Identification
+    data : tuple of FrequencyResponse or TimeRecord
+        The new samples.
+    samples : tuple of Judged
+        One entry per experiment.
+    """
+
+    identification: Identification
+    data: tuple[Any, ...]
+    samples: tuple[Judged, ...]
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """Proved distance of every sample from everything consistent, in units of its bound, (N,): above 1 it refutes."""
+        return np.concatenate([s.ratio for s in self.samples])
+
+    @property
+    def attainable(self) -> np.ndarray:
+        """Distance of every sample from a consistent system that was found, in units of its bound, (N,)."""
+        return np.concatenate([s.attainable for s in self.samples])
+
+    @property
+    def refuted(self) -> bool:
+        """Whether a sample is proved to be further from everything consistent than its bound."""
+        return bool(np.any(self.ratio > 1))
+
+    @property
+    def inside(self) -> bool:
+        """Whether for every sample a consistent system was found that keeps it (for each its own)."""
+        return bool(np.all(self.attainable <= 1))
+
+    @property
+    def worst(self) -> tuple[str, int, float, float, float]:
+        """The sample furthest outside: (kind, experiment, rad/s or s, ratio, attainable)."""
+        labels = [(s.kind, s.index, float(at)) for s in self.samples for at in s.axis]
+        k = int(np.lexsort((self.attainable, self.ratio))[-1])
+        return *labels[k], float(self.ratio[k]), float(self.attainable[k])
+
+    def verify(self) -> bool:
+        """Evaluate all certificates again and compare the distances with them; no solver's answer is involved."""
+        return all(
+            _verify(self.identification, item, judged) for item, judged in zip(self.data, self.samples, strict=True)
+        )
+
+    def __repr__(self) -> str:
+        verdict = "refuted" if self.refuted else "inside" if self.inside else "undecided"
+        return f"<Refutation: {verdict}, {self.ratio.size} new samples, worst ratio {self.ratio.max():.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain words."""
+        kind, index, at, ratio, attainable = self.worst
+        place = f"{kind} experiment {index + 1} at " + (
+            f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
+        )
+        count, broken = self.ratio.size, int(np.sum(self.ratio > 1))
+        if self.refuted:
+            found = f"one was found at {attainable:.4g}" if np.isfinite(attainable) else "none was found"
+            return "\n".join(
+                [
+                    f"refuted    {broken} of {count} new samples contradict the guarantee; worst: {place}",
+                    f"           no consistent system comes nearer to it than {ratio:.4g} times its bound ({found})",
+                    "meaning    an assumption is wrong, data cannot say which: gain bound, decay rate, parametric poles or their"
+                    " intervals, a bound of the old samples, or the bound of this one",
+                ]
+            )
+        if self.inside:
+            head = f"inside     each of the {count} new samples is kept by a consistent system; nearest to its bound: {place}"
+            tail = f"           ({attainable:.4g} times its bound at most)"
+        else:
+            open_ = int(np.sum(self.attainable > 1))
+            head = f"undecided  {open_} of {count} new samples are at the edge of what is consistent; worst: {place}"
+            tail = f"           the nearest consistent value is between {ratio:.6g} and {attainable:.6g} times its bound away"
+        return "\n".join(
+            [
+                head,
+                tail,
+                "meaning    nothing is proved of the samples jointly: identify with the old and the new data together",
+            ]
+        )
+
+
+def refute(identification: Identification, new_data: Any) -> Refutation:
+    """Compare new samples with everything that an identification leaves possible; say which one breaks it, and by how much.
+
+    For every new sample y with its bound e, the two numbers that enclose its distance from all consistent systems:
+
+        ratio <= min over consistent F of |y - F|/e <= attainable.
+
+    A ratio above 1 is a proof that no system of the class keeps the old samples and this one: it refutes an assumption (the class,
+    or one of the bounds; data cannot say which). An attainable value of at most 1 is a consistent system that keeps the sample.
+
+    Parameters
+    ----------
+    identification : Identification
+        Consistent.
+    new_data : FrequencyResponse, TimeRecord, or a sequence of them
+        With bounds (ellipses too), one input and one output, the dt of the data; records start at rest.
+
+    Returns
+    -------
+    Refutation
+
+    Raises
+    ------
+    InconsistentDataError
+        The old data fit no system of the class already.
+    InputError, InputTypeError
+        Other objects, no bounds, another dt, several channels, other units, a record that does not start at rest, a line on an
+        integrator.
+
+    Notes
+    -----
+    Each sample by itself: samples that are inside one by one may still contradict the class together, which `identify` decides for
+    old and new data joined. The distance is proved by half-planes, each with a certificate, turned towards the nearest value that
+    is attained so far (Gilbert's method). Source: model validation, `inanc2001` section II.
+
+    Examples
+    --------
+    The class allows |f_1| <= 1/2 after f_0 = 0:
+
+    >>> import robustid as rid
+    >>> from robustid.guarantees import refute
+    >>> record = rid.TimeRecord([1.0], [0.0], dt=0.1, bound=1e-6)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=2.0)))
+    >>> found = refute(result, rid.TimeRecord([1.0, 0.0], [0.0, 0.7], dt=0.1, bound=0.1))
+    >>> found.refuted, found.ratio.round(2), found.verify()
+    (True, array([0., 2.]), True)
+    """
+    if not isinstance(identification, Identification):
+        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    check_one_channel(identification.problem, "refute")
+    data = tuple(new_data) if isinstance(new_data, Sequence) else (new_data,)
+    if not data:
+        raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")
+    for item in data:
+        _check(item, identification.problem)
+    samples, numbers = [], {FrequencyResponse: 0, TimeRecord: 0}
+    for item in data:
+        number, numbers[type(item)] = numbers[type(item)], numbers[type(item)] + 1
+        found, proofs = [], []
+        for place in _places(identification, item, None):
+            with threads_for(place.consistent.data.sarason.pair.order):
+                ratio, attainable, planes = _judge(place)
+            found.append((ratio, attainable))
+            proofs += planes
+        ratio, attainable = np.array(found).T
+        frequency = isinstance(item, FrequencyResponse)
+        kind, axis = ("frequency", item.omega) if frequency else ("time", item.time[_used(item)])
+        samples.append(Judged(kind, number, axis, ratio, attainable, tuple(proofs)))
+    return Refutation(identification=identification, data=data, samples=tuple(samples))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Place:
+    """One new sample y, and the value at it as a functional of the set: x, p weigh the coefficients, complex for lines."""
+
+    number: int
+    y: complex
+    bound: float
+    tilt: complex
+    consistent: ConsistentSet
+    x: np.ndarray
+    p: np.ndarray
+    tail: float
+
+    def functional(self, normal: complex) -> Functional:
+        """Re(conj(normal) v)."""
+        turn = np.conj(normal)
+        return Functional(np.real(turn * self.x), np.real(turn * self.p), self.tail)
+
+    def relative(self, value: complex) -> complex:
+        """Error of a value in units of the bound: its modulus counts."""
+        error = self.y - value
+        return (error + self.tilt * np.conj(error)) / self.bound
+
+    def beyond(self, plane: HalfPlane) -> float:
+        """Distance of the sample from the half-plane, in units of its bound.
+
+        e = y - v has Re(conj(n) e) >= d = Re(conj(n) y) - value. With t = e + kappa conj(e), a symmetric map, Re(conj(n) e) =
+        Re(conj(m) t) for m = (n - kappa conj(n))/(1 - |kappa|^2), hence |t| >= d/|m|.
+        """
+        n = plane.normal
+        turned = abs(n - self.tilt * np.conj(n)) / (1 - abs(self.tilt) ** 2)
+        return max(0.0, float(np.real(np.conj(n) * self.y) - plane.value) / (turned * self.bound))
+
+
+def _places(identification: Identification, item: Any, wanted: set[int] | None) -> Iterator[_Place]:
+    """The used samples of one experiment, or those `wanted` of them."""
+    if isinstance(item, TimeRecord):
+        used = _used(item)
+        outputs = consistent_outputs(identification, item.u[: used[-1] + 1, 0])
+        for number, k in enumerate(used.tolist()):
+            if wanted is None or number in wanted:
+                f = outputs.functional(k)
+                sample = float(item.y[k, 0]), float(item.bound[k, 0]), 0.0
+                yield _Place(number, *sample, outputs.consistent, f.x, f.p, f.tail)
+        return
+    own = consistent_set(identification)
+    tilt = np.zeros(item.omega.size, complex) if item.tilt is None else item.tilt[:, 0, 0]
+    values, bounds = item.values[:, 0, 0], item.bound[:, 0, 0]
+    for number, omega in enumerate(item.omega.tolist()):
+        if wanted is None or number in wanted:
+            here = own.with_node(omega)
+            sample = complex(values[number]), float(bounds[number]), complex(tilt[number])
+            yield _Place(number, *sample, here, *here.value_weights(omega))
+
+
+def _judge(place: _Place) -> tuple[float, float, list[HalfPlane]]:
+    """Proved and attained distance of one sample, and the half-planes that prove it.
+
+    Gilbert's method: maximise over the set in the direction from the nearest attained value to the sample.
+    """
+    here, center = place.consistent, place.consistent.center
+    # |e + kappa conj(e)| grows by at most 1 + |kappa| times what the other coefficients do.
+    slack = place.tail * (1 + abs(place.tilt)) / place.bound
+    nearest = place.relative(complex(place.x @ center.x + place.p @ center.p))
+    attained = [nearest] if here.contains(center.x, center.p) else []
+    ratio, attainable, planes = 0.0, abs(nearest) + slack if attained else np.inf, []
+    while attainable > 1 and len(planes) < _TRIES:
+        normal = nearest + place.tilt * np.conj(nearest)  # Re(conj(t) T(e)) = Re(conj(T(t)) e)
+        normal = normal / abs(normal) if normal else 1.0
+        found = here.extreme(place.functional(normal), _GAP)
+        planes.append(HalfPlane(place.number, normal, found.upper, found.certificate))
+        ratio, before = max(ratio, place.beyond(planes[-1])), attainable
+        if np.isfinite(found.attained):
+            attained.append(place.relative(complex(place.x @ found.x + place.p @ found.p)))
+            nearest = _nearest(np.array(attained))
+            attainable = abs(nearest) + slack
+        if not attained or attainable > (1 - _PROGRESS) * before or attainable - ratio <= _GAP * attainable:
+            break
+    return ratio, attainable, planes
+
+
+def _nearest(errors: np.ndarray) -> complex:
+    """The number of least modulus, nearly, in the convex hull of attained errors: a convex combination, hence attained too."""
+    import scipy.optimize
+
+    size, heavy = float(np.abs(errors).max()), 1e3
+    rows = np.stack([np.real(errors) / size, np.imag(errors) / size, np.full(errors.size, heavy)])
+    weights = scipy.optimize.nnls(rows, np.array([0.0, 0.0, heavy]))[0]
+    mixed, single = complex(weights @ errors / weights.sum()), complex(errors[np.argmin(np.abs(errors))])
+    return min(mixed, single, key=abs)
+
+
+def _used(record: TimeRecord) -> np.ndarray:
+    return np.flatnonzero(np.isfinite(record.bound[:, 0]))
+
+
+def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
+    """Whether the half-planes hold and prove the ratios; a sample without one is proved to be 0 away."""
+    proved = np.zeros(judged.ratio.size)
+    for place in _places(identification, item, {plane.place for plane in judged.proofs}):
+        data = place.consistent.data
+        for plane in judged.proofs:
+            if plane.place != place.number:
+                continue
+            certificate, functional = plane.certificate, place.functional(plane.normal)
+            holds = certificate.level >= 1 and certificate.value <= plane.value and abs(abs(plane.normal) - 1) < 1e-12
+            if not (holds and certificate.verify(functional, data.rows, data.sarason)):
+                return False
+            proved[place.number] = max(proved[place.number], place.beyond(plane))
+    return bool(np.all(judged.ratio <= proved))
+
+
+def _check(item: Any, problem: MixedProblem) -> None:
+    """One experiment of new data: of the same plant, with bounds."""
+    if not isinstance(item, FrequencyResponse | TimeRecord):
+        raise InputTypeError(
+            f"`new_data` must be a FrequencyResponse, a TimeRecord or a sequence of them; got {type(item).__name__}"
+        )
+    if len(item.inputs) != 1 or len(item.outputs) != 1:
+        raise InputError(
+            f"`new_data` must have one input and one output; got {len(item.outputs)} outputs and {len(item.inputs)} inputs."
+            " Pick one entry with .channel(output, input)"
+        )
+    new = item.outputs[0], item.inputs[0]
+    for role, ours, theirs in zip(("output", "input"), problem.channel, new, strict=True):
+        if ours.unit and theirs.unit and ours.unit != theirs.unit:
+            raise InputError(
+                f"`new_data` has its {role} in [{theirs.unit}], the identification in [{ours.unit}]; convert it"
+            )
+    if item.dt is None or abs(item.dt - problem.dt) > 1e-9 * problem.dt:
+        raise InputError(f"`new_data` must have the dt of the identified data, {problem.dt:g} s; got dt = {item.dt}")
+    if item.bound is None or not np.any(np.isfinite(item.bound)):
+        raise InputError("`new_data` needs a bound on its samples: what is outside depends on it; use with_bound(...)")
+    if isinstance(item, TimeRecord) and item.initial != "rest":
+        hint = (
+            "identify with the old and the new data together"
+            if item.initial == "free"
+            else "use `estimate_frf` and its lines"
+        )
+        raise InputError(f"`new_data` must start at rest; got a record with initial={item.initial!r}: {hint}")
+    basis = problem.parametric
+    if isinstance(item, FrequencyResponse) and basis is not None and basis.has_integrator and item.omega[0] == 0:
+        raise InputError(
+            "`new_data` has a line at omega = 0, where the integrator of the parametric part is infinite; leave it out"
+        )

@@ -1,0 +1,161 @@
+"""Value sets at many frequencies: spread over any executor, streamed to a folder from which an interrupted sweep goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import os
+import pathlib
+import pickle
+import zipfile
+from collections.abc import Callable, Generator
+from concurrent.futures import Executor
+
+import numpy as np
+
+from robustid.core import Workers, atomic_write, threads_for
+from robustid.errors import InputError, SolverError
+from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.packing import pack_values, unpack_values
+from robustid.guarantees.value_set import ValueSet, value_sets_at
+from robustid.identification import describe_problem, digest, text_array
+
+_log = logging.getLogger("robustid")
+
+Progress = Callable[[int, int], None]
+Sets = tuple[ValueSet, ...]  # of the entries at one frequency
+Folder = str | os.PathLike[str]
+Spread = Executor | int | None  # over any executor, over so many processes of our own, or in this process
+
+
+def value_sets(
+    consistent: ConsistentSet,
+    omega: np.ndarray,
+    directions: int,
+    gap: float,
+    executor: Spread = None,
+    progress: Progress | None = None,
+    resume: Folder | None = None,
+) -> list[ValueSet]:
+    """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
+
+    What is finished is written to the folder `resume`, and what is there already isn't computed again.
+    """
+    store = None if resume is None else _Store(resume, consistent, directions, gap)
+    found = {} if store is None else store.load(omega.tolist())
+    if found and progress is not None:
+        progress(len(found), omega.size)
+    missing = [w for w in omega.tolist() if w not in found]
+    try:
+        # Closed at once, whatever happens: the processes of our own end with it.
+        with contextlib.closing(_each(consistent, missing, directions, gap, executor)) as each:
+            for w, value in each:
+                if store is not None:
+                    store.write(value)
+                found[w] = value
+                if progress is not None:
+                    progress(len(found), omega.size)
+    except SolverError as error:
+        kept = "give `resume` a folder to keep what is finished"
+        if store is not None:
+            kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
+        raise SolverError(f"{error}; {kept}") from error
+    return [one for w in omega.tolist() for one in found[w]]
+
+
+def _each(
+    consistent: ConsistentSet, omega: list[float], directions: int, gap: float, executor: Spread
+) -> Generator[tuple[float, Sets]]:
+    """(frequency, its values) as they are found."""
+    if executor is None or not omega:
+        for w in omega:
+            yield w, _one(consistent, directions, gap, w)
+        return
+    # Packed once, and unpacked once by every worker: what it derives from the arrays serves all its frequencies.
+    packed = pickle.dumps(consistent)
+    with Workers(executor) as workers:
+        yield from workers.run(_packed_one, (packed, directions, gap), omega)
+
+
+def _one(consistent: ConsistentSet, directions: int, gap: float, omega: float) -> Sets:
+    with threads_for(consistent.data.sarason.pair.order):
+        return value_sets_at(consistent, omega, directions, gap)
+
+
+def _packed_one(packed: bytes, directions: int, gap: float, omega: float) -> Sets:
+    return _one(_unpacked(packed), directions, gap, omega)
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> ConsistentSet:
+    return pickle.loads(packed)
+
+
+class _Store:
+    """A folder with one file for every frequency, named after problem, settings and frequency, and bound to them inside."""
+
+    def __init__(self, folder: Folder, consistent: ConsistentSet, directions: int, gap: float):
+        self.folder = pathlib.Path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"`resume` = {str(folder)!r} can't be a folder: {error.strerror}") from None
+        self._digest, self._settings = _identity(consistent), (directions, gap)
+        self._dt, self._entries = consistent.posed.problem.dt, consistent.posed.problem.entries
+        others = [f for f in self.folder.glob("values-*.npz") if not f.name.startswith(self._prefix)]
+        if others:
+            _log.warning("%s: %d results there are of other data, and are left alone", self.folder, len(others))
+
+    @property
+    def _prefix(self) -> str:
+        return f"values-{self._digest[:16]}-"
+
+    def _path(self, omega: float) -> pathlib.Path:
+        directions, gap = self._settings
+        return self.folder / f"{self._prefix}{directions}-{gap!r}-{omega!r}.npz"
+
+    def load(self, omega: list[float]) -> dict[float, Sets]:
+        """What is there of these frequencies; files that can't be used are named, and left out."""
+        found = {}
+        for w in omega:
+            path = self._path(w)
+            if not path.exists():
+                continue
+            try:
+                found[w] = self._read(path, w)
+            except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+                _log.warning("%s can't be used (%s); its frequency is computed again", path, error)
+        return found
+
+    def _read(self, path: pathlib.Path, omega: float) -> Sets:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        if not np.array_equal(arrays.pop("identity"), self._bound(omega)):
+            raise ValueError("it is of other data or settings")
+        return tuple(unpack_values(arrays, self._dt, self._entries, self._settings[0]))
+
+    def write(self, values: Sets) -> None:
+        """The values of one frequency, whole or not at all."""
+        omega = values[0].omega
+        path = self._path(omega)
+        try:
+            with atomic_write(path, "wb") as file:
+                np.savez(file, allow_pickle=False, identity=self._bound(omega), **pack_values(values))  # type: ignore[arg-type]
+        except OSError as error:
+            raise InputError(
+                f"`resume`: {path} can't be written ({error.strerror}); what is finished stays in {self.folder}:"
+                " make room, and run the same again"
+            ) from error
+
+    def _bound(self, omega: float) -> np.ndarray:
+        directions, gap = self._settings
+        return text_array([self._digest, directions, gap, omega])
+
+
+def _identity(consistent: ConsistentSet) -> str:
+    """Digest of everything that the values and their certificates are about: data, assumptions, basis, level."""
+    arrays, text = describe_problem(consistent.posed.problem)
+    pair = consistent.data.sarason.pair
+    level = np.array([consistent.level])
+    return digest(arrays | {"basis/A": pair.A, "basis/c": pair.c, "level": level, "text": text_array(text)})

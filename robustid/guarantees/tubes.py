@@ -1,0 +1,367 @@
+"""response_tube(): what every consistent system can do in time, for an impulse, a step or any known input."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze, simulate
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.circle import known_part
+from robustid.guarantees.consistent_set import Extreme, check_one_channel
+from robustid.guarantees.horizon import Outputs, consistent_outputs
+from robustid.guarantees.impulse_tail import tail_bounds
+from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.guarantees.sweep import Progress
+from robustid.identification import Identification, SupportCertificate
+
+SIGNALS = ("impulse", "step")
+_MOST = 60  # samples of a default tube
+_FADED = 1e-2  # of the gain bound: where the class lets the non-parametric part end, for a default horizon
+_LONGEST = 500
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ResponseTube(Frozen):
+    """The response to a known input of every consistent system, from rest: lower <= y_k <= upper, both proved.
+
+    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
+    the samples. Data can refute these, never prove them.
+
+    Attributes
+    ----------
+    identification : Identification
+    model : control.StateSpace
+        The nominal that the errors are measured from.
+    input : str
+        "impulse", "step" or "given".
+    u : (H,) array
+        Over the horizon.
+    samples : (T,) int array
+        Numbers k of the samples that were bounded, ascending; not always all H.
+    lower, upper : (T,) arrays
+    attained : (T, 2) array
+        Consistent systems were found whose output is at most the first and at least the second: no tube is narrower. NaN where
+        none was verified.
+    parameters : ParameterIntervals
+    certificates : tuple of SupportCertificate
+        Of -y_k and of y_k, in turn.
+    gap : float
+        Part of the distance from the centre to which every end was found.
+    """
+
+    identification: Identification
+    model: Any
+    input: str
+    u: np.ndarray
+    samples: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    attained: np.ndarray
+    parameters: ParameterIntervals
+    certificates: tuple[SupportCertificate, ...]
+    gap: float
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("u", "samples", "lower", "upper", "attained")})
+
+    @property
+    def times(self) -> np.ndarray:
+        """Instants of the samples in s, (T,)."""
+        return freeze(self.samples * self.identification.problem.dt)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every sample of the horizon was bounded."""
+        return self.samples.size == self.u.size
+
+    @functools.cached_property
+    def _simulated(self) -> np.ndarray:
+        return simulate(self.model, self.u[:, None])[0][:, 0]
+
+    @property
+    def nominal(self) -> np.ndarray:
+        """Response of the model at `times`, (T,)."""
+        return freeze(self._simulated[self.samples])
+
+    @property
+    def error_upper(self) -> np.ndarray:
+        """Guaranteed bound of |y - nominal| over all consistent systems, (T,)."""
+        return freeze(np.maximum(self.upper - self.nominal, self.nominal - self.lower))
+
+    @property
+    def error_lower(self) -> np.ndarray:
+        """Error of consistent systems that were found, (T,): no bound can be smaller."""
+        beyond = np.stack([self.nominal - self.attained[:, 0], self.attained[:, 1] - self.nominal])
+        return freeze(np.maximum(np.nan_to_num(beyond).max(axis=0), 0.0))
+
+    @property
+    def peak(self) -> float:
+        """Guaranteed bound of max |y_k| over the whole horizon.
+
+        Of samples that were left out: the nominal and the bound of its error there (see `error_peak`).
+        """
+        bounds = np.abs(self._simulated) + self._errors
+        bounds[self.samples] = np.maximum(np.abs(self.lower), np.abs(self.upper))
+        return float(bounds.max())
+
+    @property
+    def error_peak(self) -> float:
+        """Guaranteed bound of max |y_k - nominal_k| over the whole horizon; of an impulse response over all k.
+
+        At samples that were left out, and after the horizon, from the class: |g_k| <= K rho^-k, and the certified intervals of
+        the parameters.
+        """
+        return float(max(self._errors.max(), self._after[1] if self.input == "impulse" else 0.0))
+
+    @property
+    def error_l1(self) -> float:
+        """Guaranteed bound of sum_k |f_k - nominal_k| over all k, f the impulse response: the peak-to-peak gain of the error.
+
+        The tube inside the horizon; after it |g_k| <= K rho^-k, and the parametric functions times the certified intervals. It is
+        infinite where an integrator is uncertain.
+
+        Raises
+        ------
+        InputError
+            The tube is not that of an impulse.
+        """
+        if self.input != "impulse":
+            raise InputError(
+                f'`error_l1` is the norm of an impulse response; this tube is of input {self.input!r}: use input="impulse"'
+            )
+        return float(self._errors.sum() + self._after[0])
+
+    def verify(self) -> bool:
+        """Evaluate all certificates again, from their numbers and those of the problem; no solver's answer is involved."""
+        ends = np.stack([-self.lower, self.upper], axis=1)
+        pairs = itertools.product(range(self.samples.size), (0, 1))
+        outputs = self._outputs
+        return (
+            len(self.certificates) == ends.size
+            and all(
+                outputs.supports(int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate)
+                for (k, side), certificate in zip(pairs, self.certificates, strict=True)
+            )
+            and all(claim.verify() for claim in parameter_claims(outputs.consistent, self.parameters))
+        )
+
+    @functools.cached_property
+    def _outputs(self) -> Outputs:
+        return consistent_outputs(self.identification, self.u)
+
+    @property
+    def _reach(self) -> np.ndarray:
+        """How far each parameter can be from that of the identification, (m,)."""
+        return self.parameters.reach(self.identification.parameters)
+
+    @functools.cached_property
+    def _errors(self) -> np.ndarray:
+        """Bounds of |y_k - nominal_k| at every sample of the horizon, (H,).
+
+        Where no tube was computed: from the class, or from the next sample that has one and what the class lets the
+        difference of both be, whichever is least.
+        """
+        count, bounds = self.u.size, np.full(self.u.size, np.inf)
+        bounds[self.samples] = self.error_upper
+        for k in np.setdiff1d(np.arange(count), self.samples):
+            after = int(np.searchsorted(self.samples, k))
+            candidates = [self._largest(self._delayed(k))]
+            for near in self.samples[max(after - 1, 0) : after + 1]:
+                difference = self._delayed(k) - self._delayed(near)
+                candidates.append(float(bounds[near]) + self._largest(difference))
+            bounds[k] = min(candidates)
+        return bounds
+
+    def _delayed(self, k: int) -> np.ndarray:
+        """Weights of f_0 ... f_(H-1) in y_k."""
+        return np.concatenate([self.u[k::-1], np.zeros(self.u.size - 1 - k)])
+
+    def _largest(self, weights: np.ndarray) -> float:
+        """Bound of |sum_j weights_j (f_j - nominal_j)| from the class and the intervals of the parameters alone."""
+        known, functions, decay = self._impulses
+        return float(abs(weights @ known) + np.abs(weights @ functions) @ self._reach + np.abs(weights) @ decay)
+
+    @functools.cached_property
+    def _impulses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Impulse responses: q'P - nominal (H,), the functions P_i (H, m) and the bound K rho^-k of |g_k| (H,)."""
+        problem, count = self.identification.problem, self.u.size
+        known = -simulate(self.model, np.eye(count, 1))[0][:, 0]
+        functions = np.zeros((count, 0)) if problem.parametric is None else problem.parametric.impulse(count)
+        decay = problem.prior.gain_bound * problem.prior.decay_rate ** -np.arange(count, dtype=float)
+        return known + functions @ self.identification.parameters, functions, decay
+
+    @functools.cached_property
+    def _after(self) -> tuple[float, float]:
+        """Sum and maximum of |f_k - nominal_k| after the horizon."""
+        problem, count = self.identification.problem, self.u.size
+        K, rho, basis = problem.prior.gain_bound, problem.prior.decay_rate, problem.parametric
+        first = K * rho ** -float(count)
+        total, largest = tail_bounds(*known_part(self.model, self.identification), count)
+        sums = [first / (1 - 1 / rho) + float(total[0]), first + float(largest[0])]
+        if basis is not None:
+            loose = self._reach > 0
+            for place, tail in enumerate(tail_bounds(basis.A, basis.B, basis.C[loose], count)):
+                sums[place] += float(tail @ self._reach[loose])
+        return sums[0], sums[1]
+
+    def __repr__(self) -> str:
+        return f"<ResponseTube: {self.input}, {self.samples.size} of {self.u.size} samples, error {self.error_upper.max():.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain text."""
+        worst = int(np.argmax(self.error_upper))
+        share = "every sample" if self.complete else f"{self.samples.size} of {self.u.size} samples"
+        lines = [
+            f"guarantee  every consistent system's response to the {self.input} input stays within {self.error_upper.max():.4g}"
+            f" of the model at {share}",
+            f"           worst at {self.times[worst]:.5g} s (attained there: {self.error_lower[worst]:.4g})",
+            f"peak       |y| <= {self.peak:.4g}, |y - model| <= {self.error_peak:.4g} over the whole horizon of"
+            f" {self.u.size * self.identification.problem.dt:.5g} s",
+        ]
+        if self.input == "impulse":
+            lines.append(f"l1 norm    of the error, over all time: at most {self.error_l1:.4g}")
+        lines.append(
+            "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+        )
+        return "\n".join(lines)
+
+
+def response_tube(
+    identification: Identification,
+    *,
+    input: Any = "impulse",
+    horizon: int | None = None,
+    model: Any = None,
+    times: Any = None,
+    gap: float = 0.01,
+    executor: concurrent.futures.Executor | None = None,
+    progress: Progress | None = None,
+) -> ResponseTube:
+    """Guaranteed tube around the response to an impulse, a step or a given input: no consistent system leaves it.
+
+    Every output sample is a linear functional of the system, so that its smallest and largest value over all consistent systems are
+    two convex problems, each answered with a certificate (evaluated without the solver) and with a system that attains it, nearly:
+
+        lower_k <= y_k = sum_j u_(k-j) f_j <= upper_k    for every consistent F, from rest.
+
+    Parameters
+    ----------
+    identification : Identification
+        Consistent.
+    input : {"impulse", "step"} or (H,) array
+        Unit impulse or step (in units of the input), or any input from rest: its worst-case output.
+    horizon : int, optional
+        Number H of samples. Default: the length of a given input; else where the class lets the non-parametric part fall to 1 % of
+        its gain bound, at least the time data, at most 500.
+    model : control.StateSpace, optional
+        Any stable nominal with the dt of the data. Default: that of the identification.
+    times : (T,) array, s, optional
+        Sample instants at which the tube is wanted. Default: every sample of up to 60, else 60 spread over the horizon.
+    gap : float
+        Aim for the distance between a proved end and an attained one, relative to the distance from the centre.
+    executor : concurrent.futures.Executor, optional
+        Spreads the samples. Default: in this process.
+    progress : callable (done, all), optional
+
+    Returns
+    -------
+    ResponseTube
+
+    Raises
+    ------
+    InconsistentDataError
+        The data fit no system of the class.
+    InputError
+        An unknown signal, instants that are no samples of the horizon, an unstable model.
+
+    Notes
+    -----
+    The coefficients determine the impulse response over the horizon: Taylor coefficients join the exact form, or the problem is
+    posed in them. Where both are too large (a slow decay and a long horizon) the rest of the functional is bounded by its H2 norm.
+    Source: `inanc2001` section II-C; the certificate is the dual of the LMI of Theorem 1 with a linear objective.
+
+    Examples
+    --------
+    One sample f_0 = 0 leaves |f_1| <= K/rho (Schwarz's lemma):
+
+    >>> import numpy as np, robustid as rid
+    >>> from robustid.guarantees import response_tube
+    >>> record = rid.TimeRecord([1.0], [0.0], dt=0.1, bound=1e-6)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=2.0)))
+    >>> tube = response_tube(result, horizon=2)
+    >>> tube.times, tube.upper.round(2), tube.verify()
+    (array([0. , 0.1]), array([0. , 0.5]), True)
+    """
+    if not isinstance(identification, Identification):
+        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    check_one_channel(identification.problem, "response_tube")
+    kind, u = _signal(input, horizon, identification)
+    samples = _samples(times, u.size, identification.problem.dt)
+    model, gap = as_nominal(model, identification), as_positive("gap", gap)
+    outputs = consistent_outputs(identification, u)
+    work = functools.partial(_ends, outputs, gap)
+    found = []
+    for pair in (map if executor is None else executor.map)(work, samples.tolist()):
+        found.append(pair)
+        if progress is not None:
+            progress(len(found), samples.size)
+    attained = np.array([[-low.attained, high.attained] for low, high in found])
+    return ResponseTube(
+        identification=identification,
+        model=model,
+        input=kind,
+        u=u,
+        samples=samples,
+        lower=np.array([-low.upper for low, _ in found]),
+        upper=np.array([high.upper for _, high in found]),
+        attained=np.where(np.isfinite(attained), attained, np.nan),
+        parameters=parameter_intervals(outputs.consistent),
+        certificates=tuple(end.certificate for pair in found for end in pair),
+        gap=gap,
+    )
+
+
+def _ends(outputs: Outputs, gap: float, sample: int) -> tuple[Extreme, Extreme]:
+    return outputs.extreme(sample, -1.0, gap), outputs.extreme(sample, 1.0, gap)
+
+
+def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, np.ndarray]:
+    """Kind of the input and its samples over the horizon, checked."""
+    problem = identification.problem
+    count = None if horizon is None else as_count("horizon", horizon, least=1)
+    if isinstance(value, str):
+        if value not in SIGNALS:
+            raise InputError(f"`input` must be one of {SIGNALS} or an array of samples; got {value!r}")
+        faded = int(np.ceil(np.log(1 / _FADED) / np.log(problem.prior.decay_rate)))
+        count = count or max(problem.taylor, min(faded, _LONGEST))
+        return value, np.eye(1, count)[0] if value == "impulse" else np.ones(count)
+    u = as_array("input", value)
+    if u.ndim != 1 or u.size == 0:
+        raise InputError(f"`input` must have shape (H,), one input over the horizon; got {u.shape}")
+    if count is not None and count > u.size:
+        raise InputError(f"`horizon` must not exceed the {u.size} samples of `input`; got {count}")
+    return "given", u[:count]
+
+
+def _samples(times: Any, horizon: int, dt: float) -> np.ndarray:
+    """Numbers of the samples, checked and sorted."""
+    if times is None:
+        return np.unique(np.round(np.linspace(0, horizon - 1, min(horizon, _MOST))).astype(int))
+    wanted = np.unique(np.atleast_1d(as_array("times", times)))
+    if wanted.ndim != 1 or wanted.size == 0:
+        raise InputError("`times` is empty; give at least one sample instant in s")
+    samples = np.round(wanted / dt).astype(int)
+    bad = (np.abs(wanted / dt - samples) > 1e-6 * np.maximum(1, samples)) | (samples < 0) | (samples >= horizon)
+    if np.any(bad):
+        raise InputError(
+            f"`times` must be sample instants of the horizon, 0 to {(horizon - 1) * dt:g} s in steps of dt = {dt:g} s;"
+            f" got {wanted[bad][0]:g}"
+        )
+    return np.unique(samples)

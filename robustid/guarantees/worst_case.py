@@ -1,0 +1,390 @@
+"""worst_case_error(): what every consistent system can be away from a model, at every frequency."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Frozen, as_count, as_positive, freeze, responses, threads_for
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.circle import CircleBound, norms_of_class
+from robustid.guarantees.claims import SupportClaim, which
+from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
+from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
+from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.guarantees.refinement import refine, supported
+from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
+from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, largest_errors, value_set_claims
+from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.identification import Identification
+
+LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class WorstCaseError(Frozen):
+    """How far every consistent system can be from a model: proved from above, attained from below.
+
+    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
+    the samples. Data can refute these, never prove them.
+
+    Attributes
+    ----------
+    identification : Identification
+    model : control.StateSpace
+        The nominal that the errors are measured from.
+    values : tuple of ValueSet
+        At each frequency the polygon that contains F, and attained points; of several channels one for every entry (of symmetric
+        matrices the upper triangle), entry after entry, row by row.
+    parameters : ParameterIntervals
+    directions : int
+    gap : float
+        Part of the distance from the centre to which every support value was found.
+    """
+
+    identification: Identification
+    model: Any
+    values: tuple[ValueSet, ...]
+    parameters: ParameterIntervals
+    directions: int
+    gap: float
+
+    @functools.cached_property
+    def omega(self) -> np.ndarray:
+        """Frequencies, rad/s, (F,)."""
+        return freeze(np.array(list(self._sets_at)))
+
+    @functools.cached_property
+    def nominal(self) -> np.ndarray:
+        """Response of the model at them, (F,) complex; of several channels (F, ny, nu)."""
+        return freeze(self._of_channels(self._nominal))
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the nominal is the model of the identification (or a copy of it)."""
+        one, two = self.model, self.identification.model
+        return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
+
+    @functools.cached_property
+    def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
+        return by_frequency(self.values)
+
+    @functools.cached_property
+    def _nominal(self) -> np.ndarray:
+        return responses(self.model, self.omega * self.identification.problem.dt)
+
+    @functools.cached_property
+    def _errors(self) -> tuple[Errors, ...]:
+        return self.errors_at(self._sets_at)
+
+    def errors_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
+        """Bounds of F - model at frequencies, from the value sets of their entries."""
+        omega = np.array(list(sets))
+        nominal = responses(self.model, omega * self.identification.problem.dt)
+        limits = norms_of_class(self.identification, self.parameters, nominal, omega)
+        return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
+
+    def _of_channels(self, array: np.ndarray) -> np.ndarray:
+        """(F, ny, nu, ...), without the axes of the channels where there is one."""
+        return array[:, 0, 0] if self.identification.problem.entries.single else array
+
+    def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
+        """The sets of values of an entry at every frequency; of symmetric matrices of either one."""
+        symmetric = self.identification.problem.entries.symmetric
+        place = (min(output, input), max(output, input)) if symmetric else (output, input)
+        return tuple(one for one in self.values if one.entry == place)
+
+    def _of_entries(self, name: str) -> np.ndarray:
+        """A range that all value sets have, (F, ny, nu, 2)."""
+        places = list(np.ndindex(self._nominal.shape[1:]))
+        ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
+        return ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Guaranteed bound of |F - model| over all consistent F, of every entry, (F, ny, nu)."""
+        return freeze(np.array([e.upper for e in self._errors]))
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Error of consistent systems that were found, (F, ny, nu): no bound can be smaller."""
+        return freeze(np.array([e.lower for e in self._errors]))
+
+    @property
+    def sigma_upper(self) -> np.ndarray:
+        """Guaranteed bound of the largest singular value of F - model, (F,).
+
+        The norm of the matrix `upper`, or what the class allows whatever the data are, ||G|| + ||q'P - model|| + ||(p - q)'P||,
+        if that is less. No entry exceeds the norm of its matrix, hence it is at most sqrt(ny nu)/cos(pi/directions) times the
+        truth, nearly, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at
+        least.
+        """
+        return freeze(np.array([e.sigma_upper for e in self._errors]))
+
+    @property
+    def sigma_lower(self) -> np.ndarray:
+        """Largest singular value of F - model of consistent systems that were found, (F,)."""
+        return freeze(np.array([e.sigma_lower for e in self._errors]))
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        """Guaranteed range of |F|, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
+        return freeze(self._of_channels(self._of_entries("magnitude")))
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Guaranteed range of the phase in rad, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
+        return freeze(self._of_channels(self._of_entries("phase")))
+
+    @functools.cached_property
+    def circle(self) -> CircleBound:
+        """The bound on the whole circle, to 5 %: more frequencies are evaluated where it needs them (once; it may take minutes)."""
+        return self.on_circle()
+
+    @property
+    def hinf(self) -> float:
+        """Guaranteed bound of the H-infinity norm of F - model (over |omega| >= the first line where there is an integrator)."""
+        return self.circle.largest
+
+    @property
+    def certified(self) -> bool:
+        """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        return self.verify()
+
+    def verify(self) -> bool:
+        """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
+        with threads_for(self._consistent.data.sarason.pair.order):
+            return all(claim.verify() for claim in self.claims()) and self.circle_supported
+
+    def claims(self) -> Iterator[SupportClaim]:
+        """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
+        consistent = self._consistent
+        yield from parameter_claims(consistent, self.parameters)
+        for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
+            yield from value_set_claims(consistent, *sets)
+
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return len(self.parameters.certificates) + sum(len(v.certificates) for v in self._sets())
+
+    @property
+    def circle_supported(self) -> bool:
+        """Whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
+        circle = self.__dict__.get("circle")
+        return circle is None or supported(self, circle)
+
+    def _sets(self) -> Iterator[ValueSet]:
+        circle, mine = self.__dict__.get("circle"), set(map(id, self.values))
+        yield from self.values
+        yield from (v for v in (circle.values if circle is not None else ()) if id(v) not in mine)
+
+    @functools.cached_property
+    def _consistent(self) -> ConsistentSet:
+        return consistent_set(self.identification)
+
+    def with_model(self, model: Any) -> WorstCaseError:
+        """The same guarantees around another nominal; nothing is solved anew."""
+        return dataclasses.replace(self, model=as_nominal(model, self.identification))
+
+    def on_circle(
+        self,
+        rtol: float = 0.05,
+        *,
+        everywhere: bool = False,
+        executor: Spread = None,
+        progress: Progress | None = None,
+        resume: Folder | None = None,
+    ) -> CircleBound:
+        """A rigorous bound of |F - model| on the whole circle, by adaptive refinement; of several channels of its singular values.
+
+        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
+        that near to its chord. Of several channels this bounds every entry, and the norm of the matrix of these bounds the largest
+        singular value. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+
+        Parameters
+        ----------
+        rtol : float
+            Tolerance of the largest bound, relative to the largest error at a frequency.
+        everywhere : bool
+            Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
+        executor, progress, resume : optional
+            As in `worst_case_error`.
+
+        Returns
+        -------
+        CircleBound
+        """
+        rtol = as_positive("rtol", rtol)
+        with threads_for(self._consistent.data.sarason.pair.order):
+            found = refine(self, rtol, everywhere, executor, progress, resume)
+        if "circle" not in self.__dict__ or found.largest < self.__dict__["circle"].largest:
+            self.__dict__["circle"] = found  # for `hinf` and `save`, from now on
+        return found
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight` for the arguments; the bound is that of `on_circle`, held to 30 % everywhere.
+        """
+        circle = self.on_circle(0.3, everywhere=True)
+        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
+
+    def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
+        """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most).
+
+        Of several channels `sigma_upper` and `sigma_lower`.
+        """
+        order = np.argsort(-self.sigma_upper)[:count].tolist()
+        labels = [
+            f"{r.kind} {r.index + 1} at "
+            + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
+            + which(self.identification.problem, r.entry)
+            for r in self.identification.residuals
+            for at in r.axis
+        ]
+        rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
+        return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
+
+    def limiting_sample(self, index: int) -> int:
+        """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
+        rows = self._consistent.data.rows
+        sets = self._sets_at[float(self.omega[index])]
+        return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
+
+    def save(self, path: Folder) -> None:
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
+        from robustid.guarantees.storage import save_worst_case_error
+
+        save_worst_case_error(self, path)
+
+    def __repr__(self) -> str:
+        return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain text."""
+        upper, lower = self.sigma_upper, self.sigma_lower
+        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
+        relative = upper / np.maximum(size, np.finfo(float).tiny)
+        gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
+        lines = [
+            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
+            f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
+            f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
+        ]
+        if not self.identification.problem.entries.single:
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
+            name = which(self.identification.problem, (output, input))
+            lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
+            lines.append(f"entry      at most {self.upper.max():.4g}{name}")
+        for w, high, low, label in self.worst():
+            lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
+        if any(note.startswith("Modes taken") for note in self.identification.notes):
+            lines.append(
+                "warning    the poles were taken from these data, which leave them a box: this band does not cover it, but that of"
+                " worst_case_over_poles (robustid bounds --poles) does"
+            )
+        lines.append(
+            "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+        )
+        return "\n".join(lines)
+
+
+def worst_case_error(
+    identification: Identification,
+    *,
+    model: Any = None,
+    omega: Any = None,
+    directions: int = 16,
+    rtol: float = 0.05,
+    executor: Spread = None,
+    progress: Progress | None = None,
+    resume: Folder | None = None,
+) -> WorstCaseError:
+    """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
+
+    At each frequency the values of all consistent systems form a convex set. Its support function in `directions` equally spaced
+    directions gives a polygon around it, each side with a certificate (a dual feasible point, evaluated without the solver), and
+    points inside that are attained:
+
+        lower <= max over consistent F of |F(exp(j omega T)) - model(exp(j omega T))| <= upper.
+
+    Of several channels this is done for every entry; the norm of the matrix of the upper bounds is a bound of the largest singular
+    value of F - model.
+
+    Parameters
+    ----------
+    identification : Identification
+        Consistent.
+    model : control.StateSpace, optional
+        Any stable nominal with the dt of the data, a reduced one for instance. Default: that of the identification.
+    omega : (F,) array, rad/s, optional
+        Default: 64 frequencies over the range of the data and below and above it, and the frequencies of the parametric poles.
+    directions : int
+        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most.
+    rtol : float
+        Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
+    executor : concurrent.futures.Executor or int, optional
+        Spreads the frequencies over any executor (`distributed.Client().get_executor()` for a cluster), or so many processes of
+        its own, which want ``if __name__ == "__main__":`` in scripts; tries those of dead workers again. Default: this process.
+    progress : callable (done, all), optional
+    resume : path, optional
+        Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
+        again.
+
+    Returns
+    -------
+    WorstCaseError
+
+    Raises
+    ------
+    InconsistentDataError
+        The data fit no system of the class.
+    InputError
+        An unstable model, another dt, frequencies above pi/dt, too few or too many directions; `resume` can't be written to.
+    SolverError
+        A frequency failed three times, on whatever worker.
+
+    Notes
+    -----
+    Exact form: the frequency is one more interpolation node. Taylor form: the value is a linear functional of the coefficients, and
+    the tail of the rest is part of both bounds. Source: `inanc2001` section II-C (diameter and worst-case error); the certificate
+    is the dual of the LMI of Theorem 1 with a linear objective.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.eye(1, 2)[0], [0.5, 0.25], dt=1.0, bound=1e-3)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
+    >>> error = rid.worst_case_error(result, omega=[0.0, 1.0])
+    >>> error.upper.shape, bool(np.all(error.lower <= error.upper)), error.certified
+    ((2, 1, 1), True, True)
+    """
+    if not isinstance(identification, Identification):
+        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    directions = as_count("directions", directions, least=LEAST)
+    if directions > MOST:
+        raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
+    rtol = as_positive("rtol", rtol)
+    model = as_nominal(model, identification)
+    grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
+    consistent = consistent_set(identification)
+    gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume)
+    with threads_for(consistent.data.sarason.pair.order):
+        intervals = parameter_intervals(consistent)
+    return WorstCaseError(
+        identification=identification,
+        model=model,
+        values=tuple(values),
+        parameters=intervals,
+        directions=directions,
+        gap=gap,
+    )

@@ -1,0 +1,184 @@
+"""Certificates: multipliers whose value bounds the margin from below, whatever solver found them.
+
+This module must not import a solver: its independence is what makes the numbers a proof.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid.core import Frozen, freeze
+from robustid.identification.formulation.columns import DenseColumns
+from robustid.identification.formulation.rows import Rows
+from robustid.identification.formulation.sarason import SarasonMap
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MarginCertificate(Frozen):
+    """A proof that no system of the class keeps every |residual| below ``value`` times its bound.
+
+    For any multipliers `samples` l (one per sample, complex for discs) and any matrix `ball` S, with Y = S - A S A':
+
+        margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - r ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
+
+    because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= r, where r = 1, of
+    p x q matrices min(p, q)^(1/2). |l_k| is the norm of the multipliers that share the bound k. The maximum is
+    over the parameters p in their intervals; of the free ones it is |P'l| p_max, where p_max bounds those of every system
+    whose margin is at most `upper` (others need no proof). The right-hand side is recomputed from the numbers by
+    `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays y, E, P, A, c are taken as
+    they are in double precision.
+
+    Attributes
+    ----------
+    samples : (N,) complex array
+        Multipliers of the samples, normalised to sum|l_k| = 1.
+    ball : (n, n) array, of matrices (np, nq)
+        S.
+    upper : float
+        A margin that is known to be reachable.
+    value : float
+        The proven lower bound of the margin; above 1 the data are refuted.
+    """
+
+    samples: np.ndarray
+    ball: np.ndarray
+    upper: float
+    value: float
+
+    def __post_init__(self) -> None:
+        self._set(samples=freeze(self.samples), ball=freeze(self.ball))
+
+    def shares(self, rows: Rows) -> np.ndarray:
+        """|l_k|, which sum to one: the part that each bound has in the proof, (M,)."""
+        return rows.sizes(self.samples)
+
+    def verify(self, rows: Rows, sarason: SarasonMap) -> bool:
+        """Whether the numbers, evaluated anew, support the stated value."""
+        if self.value <= 0:
+            return self.value == 0  # claims nothing
+        return bool(evaluate_certificate(self.samples, self.ball, self.upper, rows, sarason) >= self.value)
+
+
+def certify_margin(
+    samples: np.ndarray, Y: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap
+) -> MarginCertificate:
+    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
+
+    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and the rest costs its norm, in units of
+    K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
+    """
+    weight = float(np.sum(rows.sizes(samples)))
+    best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros(sarason.shape), upper, 0.0)
+    if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
+        return best
+    raw, S = np.asarray(samples, complex) / weight, sarason.stein(Y / weight)
+    changes = [raw]
+    if isinstance(rows.E, DenseColumns):
+        changes.append(_balanced(raw, sarason.first_row(S), rows))
+    for changed in changes:
+        multipliers = _cancel_parameters(changed, rows)
+        norm = float(np.sum(rows.sizes(multipliers)))
+        value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
+        if value > best.value:
+            best = MarginCertificate(multipliers / norm, S / norm, upper, value)
+    return best
+
+
+def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
+    """The lower bound of the margin that the multipliers prove, rounding errors allowed for."""
+    size, count, eps = np.abs(samples), rows.y.size, float(np.finfo(float).eps)
+    shared = rows.sizes(samples)
+    weight = float(np.sum(shared))
+    if not (weight > 0 and np.isfinite(weight)):
+        return 0.0
+    # An inner product of length m, complex or not, errs by at most 2 (m + 2) eps sum|terms|.
+    long = 2 * (count + 2) * eps
+    fit = float(np.real(samples.conj() @ rows.y)) - long * float(size @ np.abs(rows.y))
+    nuclear, mismatch = nuclear_norm(ball, sarason), mismatched(samples, ball, rows, sarason)
+    leak = leaked(samples, rows, upper)
+    tail = float(shared @ rows.tail) * (1 + long)
+    return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
+
+
+def nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> float:
+    """||S - A S A'||_*, with an allowance for rounding; of matrices A stands for A (x) I."""
+    A, n, eps = sarason.pair.A, sarason.pair.order, float(np.finfo(float).eps)
+    if not n:
+        return 0.0
+    parts = sarason.parted(S)
+    Y = sarason.joined(parts - A @ parts @ A.T)
+    spread = np.abs(parts) + np.abs(A) @ np.abs(parts) @ np.abs(A.T)
+    nuclear, small = float(np.sum(np.linalg.svd(Y, compute_uv=False))), min(sarason.shape)
+    return (
+        nuclear
+        + 10 * max(sarason.shape) * eps * nuclear
+        + 4 * (n + 2) * eps * np.sqrt(small) * float(np.linalg.norm(spread))
+    )
+
+
+def mismatched(
+    samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray | float = 0.0
+) -> float:
+    """An upper bound of <wanted + E'l - c S, x> over the unit ball, with an allowance for rounding."""
+    c, n, size, eps = sarason.pair.c, sarason.pair.order, np.abs(samples), float(np.finfo(float).eps)
+    long, short = 2 * (size.size + 2) * eps, 2 * (n + 4) * eps
+    mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - sarason.first_row(S)))
+    mismatch += long * float(np.linalg.norm(rows.E.spread(size))) + 4 * eps * float(np.linalg.norm(wanted))
+    spread = sarason.entries.spread(np.abs(c[0]) @ np.abs(sarason.parted(S)))
+    return rows.reach * (mismatch + short * float(np.linalg.norm(spread))) * (1 + 4 * eps)
+
+
+def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | float = 0.0) -> float:
+    """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
+    if not rows.P.shape[1]:
+        return 0.0
+    eps, held = float(np.finfo(float).eps), rows.held
+    slope = wanted + np.real(rows.P.conj().T @ samples)
+    rounding = 2 * (samples.size + 2) * eps * (np.abs(rows.P).T @ np.abs(samples)) + 4 * eps * np.abs(wanted)
+    ends = rows.ends[held]
+    free = float(np.linalg.norm(slope[~held]) + np.linalg.norm(rounding[~held]))
+    leak = free * _parameter_bound(upper, rows) if free else 0.0
+    reach = np.abs(ends).max(axis=1, initial=0.0)
+    error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
+    return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
+
+
+def real_rows(matrix: np.ndarray) -> np.ndarray:
+    """Real parts above imaginary parts."""
+    return np.concatenate([np.real(matrix), np.imag(matrix)])
+
+
+def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
+    """The multipliers with the smallest relative change for which E'l = target and P'l = 0 of the free parameters, nearly."""
+    flat, scale = real_rows(samples), np.tile(np.abs(samples), 2)
+    free = real_rows(rows.P[:, ~rows.held])
+    matrix = np.hstack([real_rows(rows.E.dense()), free])
+    wanted = np.concatenate([target, np.zeros(free.shape[1])])
+    for _ in range(3):  # each pass removes the rounding of the one before
+        flat = flat + scale * np.linalg.lstsq((scale[:, None] * matrix).T, wanted - matrix.T @ flat, rcond=None)[0]
+    return flat[: samples.size] + 1j * flat[samples.size :]
+
+
+def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
+    """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
+    if rows.held.all():
+        return samples
+    stacked, flat = real_rows(rows.P[:, ~rows.held]), real_rows(samples)
+    for _ in range(2):  # the second pass removes the rounding of the first
+        flat = flat - stacked @ np.linalg.lstsq(stacked, flat, rcond=None)[0]
+    return flat[: samples.size] + 1j * flat[samples.size :]
+
+
+def _parameter_bound(upper: float, rows: Rows) -> float:
+    """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= r, |e_k| <= upper + tail_k."""
+    singular = np.linalg.svd(real_rows(rows.P[:, ~rows.held]), compute_uv=False)
+    smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
+    if smallest <= 0:
+        return np.inf
+    reach = np.linalg.norm(rows.y) + rows.E.norm * rows.reach + upper * np.sqrt(rows.cones) + np.linalg.norm(rows.tail)
+    reach += np.linalg.norm(rows.P[:, rows.held]) * np.linalg.norm(
+        np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0)
+    )
+    return float(reach / smallest) * (1 + 1e-9)

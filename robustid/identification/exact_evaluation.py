@@ -1,0 +1,262 @@
+"""Certificates evaluated in ball arithmetic: every rounding error enclosed, with the library FLINT (extra `robustid[exact]`).
+
+The formulas are those of `certificate` and `support_certificate`, the numbers y, E, P, A, c of the problem and the multipliers
+exactly those that are stored, in double precision. This module must not import a solver.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import InputError
+from robustid.identification.certificate import MarginCertificate, real_rows
+from robustid.identification.formulation.columns import BlockColumns, DenseColumns, ShiftColumns
+from robustid.identification.formulation.entries import HALF
+from robustid.identification.formulation.rows import Rows
+from robustid.identification.formulation.sarason import SarasonMap, ShiftMap
+from robustid.identification.support_certificate import Functional, SupportCertificate
+
+_BITS = 128  # products of doubles take 106
+_EPS = float(np.finfo(float).eps)
+
+
+def verify_support_exactly(
+    certificate: SupportCertificate, functional: Functional, rows: Rows, sarason: SarasonMap
+) -> bool:
+    """Whether the stated value of a certificate is above what its multipliers prove, all rounding enclosed."""
+    multipliers = certificate.samples, certificate.left @ certificate.right.T
+    return enclose_support(functional, *multipliers, certificate.level, rows, sarason) <= certificate.value
+
+
+def verify_margin_exactly(certificate: MarginCertificate, rows: Rows, sarason: SarasonMap) -> bool:
+    """Whether the stated value of a certificate is below what its multipliers prove, all rounding enclosed."""
+    _flint()
+    if certificate.value <= 0:
+        return certificate.value == 0  # claims nothing
+    return enclose_margin(certificate.samples, certificate.ball, certificate.upper, rows, sarason) >= certificate.value
+
+
+def enclose_support(
+    functional: Functional, samples: np.ndarray, Y: np.ndarray, level: float, rows: Rows, sarason: SarasonMap
+) -> float:
+    """A double above the bound of `evaluate_support`, evaluated without rounding errors."""
+    with _precision() as flint:
+        S = sarason.stein(Y)
+        size = _sizes(samples, rows)
+        reach = [flint.arb(level) + tail for tail in rows.tail.tolist()]
+        total = _inner(samples, rows.y) + _sum(a * b for a, b in zip(size, reach, strict=True))
+        total += _nuclear_norm(S, sarason) + _mismatched(-samples, S, rows, sarason, functional.x)
+        total += _leaked(-samples, rows, level, functional.p) + functional.tail
+        return _above(total)
+
+
+def enclose_margin(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
+    """A double below the bound of `evaluate_certificate`, evaluated without rounding errors."""
+    with _precision():
+        size = _sizes(samples, rows)
+        weight = _sum(size)
+        if not weight > 0:
+            return 0.0
+        total = _inner(samples, rows.y) - _nuclear_norm(ball, sarason)
+        total -= _mismatched(samples, ball, rows, sarason, np.zeros(sarason.size))
+        total -= _leaked(samples, rows, upper, np.zeros(rows.P.shape[1]))
+        total -= _sum(a * b for a, b in zip(size, rows.tail.tolist(), strict=True))
+        return -_above(-total / weight)
+
+
+def _sizes(samples: np.ndarray, rows: Rows) -> list[Any]:
+    """|l| of every bound."""
+    flint = _flint()
+    if rows.cone is None:
+        return [abs(flint.acb(*parts)) for parts in _parts(samples)]
+    squares = [flint.arb(0)] * rows.cones
+    for cone, (re, im) in zip(rows.cone.tolist(), _parts(samples), strict=True):
+        squares[cone] += flint.arb(re) * re + flint.arb(im) * im
+    return [square.sqrt() for square in squares]
+
+
+@contextlib.contextmanager
+def _precision() -> Iterator[Any]:
+    flint = _flint()
+    with flint.ctx.workprec(_BITS):
+        yield flint
+
+
+def _flint() -> Any:
+    try:
+        import flint
+    except ImportError:
+        raise InputError("`exact` needs python-flint, which is not installed: pip install 'robustid[exact]'") from None
+    return flint
+
+
+def _above(x: Any) -> float:
+    """A double that is surely not below."""
+    top = float(x.upper())
+    return math.nextafter(top, math.inf) if math.isfinite(top) else math.inf
+
+
+def _parts(values: np.ndarray) -> list[tuple[float, float]]:
+    return list(zip(np.real(values).tolist(), np.imag(values).tolist(), strict=True))
+
+
+def _matrix(values: np.ndarray) -> Any:
+    """The array, of one or two dimensions, as exact numbers."""
+    values = np.real(values).reshape(values.shape[0], -1)
+    return _flint().arb_mat(*values.shape, values.ravel().tolist())
+
+
+def _sum(terms: Iterable[Any], kind: Any = None) -> Any:
+    return sum(terms, (kind or _flint().arb)(0))
+
+
+def _frobenius(matrix: Any) -> Any:
+    return _sum(a * a for a in matrix.entries()).sqrt()
+
+
+def _inner(left: np.ndarray, right: np.ndarray) -> Any:
+    """Re <left, right>."""
+    pairs = zip(real_rows(left).tolist(), real_rows(right).tolist(), strict=True)
+    return _sum(_flint().arb(a) * b for a, b in pairs)
+
+
+def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
+    """Above ||Y||_*, Y = S - A S A': with any U, s, V it is at most sum|s| ||U|| ||V|| + sqrt(n) ||Y - U diag(s) V'||_F."""
+    arb = _flint().arb
+    if not S.size:
+        return arb(0)
+    Y = _matrix(S) - _shifted(S, sarason)
+    U, s, Vt = np.linalg.svd(np.array([float(a.mid()) for a in Y.entries()]).reshape(S.shape), full_matrices=False)
+    left, right, scaled = _matrix(U), _matrix(Vt), _flint().arb_mat(s.size, s.size, np.diag(s).ravel().tolist())
+    rest = Y - left * scaled * right
+    total = _sum(arb(a) for a in s.tolist())
+    return total * _norm_above(left) * _norm_above(right.transpose()) + arb(s.size).sqrt() * _frobenius(rest)
+
+
+def _shifted(S: np.ndarray, sarason: SarasonMap) -> Any:
+    """A S A', of matrices with A (x) I."""
+    p, q = sarason.entries.outputs, sarason.entries.inputs
+    if isinstance(sarason, ShiftMap):
+        return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
+    A = sarason.pair.A
+    return _matrix(np.kron(A, np.eye(p))) * _matrix(S) * _matrix(np.kron(A, np.eye(q))).transpose()
+
+
+def _norm_above(Q: Any) -> Any:
+    """Above ||Q|| of a nearly orthogonal matrix: ||Q||^2 <= 1 + ||Q'Q - I||."""
+    n = Q.ncols()
+    identity = _flint().arb_mat(n, n, np.eye(n).ravel().tolist())
+    return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
+
+
+def _mismatched(samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray) -> Any:
+    """Above r ||wanted + E'l - c S||, r the largest norm of x."""
+    arb, entries = _flint().arb, sarason.entries
+    if not wanted.size:
+        return arb(0)
+    inputs = np.kron(sarason.pair.c[0], np.eye(entries.outputs))
+    proved = (_matrix(inputs) * _matrix(S)).entries()  # p x nq, in the order (output, coefficient, input)
+    row = np.arange(len(proved)).reshape(entries.outputs, -1, entries.inputs).transpose(0, 2, 1)
+    if not entries.symmetric:
+        column = [proved[k] for k in row.ravel()]
+    else:
+        column = []
+        for a, b in itertools.combinations_with_replacement(range(entries.outputs), 2):
+            for one, two in zip(row[a, b], row[b, a], strict=True):
+                column.append(proved[one] if a == b else (proved[one] + proved[two]) * HALF)
+    rest = _matrix(wanted) + _adjoint(rows.E, samples) - _flint().arb_mat(len(column), 1, column)
+    return _frobenius(rest) * arb(min(entries.outputs, entries.inputs)).sqrt() * (1 + 4 * _EPS)
+
+
+def _adjoint(E: Any, samples: np.ndarray) -> Any:
+    """Re E^H l, as a column."""
+    if isinstance(E, ShiftColumns):
+        return _shift_adjoint(E, samples)
+    if isinstance(E, BlockColumns):
+        total = [_flint().arb(0)] * E.shape[1]
+        for part in E.parts:
+            found = _adjoint(part.block, samples[part.rows]).entries()
+            for k, value in zip(range(*part.columns.indices(E.shape[1])), found, strict=True):
+                total[k] += value
+        return _flint().arb_mat(len(total), 1, total)
+    re, im = _transposed(E)
+    return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
+
+
+@functools.lru_cache(maxsize=16)
+def _transposed(E: DenseColumns) -> tuple[Any, Any]:
+    return _matrix(np.real(E.array).T), _matrix(np.imag(E.array).T)
+
+
+def _shift_adjoint(E: ShiftColumns, samples: np.ndarray) -> Any:
+    """decay_j Re sum_k gain_k conj(l_k + kappa_k conj(l_k)) exp(-i theta_k j), by powers, and the rows that are stored."""
+    flint = _flint()
+    lines, terms, turns = E.angles.size, [], []
+    tilts = np.zeros(lines, complex) if E.tilt is None else E.tilt
+    for angle, gain, tilt, sample in zip(
+        E.angles.tolist(), E.gain.tolist(), _parts(tilts), _parts(samples[:lines]), strict=True
+    ):
+        at = flint.acb(*sample)
+        weight = at + flint.acb(*tilt) * at.conjugate()
+        terms.append(gain * weight.conjugate())
+        turns.append(flint.acb(0, -flint.arb(angle)).exp())
+    total = []
+    for decay in E.decay.tolist():
+        total.append(decay * _sum(terms, flint.acb).real)
+        terms = [term * turn for term, turn in zip(terms, turns, strict=True)]
+    column = flint.arb_mat(len(total), 1, total)
+    return column + _matrix(E.real.T) * _matrix(np.real(samples[lines:])) if E.real.shape[0] else column
+
+
+def _leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray) -> Any:
+    """Above (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
+    arb, held = _flint().arb, rows.held
+    if not held.size:
+        return arb(0)
+    slope = (
+        _matrix(wanted)
+        + _matrix(np.real(rows.P).T) * _matrix(np.real(samples))
+        + _matrix(np.imag(rows.P).T) * _matrix(np.imag(samples))
+    ).entries()
+    total = arb(0)
+    for k in np.flatnonzero(held):
+        total += (slope[k] * rows.ends[k, 0]).max(slope[k] * rows.ends[k, 1])
+    free = _sum(slope[k] ** 2 for k in np.flatnonzero(~held)).sqrt()
+    return total + (free * _parameter_bound(upper, rows) if not held.all() else arb(0))
+
+
+def _parameter_bound(upper: float, rows: Rows) -> Any:
+    """Above ||p|| of the free parameters with margin <= upper.
+
+    p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and
+    P p = y - E x - e - (the others).
+    """
+    arb = _flint().arb
+    P = real_rows(rows.P[:, ~rows.held])
+    inverse, count = np.linalg.pinv(P), P.shape[1]
+    identity = _flint().arb_mat(count, count, np.eye(count).ravel().tolist())
+    off = _frobenius(_matrix(inverse) * _matrix(P) - identity)
+    if not off < 1:
+        return arb.pos_inf()
+    reach = _norm(rows.y) + upper * arb(rows.cones).sqrt()
+    reach += _larger(rows.E.norm, math.prod(rows.E.shape)) * _larger(rows.reach, 1)
+    reach += _norm(rows.tail)
+    reach += _norm(rows.P[:, rows.held]) * _norm(np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0))
+    return _norm(inverse) * reach / (1 - off)
+
+
+def _norm(values: np.ndarray) -> Any:
+    """Above the Frobenius norm."""
+    return _larger(float(np.linalg.norm(values)), values.size)
+
+
+def _larger(norm: float, count: int) -> Any:
+    """A norm of so many numbers, computed in doubles, with its rounding."""
+    return _flint().arb(norm) * (1 + 4 * (count + 2) * _EPS)

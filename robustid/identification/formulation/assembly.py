@@ -1,0 +1,235 @@
+"""The rows of each kind of experiment, divided by their bounds."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+
+from robustid.data import FrequencyResponse, TimeRecord, tilted
+from robustid.identification.formulation.columns import DenseColumns, ShiftColumns
+from robustid.identification.formulation.entries import Entries
+from robustid.identification.formulation.functions import Functions, TaylorFunctions, filtered_by
+from robustid.identification.problem import MixedProblem, excited_lines
+
+
+@dataclasses.dataclass
+class Block:
+    """Rows of some samples of one experiment, divided by their bounds.
+
+    `columns` are those of x that E acts on; `fixed` and `tail` belong to the bounds, of which sample k has number cone[k]; a
+    block that `joins` shares those of the block before it and has none of its own.
+    """
+
+    y: np.ndarray
+    E: DenseColumns | ShiftColumns
+    columns: slice
+    P: np.ndarray
+    free: np.ndarray
+    fixed: np.ndarray
+    tail: np.ndarray
+    cone: np.ndarray
+    complex: bool
+    joins: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Assembly:
+    """The rows of each kind of experiment."""
+
+    problem: MixedProblem
+    functions: Functions
+
+    @property
+    def entries(self) -> Entries:
+        """Outputs and inputs."""
+        return self.problem.entries
+
+    @functools.cached_property
+    def scales(self) -> np.ndarray:
+        """What the scaling of the prior makes of the gain of every entry, (p, q)."""
+        return self.problem.prior.scales(self.entries.outputs, self.entries.inputs)
+
+    def lines(self, frf: Any) -> list[Block]:
+        """Of a frequency response."""
+        angles = frf.omega * self.problem.dt
+        if not isinstance(frf, FrequencyResponse):
+            return self._directions(frf, angles)
+        values = None if isinstance(self.functions, TaylorFunctions) else self.functions.lines(angles)
+        response = self._responses(angles)
+        if frf.joint == "matrix":
+            return self._ellipsoids(frf, angles)
+        blocks = [self._entry(frf, output, input, values, response) for output, input in measured_entries(frf)]
+        return self._columns(frf, blocks) if frf.joint == "column" else blocks
+
+    def _entry(self, frf: FrequencyResponse, output: int, input: int, values: Any, response: np.ndarray) -> Block:
+        """The lines of one entry, in discs or ellipses."""
+        used = np.isfinite(frf.bound[:, output, input])
+        number, part = self.entries.place(output, input)
+        angles, bound = frf.omega[used] * self.problem.dt, frf.bound[used, output, input]
+        tilt = None if frf.tilt is None else frf.tilt[used, output, input]
+        scale, n, m = float(self.scales[output, input]), self.functions.count, response.shape[1]
+        if isinstance(self.functions, TaylorFunctions):
+            gain = self.problem.prior.gain_bound * scale * part / bound
+            E = ShiftColumns(angles, gain, self.functions.decay, np.zeros((0, n)), tilt)
+        else:
+            E = DenseColumns(tilted(values[used] * (scale * part) / bound[:, None], tilt))
+        P = np.zeros((angles.size, self.entries.count * m), complex)
+        P[:, number * m : (number + 1) * m] = tilted(response[used] * part / bound[:, None], tilt)
+        tail = self.functions.line_tail(angles) * scale / bound * (1.0 if tilt is None else 1 + np.abs(tilt))
+        y = tilted(frf.values[used, output, input] / bound, tilt)
+        return _complex_block(y, E, slice(number * n, (number + 1) * n), P, tail)
+
+    def _columns(self, frf: FrequencyResponse, blocks: list[Block]) -> list[Block]:
+        """The entries of a column as one cone a line: the norm of a column is at most the largest singular value."""
+        last = -1
+        for (output, input), block in zip(measured_entries(frf), blocks, strict=True):
+            measured = np.isfinite(frf.bound[:, :, input])
+            lines = np.flatnonzero(measured.any(axis=1))
+            block.cone = np.searchsorted(lines, np.flatnonzero(measured[:, output]))
+            block.joins = input == last
+            largest = (self.scales[:, input] / frf.bound[lines, :, input]).max(axis=1)
+            tail = largest * self.functions.line_tail(frf.omega[lines] * self.problem.dt)
+            block.tail = np.zeros(0) if block.joins else tail
+            block.fixed, last = np.ones(block.tail.size), input
+        return blocks
+
+    def _directions(self, frf: Any, angles: np.ndarray) -> list[Block]:
+        """Every sample sees a combination of the entries."""
+        blocks = []
+        for row, column in measured_entries(frf):
+            used = np.isfinite(frf.bound[:, row, column])
+            bound, weights = frf.bound[used, row, column], frf.weights[used, row, column]
+            tail = np.linalg.svd(weights * self.scales, compute_uv=False).sum(axis=1) / bound
+            tail = tail * self.functions.line_tail(angles[used])
+            y = frf.values[used, row, column] / bound
+            blocks.append(self._combined(y, weights / bound[:, None, None], angles[used], tail))
+        return blocks
+
+    def _ellipsoids(self, frf: FrequencyResponse, angles: np.ndarray) -> list[Block]:
+        """Whitened, so that each line is one cone: with E = LL', the norm of L^-1 vec(error)."""
+        lines, p, q = frf.values.shape
+        whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid))
+        y = whiten @ frf.values.transpose(0, 2, 1).reshape(lines, p * q, 1)
+        scales = self.scales.T.ravel()
+        tail = np.linalg.norm(whiten * scales, 2, axis=(1, 2)) * self.entries.reach * self.functions.line_tail(angles)
+        weights = whiten.reshape(lines, p * q, q, p).transpose(0, 1, 3, 2)
+        blocks = [self._combined(y[:, r, 0], weights[:, r], angles, tail) for r in range(p * q)]
+        for block in blocks[1:]:
+            block.joins, block.tail, block.fixed = True, np.zeros(0), np.zeros(0)
+        return blocks
+
+    def _combined(self, y: np.ndarray, weights: np.ndarray, angles: np.ndarray, tail: np.ndarray) -> Block:
+        """Samples that are sums of weights (N, p, q) times the entries."""
+        inside = np.tensordot(weights * self.scales, self.entries.basis, ([1, 2], [1, 2]))
+        outside = np.tensordot(weights, self.entries.basis, ([1, 2], [1, 2]))
+        E = _times(inside, self.functions.lines(angles))
+        return _complex_block(y, DenseColumns(E), slice(0, E.shape[1]), _times(outside, self._responses(angles)), tail)
+
+    def transient(self, record: TimeRecord, output: int) -> Block:
+        """One output of a record from rest or from an unknown state."""
+        used = np.flatnonzero(np.isfinite(record.bound[:, output]))
+        count, basis = int(used[-1]) + 1, self.problem.parametric
+        u = record.u[:count]
+        E = np.stack([self.functions.filtered(one)[used] for one in u.T], axis=1)
+        none = np.zeros((used.size, u.shape[1], 0))
+        impulse = None if basis is None else basis.impulse(count)
+        P = none if impulse is None else np.stack([filtered_by(one, impulse)[used] for one in u.T], axis=1)
+        free, widen = initial_state(self.problem, record, used, output)
+        tail = self.functions.time_tail(u * self.scales[output])[used]
+        return self._row(record.y[used, output], E, P, record.bound[used, output], widen, free, tail, output)
+
+    def periodic(self, record: TimeRecord, output: int) -> Block:
+        """One output in steady state."""
+        samples, basis = record.u.shape[0], self.problem.parametric
+        used = np.flatnonzero(np.isfinite(record.bound[:, output]))
+        lines = excited_lines(record)
+        angles = 2 * np.pi * lines / samples
+        twice = np.where((lines == 0) | (2 * lines == samples), 1.0, 2.0)[:, None] / samples
+        drive = twice * np.fft.rfft(record.u, axis=0)[lines]
+        wave = np.exp(1j * (2 * np.pi / samples) * (np.outer(used, lines) % samples))
+        values = self.functions.lines(angles)
+        E = np.stack([((wave * one) @ values).real for one in drive.T], axis=1)
+        P = np.zeros((used.size, drive.shape[1], 0))
+        if basis is not None:
+            P = np.stack([((wave * one) @ basis.response(angles)).real for one in drive.T], axis=1)
+        size = np.linalg.norm(drive * self.scales[output], axis=1)
+        tail = np.abs(wave) @ (size * self.functions.line_tail(angles))
+        none, bound = np.zeros((used.size, 0)), record.bound[used, output]
+        return self._row(record.y[used, output], E, P, bound, np.zeros(used.size), none, tail, output)
+
+    def _row(
+        self,
+        y: np.ndarray,
+        E: np.ndarray,
+        P: np.ndarray,
+        bound: np.ndarray,
+        widen: np.ndarray,
+        free: np.ndarray,
+        tail: np.ndarray,
+        output: int,
+    ) -> Block:
+        """Samples of one output: E (N, q, n) and P (N, q, m) of what each input does."""
+        total, n, q = bound + widen, E.shape[2], self.entries.inputs
+        E, P = E * self.scales[output][:, None], self._placed(P, output)
+        if self.entries.symmetric:
+            columns, E = slice(0, self.entries.count * n), self._placed(E, output)
+        else:
+            columns, E = slice(output * q * n, (output + 1) * q * n), E.reshape(y.size, -1)
+        unit = 1 / total
+        y, E, P, free = (a * unit.reshape(-1, *(1,) * (a.ndim - 1)) for a in (y, E, P, free))
+        return Block(y, DenseColumns(E), columns, P, free, bound / total, tail / total, np.arange(y.size), False)
+
+    def _placed(self, row: np.ndarray, output: int) -> np.ndarray:
+        """What (N, q, k) of one row of the matrix is in all unknowns, (N, count k)."""
+        full = np.zeros((row.shape[0], self.entries.count, row.shape[2]))
+        for input in range(row.shape[1]):
+            number, part = self.entries.place(output, input)
+            full[:, number] += part * row[:, input]
+        return full.reshape(row.shape[0], -1)
+
+    def _responses(self, angles: np.ndarray) -> np.ndarray:
+        """Of the parametric functions, (F, m)."""
+        basis = self.problem.parametric
+        return np.zeros((angles.size, 0)) if basis is None else basis.response(angles)
+
+
+def measured_entries(frf: Any) -> list[tuple[int, int]]:
+    """The entries of a frequency response that have a sample, column by column."""
+    used = np.isfinite(frf.bound).any(axis=0)
+    return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
+
+
+def _complex_block(
+    y: np.ndarray, E: DenseColumns | ShiftColumns, columns: slice, P: np.ndarray, tail: np.ndarray
+) -> Block:
+    return Block(y, E, columns, P, np.zeros((y.size, 0)), np.ones(y.size), tail, np.arange(y.size), True)
+
+
+def _times(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Kronecker products of the rows, (N, a b)."""
+    return (weights[:, :, None] * values[:, None, :]).reshape(weights.shape[0], -1)
+
+
+def initial_state(
+    problem: MixedProblem, record: TimeRecord, used: np.ndarray, output: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """What an unknown state before the record can do to the samples `used` of an output.
+
+    Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past
+    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u the rows and vectors of several channels.
+    """
+    if record.initial != "free":
+        return np.zeros((used.size, 0)), np.zeros(used.size)
+    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    scales = problem.prior.scales(problem.entries.outputs, problem.entries.inputs)[output]
+    if record.past_input_bound is None:
+        past = float(np.linalg.norm(record.u * scales, axis=1).max())
+    else:
+        past = record.past_input_bound * float(np.linalg.norm(scales))
+    widen = past * K * rho ** -used.astype(float) / (rho - 1)
+    if problem.parametric is None:
+        return np.zeros((used.size, 0)), widen
+    return problem.parametric.transients(used[-1] + 1)[used], widen

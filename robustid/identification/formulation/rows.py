@@ -1,0 +1,206 @@
+"""The measurements as linear equations in the unknowns, in units of their bounds."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from robustid.bases import InputNormalPair, Sections
+from robustid.core import Frozen, freeze
+from robustid.errors import InputError
+from robustid.identification.formulation.assembly import Assembly, Block
+from robustid.identification.formulation.columns import BlockColumns, ColumnPart, DenseColumns, ShiftColumns
+from robustid.identification.formulation.functions import Functions, TaylorFunctions, functions_of
+from robustid.identification.problem import MixedProblem
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows(Frozen):
+    """Residuals e = y - E x - P p of all samples, each divided by its bound: sample k is kept if |e_k| <= 1.
+
+    Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns.
+    Where a bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1.
+    Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
+    with the coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
+
+    Attributes
+    ----------
+    y : (N,) complex array
+    E : columns (N, n)
+        Of the coefficients x of G/K in the orthonormal basis.
+    P : (N, m) complex array
+        Of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
+    fixed : (M,) array
+        Part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it.
+    tail : (M,) array
+        Zero where n coefficients determine the samples (the exact form).
+    discs : int
+        Number of complex samples.
+    column_scale : (m,) array
+    parameters : int
+        How many of the columns of P are parameters.
+    ends : (m, 2) array
+        Lower and upper end of every scaled parameter, known beforehand; -inf and inf where it is free.
+    cone : (N,) int array or None
+        Which of the M bounds a sample belongs to; None where every sample has its own, M = N.
+    reach : float
+        Largest norm of x, of functions of the unit ball.
+    """
+
+    y: np.ndarray
+    E: DenseColumns | ShiftColumns | BlockColumns
+    P: np.ndarray
+    fixed: np.ndarray
+    tail: np.ndarray
+    discs: int
+    column_scale: np.ndarray
+    parameters: int
+    ends: np.ndarray
+    cone: np.ndarray | None = None
+    reach: float = 1.0
+
+    def __post_init__(self) -> None:
+        self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale", "ends")})
+        self._set(cone=None if self.cone is None else freeze(self.cone))
+
+    @property
+    def held(self) -> np.ndarray:
+        """Which parameters have an interval, (m,) bool."""
+        return np.isfinite(self.ends[:, 0])
+
+    @property
+    def cones(self) -> int:
+        """Number M of bounds."""
+        return self.tail.size
+
+    def within(self, p: np.ndarray) -> bool:
+        """Whether every scaled parameter is in its interval."""
+        return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
+
+    def real(self, a: np.ndarray) -> np.ndarray:
+        """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
+        return np.concatenate([np.real(a), np.imag(a[: self.discs])])
+
+    def sizes(self, e: np.ndarray) -> np.ndarray:
+        """|e| of every bound, the norm of the samples that share it, (M,)."""
+        if self.cone is None:
+            return np.abs(e)
+        return np.sqrt(np.bincount(self.cone, np.real(e) ** 2 + np.imag(e) ** 2, minlength=self.cones))
+
+    def ratio(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Upper bound of |residual|/bound, (M,), for every system with coefficients x and scaled parameters p."""
+        return self.sizes(self.y - self.E @ x - self.P @ p) + self.tail
+
+
+def measurement_rows(problem: MixedProblem, basis: InputNormalPair | Sections) -> Rows:
+    """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of a repeated section."""
+    assembly = Assembly(problem, functions_of(problem, basis))
+    blocks = [block for frf in problem.frequency for block in assembly.lines(frf)]
+    for record in problem.time:
+        make = assembly.periodic if record.initial == "periodic" else assembly.transient
+        for output in range(record.y.shape[1]):
+            if np.any(np.isfinite(record.bound[:, output])):
+                blocks.append(make(record, output))
+    return _stacked(problem, blocks, assembly.functions)
+
+
+def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -> Rows:
+    """All blocks as one system."""
+    entries = problem.entries
+    free = np.asarray(scipy.linalg.block_diag(*(b.free for b in blocks)))
+    P = np.hstack([np.vstack([b.P for b in blocks]), free])
+    y = np.concatenate([b.y for b in blocks])
+    E = _joined(blocks, functions.count * entries.count, functions)
+    sizes = [float(np.abs(a).max(initial=0.0)) for a in (P, y)] + [E.norm]
+    if not max(sizes) < 1e100:
+        raise InputError(
+            "`bound` is too small against the data (or a basis function is infinite at a sample): their ratio is"
+            f" {max(sizes):.3g}; give bounds that the measurement deserves"
+        )
+    norms = np.linalg.norm(P, axis=0)
+    if np.any(norms == 0):
+        name = _parameter_name(problem, int(np.argmin(norms)))
+        raise InputError(f"`parametric`: function {name} does not act on any sample; remove it, or add samples")
+    scale = 2.0 ** np.round(np.log2(norms)) if norms.size else norms
+    P = P / scale
+    parameters = 0 if problem.parametric is None else problem.parametric.size * entries.count
+    ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
+    if problem.parameter_bounds is not None:
+        ends[:parameters] = problem.unknown_bounds * scale[:parameters, None]
+    _check_independent(problem, P, np.flatnonzero(np.isinf(ends).any(axis=1)))
+    fixed, tail = (np.concatenate(parts) for parts in zip(*((b.fixed, b.tail) for b in blocks), strict=True))
+    discs = sum(b.y.size for b in blocks if b.complex)
+    return Rows(y, E, P, fixed, tail, discs, scale, parameters, ends, _cones(blocks), entries.reach)
+
+
+def _cones(blocks: list[Block]) -> np.ndarray | None:
+    """Number of the bound of every sample; None where each has its own."""
+    if not any(block.joins for block in blocks):
+        return None
+    numbers, first, total = [], 0, 0
+    for block in blocks:
+        first = first if block.joins else total
+        total += block.tail.size
+        numbers.append(first + block.cone)
+    return np.concatenate(numbers)
+
+
+def _joined(blocks: list[Block], width: int, functions: Functions) -> DenseColumns | ShiftColumns | BlockColumns:
+    """The columns of all blocks, in one piece where they all act on all coefficients in one way."""
+    everywhere = all(block.columns == slice(0, width) for block in blocks)
+    lines, real = (
+        [block.E for block in blocks if block.complex],
+        [block.E.dense() for block in blocks if not block.complex],
+    )
+    if everywhere and isinstance(functions, TaylorFunctions) and all(isinstance(part, ShiftColumns) for part in lines):
+        return _merged(functions.decay, lines, real)
+    if everywhere and all(isinstance(part, DenseColumns) for part in lines):
+        return DenseColumns(np.vstack([block.E.dense() for block in blocks]))
+    parts, row = [], 0
+    for block in blocks:
+        parts.append(ColumnPart(slice(row, row + block.y.size), block.columns, block.E))
+        row += block.y.size
+    return BlockColumns(tuple(parts), (row, width))
+
+
+def _merged(decay: np.ndarray, lines: list[Any], real: list[np.ndarray]) -> ShiftColumns:
+    """Lines of several experiments, and rows of records, of one entry."""
+    tilt = None
+    if any(part.tilt is not None for part in lines):
+        tilt = np.concatenate([np.zeros(part.angles.size) if part.tilt is None else part.tilt for part in lines])
+    rows = np.real(np.vstack([np.zeros((0, decay.size)), *real]))
+    angles, gain = (np.concatenate([np.zeros(0), *(getattr(part, n) for part in lines)]) for n in ("angles", "gain"))
+    return ShiftColumns(angles, gain, decay, rows, tilt)
+
+
+def _parameter_name(problem: MixedProblem, column: int) -> str:
+    """Of a column of P."""
+    basis, entries = problem.parametric, problem.entries
+    if basis is None or column >= basis.size * entries.count:
+        return "of a transient"
+    label = basis.labels[column % basis.size]
+    if entries.single:
+        return f"number {column} ({label})"
+    output, input = (int(k) for k in np.argwhere(entries.basis[column // basis.size])[0])
+    return f"{label} of the entry from {problem.inputs[input].name} to {problem.outputs[output].name}"
+
+
+def _check_independent(problem: MixedProblem, P: np.ndarray, free: np.ndarray) -> None:
+    """Coefficients without an interval must be told apart by the data: else they, and the sets, are unbounded."""
+    P = P[:, free]
+    if not P.shape[1]:
+        return
+    stacked = np.vstack([np.real(P), np.imag(P)])
+    _, singular, directions = np.linalg.svd(stacked / np.linalg.norm(stacked, axis=0), full_matrices=False)
+    rank = int(np.sum(singular > 1e-10 * singular[0])) if singular.size else 0
+    if rank < P.shape[1]:
+        involved = free[np.abs(directions[-1]) > 0.1]
+        own = problem.parametric.size * problem.entries.count if problem.parametric is not None else 0
+        names = ", ".join(_parameter_name(problem, i) for i in involved if i < own)
+        raise InputError(
+            f"`parametric`: the data cannot tell its {P.shape[1]} functions (transients included) apart: their rank on the"
+            f" samples is {rank}. Linearly dependent: {names}. Remove one of them, or add samples"
+        )

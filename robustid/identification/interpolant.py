@@ -1,0 +1,203 @@
+"""Central interpolant in closed form, the set of all interpolants, and their value discs."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core import Frozen, as_array, freeze, transfer
+from robustid.errors import InputError, InputTypeError
+from robustid.identification.formulation.sarason import SarasonMap
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Interpolants(Frozen):
+    """Every function of the unit ball with given data x: phi_E(zeta), E any function of the unit ball.
+
+    With M = I - X'X > 0, M = LL', W = M + x'x = A'MA + c'c, D = [L'A; c], R = [L'; x], the matrix V = R W^{-1} D' is a
+    partial isometry; with u_d, u_r spanning the null spaces of D' and R',
+
+        V + u_r E u_d' = [alpha beta; gamma delta],   phi_E(zeta) = delta + zeta gamma (I - zeta alpha)^{-1} beta,
+
+    is the complete set, E = 0 the central one. No inverse of M and no cancellations: the central order is exactly n, or
+    n - 1 where Taylor coefficients are among the data: A is singular then (A'B = 0) and the state L^{-1}B of the central
+    realisation is unobservable, so that it is left out.
+
+    Of p x q functions A, c stand for A (x) I, c (x) I, and the order is n q (or (n - 1) q); with fewer outputs than inputs all is
+    done with the transposed function, of order n p.
+
+    Attributes
+    ----------
+    V : (n+1, n+1) array; of matrices (nq+p, nq+q), of transposed ones with p and q exchanged
+    outer, inner : (n+1, 1) arrays; of matrices (nq+p, p) and (nq+q, q)
+        u_r and u_d.
+    smallest : float
+        Smallest eigenvalue of M.
+    kept : (n, r) array
+        Orthonormal basis of the states of the central interpolant.
+    transposed : bool
+        Whether the function is the transpose of that of these arrays.
+
+    Notes
+    -----
+    Source: `ball1990` (the set of all solutions); in purpose equation (22) of `inanc2001`, without its inverses.
+    """
+
+    V: np.ndarray
+    outer: np.ndarray
+    inner: np.ndarray
+    smallest: float
+    kept: np.ndarray
+    transposed: bool = False
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("V", "outer", "inner", "kept")})
+
+    @property
+    def order(self) -> int:
+        """Number of states of the central interpolant."""
+        return self.kept.shape[1]
+
+    def realise(self, E: Any = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho.
+
+        E: a number in [-1, 1] (of several channels a real matrix (p, q) of norm at most 1, 0 for all entries 0), or a stable
+        `control.StateSpace` (in zeta) with as many channels and H-infinity norm <= 1.
+        """
+        n = self.kept.shape[0]
+        p, q = self.outer.shape[1], self.inner.shape[1]
+        a, b, c, d = _free_parameter(E, (q, p) if self.transposed else (p, q))
+        if self.transposed:
+            a, b, c, d = a.T, c.T, b.T, d.T
+        if not a.size and not d.any():
+            alpha, beta, gamma = self.V[:n, :n] @ self.kept, self.V[:n, n:], self.V[n:, :n] @ self.kept
+            return self._as_asked(self.kept.T @ alpha, self.kept.T @ beta, gamma, self.V[n:, n:])
+        full = self.V + self.outer @ d @ self.inner.T
+        if not a.size:
+            return self._as_asked(full[:n, :n], full[:n, n:], full[n:, :n], full[n:, n:])
+        alpha = np.block([[full[:n, :n], self.outer[:n] @ c], [b @ self.inner[:n].T, a]])
+        beta = np.vstack([full[:n, n:], b @ self.inner[n:].T])
+        gamma = np.hstack([full[n:, :n], self.outer[n:] @ c])
+        return self._as_asked(alpha, beta, gamma, full[n:, n:])
+
+    def _as_asked(
+        self, alpha: np.ndarray, beta: np.ndarray, gamma: np.ndarray, delta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The realisation of the function itself."""
+        return (alpha.T, gamma.T, beta.T, delta.T) if self.transposed else (alpha, beta, gamma, delta)
+
+    def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
+        """The values phi_E(zeta), |zeta| < 1, (F,); of several channels (F, p, q)."""
+        values = transfer(self.realise(E), zeta)
+        return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
+
+    def weyl_disc(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1.
+
+        The disc is filled by complex E; models with real coefficients reach a part of it (all its real points at
+        real zeta), so it is an outer bound for them. One channel; `weyl_ball` for several.
+        """
+        centre, left, right = self.weyl_ball(zeta)
+        return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
+
+    def weyl_ball(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centre (F, p, q), left radius (F, p, p) and right radius (F, q, q) of the matrix ball of values, |zeta| < 1.
+
+        phi_E(zeta) = centre + left U right with any complex matrix U of norm at most 1, as E runs through the unit ball.
+        """
+        zeta = np.atleast_1d(np.asarray(zeta, dtype=complex))
+        n, p, q = self.kept.shape[0], self.outer.shape[1], self.inner.shape[1]
+        inputs = np.hstack([self.V[:n, n:], self.outer[:n]])
+        outputs = np.vstack([self.V[n:, :n], self.inner[:n].T])
+        through = np.block([[self.V[n:, n:], self.outer[n:]], [self.inner[n:].T, np.zeros((q, p))]])
+        P = transfer((self.V[:n, :n], inputs, outputs, through), zeta)
+        inner, before, after = P[:, p:, q:], P[:, :p, q:], P[:, p:, :q]
+        # phi = P11 + P12 E (I - P22 E)^{-1} P21: the maximum principle of matrix Moebius maps.
+        adjoint = inner.conj().transpose(0, 2, 1)
+        first = _inverse_root(np.eye(p) - adjoint @ inner)
+        second = _inverse_root(np.eye(q) - inner @ adjoint)
+        centre = P[:, :p, :q] + before @ adjoint @ second @ second @ after
+        left, right = before @ first, second @ after
+        if self.transposed:
+            return centre.transpose(0, 2, 1), right.transpose(0, 2, 1), left.transpose(0, 2, 1)
+        return centre, left, right
+
+
+def _inverse_root(matrices: np.ndarray) -> np.ndarray:
+    """H^{-1/2} of Hermitian positive definite matrices."""
+    values, vectors = np.linalg.eigh(matrices)
+    return (vectors / np.sqrt(values)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
+
+
+_ROUNDED = 1e-14  # what rounding adds to the norm of an orthogonal matrix
+
+
+def interpolants(sarason: SarasonMap, x: np.ndarray) -> Interpolants:
+    """All functions of the unit ball with the data x; needs ||X(x)|| < 1.
+
+    Raises
+    ------
+    InputError
+        Where M = I - X'X is not positive definite: at the edge the interpolant is unique and the form breaks down.
+    """
+    n, entries = sarason.pair.order, sarason.entries
+    p, q = entries.outputs, entries.inputs
+    parts, full, transposed = sarason.parted(sarason.matrix(x)), entries.expand(x), p < q
+    if transposed:
+        p, q, parts, full = q, p, parts.transpose(1, 0, 2, 3), full.transpose(1, 0, 2)
+    A, B, c = (np.kron(part, np.eye(q)) for part in (sarason.pair.A, sarason.pair.B, sarason.pair.c))
+    X, x, size = parts.transpose(2, 0, 3, 1).reshape(n * p, n * q), full.transpose(0, 2, 1).reshape(p, n * q), n * q
+    # Product form: the eigenvalues of I - X'X near 0 keep their digits.
+    _, singular, right = np.linalg.svd(X, full_matrices=False)
+    gaps = (1 - singular) * (1 + singular)
+    if n and gaps.min() <= 0:
+        raise InputError(f"`x` must lie inside the ball: ||X(x)|| = {singular.max():.12g} is not below 1")
+    root: np.ndarray = np.asarray(np.linalg.qr(np.sqrt(gaps)[:, None] * right, mode="r")) if n else np.zeros((0, 0))
+    D, R = np.vstack([root @ A, c]), np.vstack([root, x])
+    # D'D = R'R = W, so with thin QR factors V = Q_R (R_R R_D^{-1}) Q_D' and the middle factor is orthogonal.
+    QD, RD = np.linalg.qr(D, mode="complete")
+    QR, RR = np.linalg.qr(R, mode="complete")
+    middle = scipy.linalg.solve_triangular(RD[:size].T, RR[:size].T, lower=True).T if n else np.zeros((0, 0))
+    left, _, mid_right = np.linalg.svd(middle)
+    V = QR[:, :size] @ (left @ mid_right) @ QD[:, :size].T
+    kept = np.eye(size)
+    if n and sarason.pair.d[0, 0] == 0:
+        lost = scipy.linalg.solve_triangular(root.T, B, lower=True)
+        kept = np.linalg.qr(lost, mode="complete")[0][:, q:]
+    return Interpolants(V, QR[:, size:], QD[:, size:], float(gaps.min(initial=1.0)), kept, transposed)
+
+
+def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """State space of the free parameter, checked."""
+    p, q = shape
+    if not hasattr(E, "ninputs"):
+        d = as_array("E", E)
+        if d.ndim == 0 and (not d or shape == (1, 1)):
+            d = np.full(shape, float(d))
+        if d.shape != shape:
+            raise InputError(f"`E` must have shape (ny, nu) = {shape}; got {d.shape}")
+        if not np.linalg.norm(d, 2) <= 1 + (d.size > 1) * _ROUNDED:
+            end = "lie in [-1, 1]" if shape == (1, 1) else "have norm at most 1"
+            raise InputError(f"`E` must {end}; got {d.item() if d.size == 1 else np.linalg.norm(d, 2):g}")
+        return np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), d
+    import control
+
+    if not isinstance(E, control.StateSpace):
+        raise InputTypeError(f"`E` must be a number, a matrix or a control.StateSpace; got {type(E).__name__}")
+    if (E.noutputs, E.ninputs) != shape or E.dt == 0:
+        raise InputError(
+            f"`E` must be a discrete-time system with {q} input{'s' * (q != 1)} and {p} output{'s' * (p != 1)}"
+        )
+    if E.nstates and np.abs(np.linalg.eigvals(E.A)).max() >= 1:
+        raise InputError("`E` must be stable")
+    poles = np.linalg.eigvals(E.A) if E.nstates else np.zeros(0)
+    angles = np.concatenate([np.linspace(0, np.pi, 2049), np.abs(np.angle(poles))])
+    a, b, c, d = (np.asarray(part) for part in (E.A, E.B, E.C, E.D))
+    values = transfer((a, b, c, d), np.exp(-1j * angles))
+    peak = float(np.linalg.norm(values, 2, axis=(1, 2)).max())
+    if peak > 1 + 1e-9:
+        raise InputError(f"`E` must have H-infinity norm <= 1; got at least {peak:.6g}")
+    return a, b, c, d

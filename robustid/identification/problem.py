@@ -1,0 +1,256 @@
+"""The statement: measurements with bounds, a prior, and a parametric basis."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.bases import as_basis
+from robustid.core import Channel, Frozen, as_array, freeze
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError
+from robustid.identification.channels import check_channels, check_excitation
+from robustid.identification.formulation.entries import Entries
+from robustid.identification.prior import Prior
+
+# Angles closer than this, relatively, are one node with several discs on one value.
+_SAME_ANGLE = 1e-12
+# Lines of a periodic input below this fraction of the largest are rounding noise of the FFT.
+_EXCITED = 1e-12
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class MixedProblem(Frozen):
+    """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
+
+    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
+    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound. With several channels F is a matrix: every
+    measured entry is a sample, p are free real matrices (residues), and the prior bounds the largest singular value of G.
+
+    Parameters
+    ----------
+    frequency : FrequencyResponse or TangentialResponse or sequence of them, optional
+    time : TimeRecord or sequence of them, optional
+        At least one of the two; the same inputs and outputs everywhere; one common dt. Entries that were not measured have an
+        infinite bound.
+    prior : Prior
+        The class of the non-parametric part.
+    parametric : ParametricBasis, control.StateSpace, or a sequence of them, optional
+        Known functions with free real coefficients (`kautz`); integrators at z = 1 are allowed where no
+        frequency line lies on them.
+    parameter_bounds : (m, 2) or (m, ny, nu, 2) array, optional
+        What is known of the coefficients of `parametric`, hard: lower and upper end of each, in the units of
+        `Identification.parameters`. Two equal ends fix a coefficient, two infinite ones leave it free; for a known sign
+        alone, give as the other end a size that is surely not exceeded. Unlike the bounds of the samples they do not grow
+        with the margin: data that contradict them have a margin above 1.
+    symmetric : bool
+        Whether F is a symmetric matrix, as that of collocated inputs and outputs of a reciprocal structure, in the same order.
+
+    Raises
+    ------
+    InputError
+        Missing bounds, different dt, different channels, an input that no experiment excites or an output that none sees,
+        inputs that always move together, a line on an integrator, functions that the data cannot tell apart, parameter bounds
+        of another shape, in the wrong order or with one infinite end.
+
+    Notes
+    -----
+    Source: `inanc2001` Problem 1.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(3), [1.0, 1.5, 1.75], dt=0.1, bound=0.01)
+    >>> problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2))
+    >>> problem.coefficients
+    3
+    """
+
+    frequency: Any = None
+    time: Any = None
+    prior: Prior
+    parametric: Any = None
+    parameter_bounds: Any = None
+    symmetric: bool = False
+
+    entries: Entries = dataclasses.field(init=False, repr=False)
+    angles: np.ndarray = dataclasses.field(init=False, repr=False)
+    taylor: int = dataclasses.field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        frequency = _experiments("frequency", self.frequency, (FrequencyResponse, TangentialResponse))
+        time = _experiments("time", self.time, (TimeRecord,))
+        if not frequency and not time:
+            raise InputError("`frequency` and `time` are both missing; give at least one experiment")
+        if not isinstance(self.prior, Prior):
+            raise InputTypeError(f"`prior` must be a Prior; got {type(self.prior).__name__}")
+        _check_same_dt((*frequency, *time))
+        self._set(frequency=frequency, time=time)
+        check_channels((*frequency, *time))
+        self._set(entries=self._entries())
+        self.prior.scales(self.entries.outputs, self.entries.inputs)
+        check_excitation((*frequency, *time))
+        if self.parametric is not None:
+            self._set(parametric=as_basis(self.parametric, self.dt))
+        if self.parameter_bounds is not None:
+            self._set(parameter_bounds=freeze(_intervals(self.parameter_bounds, self.parametric, self.entries)))
+        self._set(angles=freeze(_merge(self._all_angles())), taylor=self._taylor())
+        self._check_integrators()
+
+    @property
+    def dt(self) -> float:
+        """Sample time in s, common to all experiments."""
+        return float((*self.frequency, *self.time)[0].dt)
+
+    @property
+    def coefficients(self) -> int:
+        """Number n of real coefficients of an entry of the non-parametric part: order of the exact form."""
+        return self.taylor + sum(1 if angle in (0.0, np.pi) else 2 for angle in self.angles)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples: one per frequency line and measured entry, and per used time sample."""
+        return sum(int(np.isfinite(item.bound).sum()) for item in (*self.frequency, *self.time))
+
+    @property
+    def outputs(self) -> tuple[Channel, ...]:
+        """The outputs, names and units."""
+        return (*self.frequency, *self.time)[0].outputs
+
+    @property
+    def inputs(self) -> tuple[Channel, ...]:
+        """The inputs, names and units."""
+        return (*self.frequency, *self.time)[0].inputs
+
+    @property
+    def channel(self) -> tuple[Channel, Channel]:
+        """The first output and the first input: all there are of one channel."""
+        return self.outputs[0], self.inputs[0]
+
+    @property
+    def unknown_bounds(self) -> np.ndarray:
+        """The parameter bounds of the independent parameters, entry by entry, (count m, 2)."""
+        ends = np.moveaxis(self.parameter_bounds, 0, 2) if self.parameter_bounds.ndim == 4 else self.parameter_bounds
+        pairs = np.broadcast_to(ends, (self.entries.outputs, self.entries.inputs, *ends.shape[-2:]))
+        parts = {}
+        for output, input in np.ndindex(pairs.shape[:2]):
+            number, part = self.entries.place(output, input)
+            low, high = (pairs[output, input] / part).T
+            if number in parts:
+                low, high = np.maximum(low, parts[number][:, 0]), np.minimum(high, parts[number][:, 1])
+            parts[number] = np.stack([low, high], axis=1)
+        return np.concatenate([parts[number] for number in sorted(parts)])
+
+    def with_prior(self, **changes: float) -> MixedProblem:
+        """The same data with another gain bound or decay rate."""
+        return dataclasses.replace(self, prior=dataclasses.replace(self.prior, **changes))
+
+    def node_index(self, angles: np.ndarray) -> np.ndarray:
+        """Index of the node of each angle."""
+        if not self.angles.size:
+            return np.zeros(0, int)
+        after = np.clip(np.searchsorted(self.angles, angles), 1, max(self.angles.size - 1, 1))
+        pair = np.stack([after - 1, np.minimum(after, self.angles.size - 1)])
+        return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
+
+    def _all_angles(self) -> np.ndarray:
+        angles = [f.omega[np.isfinite(f.bound).any(axis=(1, 2))] * self.dt for f in self.frequency]
+        angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
+        return np.concatenate(angles) if angles else np.zeros(0)
+
+    def _taylor(self) -> int:
+        used = [np.isfinite(t.bound).any(axis=1) for t in self.time if t.initial != "periodic"]
+        last = [np.flatnonzero(one)[-1] + 1 for one in used]
+        return int(max(last, default=0))
+
+    def _entries(self) -> Entries:
+        p, q = len(self.outputs), len(self.inputs)
+        if self.symmetric and p != q:
+            raise InputError(
+                f"`symmetric` needs as many outputs as inputs, in the same order; got {p} outputs and {q} inputs"
+            )
+        return Entries(p, q, bool(self.symmetric) and p > 1)
+
+    def _check_integrators(self) -> None:
+        if self.parametric is None or not self.parametric.has_integrator:
+            return
+        if np.any(self.angles == 0):
+            raise InputError(
+                "`frequency` has a line at omega = 0, where the integrator of `parametric` is infinite; leave that line out"
+            )
+        if any(t.initial == "periodic" for t in self.time):
+            raise InputError(
+                "`time`: a record in periodic steady state leaves the state of an integrator undetermined;"
+                ' use initial="free", or `estimate_frf` and its lines'
+            )
+
+
+def excited_lines(record: TimeRecord) -> np.ndarray:
+    """DFT lines of the record at which its inputs are not zero."""
+    spectrum = np.abs(np.fft.rfft(record.u, axis=0))
+    spectrum = (spectrum / np.maximum(spectrum.max(axis=0), np.finfo(float).tiny)).max(axis=1)
+    return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
+
+
+def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple:
+    if value is None:
+        return ()
+    items = tuple(value) if isinstance(value, Sequence) else (value,)
+    for item in items:
+        if not isinstance(item, kinds):
+            raise InputTypeError(
+                f"`{name}` must be a {kinds[0].__name__} or a sequence of them; got {type(item).__name__}"
+            )
+        if item.dt is None:
+            raise InputError(
+                f"`{name}` must be discrete-time: give the FrequencyResponse the sample time `dt` of its plant"
+            )
+        if item.bound is None:
+            raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
+        if not np.any(np.isfinite(item.bound)):
+            raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
+    return items
+
+
+def _intervals(value: Any, basis: Any, entries: Entries) -> np.ndarray:
+    """The parameter bounds, checked."""
+    if basis is None:
+        raise InputError(
+            "`parameter_bounds` bounds the coefficients of `parametric`, which is missing; give both or none"
+        )
+    ends = as_array("parameter_bounds", value, finite=False)
+    each = (basis.size, entries.outputs, entries.inputs, 2)
+    if ends.shape != (basis.size, 2) and (entries.single or ends.shape != each):
+        raise InputError(
+            f"`parameter_bounds` must have shape (m, 2) with m = {basis.size} from `parametric`, a lower and an upper end"
+            f" of each{'' if entries.single else f', or (m, ny, nu, 2) = {each}'}; got {ends.shape}"
+        )
+    for place in np.ndindex(ends.shape[:-1]):
+        number, (low, high) = place[0], ends[place]
+        name = f"`parameter_bounds`: number {number} ({basis.labels[number]})"
+        if np.isnan([low, high]).any():
+            raise InputError(f"{name} must not be NaN; a free coefficient has the ends -inf and inf")
+        if low > high:
+            raise InputError(f"{name} has its lower end above the upper one: {low:g} > {high:g}; swap them")
+        if np.isfinite([low, high]).sum() == 1 or (low == high and np.isinf(low)):
+            raise InputError(
+                f"{name} has one infinite end: [{low:g}, {high:g}]; give both ends, the other one a size that is surely not"
+                " exceeded, or -inf and inf"
+            )
+    return ends
+
+
+def _merge(angles: np.ndarray) -> np.ndarray:
+    angles = np.sort(np.where(angles >= np.pi * (1 - _SAME_ANGLE), np.pi, angles))
+    keep = np.ones(angles.size, bool)
+    keep[1:] = np.diff(angles) > _SAME_ANGLE * angles[1:]
+    return angles[keep]
+
+
+def _check_same_dt(items: Sequence[Any]) -> None:
+    steps = [item.dt for item in items]
+    if max(steps) - min(steps) > 1e-9 * max(steps):
+        raise InputError(f"`dt` differs between experiments: {sorted(set(steps))} s; resample to one sample time")

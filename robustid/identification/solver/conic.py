@@ -1,0 +1,131 @@
+"""The numbers that every solver gets, and what it must return."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core import Frozen
+from robustid.identification.formulation.rows import Rows
+from robustid.identification.formulation.sarason import SarasonMap, SectionMap
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ConvexData(Frozen):
+    """Samples and contraction of one problem: |y - E x - P p|_k <= s, ||X(x)|| <= 1, p in its intervals.
+
+    The parameters enter as q = R (p - `origin`), with orthonormal columns Q of P R^{-1} and of the intervals' rows, so that
+    free parameters and narrow intervals cost no conditioning; p that are fixed are left out of q.
+    """
+
+    rows: Rows
+    sarason: SarasonMap
+
+    @functools.cached_property
+    def origin(self) -> np.ndarray:
+        """Where p is counted from, (m,): 0 for free ones, else the value inside the interval that suits least squares.
+
+        Not the middle: an interval far wider than what the data leave would cost digits.
+        """
+        rows, held = self.rows, self.rows.held
+        out = np.zeros(held.size)
+        if held.any():
+            low, high = rows.ends[held].T
+            fit = np.linalg.lstsq(rows.real(rows.P), rows.real(rows.y), rcond=None)[0][held]
+            out[held] = np.clip(fit, low + (high - low) / 10, high - (high - low) / 10)
+        return out
+
+    @property
+    def y(self) -> np.ndarray:
+        """Samples minus what p = `origin` explains, (N,)."""
+        return self.rows.y - self.rows.P @ self.origin
+
+    @property
+    def orthonormal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Q (N, m) complex and R; with the columns of `intervals` below, Q is orthonormal as stacked real columns."""
+        Q, R, _ = self._factors
+        return Q, R
+
+    @property
+    def intervals(self) -> tuple[np.ndarray, np.ndarray]:
+        """The intervals |a - B q| <= 1 of the parameters that are neither free nor fixed: a (K,) and B (K, m)."""
+        low, high = self.rows.ends[self.rows.held & self._loose].T
+        return (low + high - 2 * self.origin[self.rows.held & self._loose]) / (high - low), self._factors[2]
+
+    @functools.cached_property
+    def _loose(self) -> np.ndarray:
+        """Which parameters are not fixed."""
+        return self.rows.ends[:, 0] < self.rows.ends[:, 1]
+
+    @functools.cached_property
+    def _factors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rows, discs, count = self.rows, self.rows.discs, self.rows.y.size
+        P, (low, high) = rows.P[:, self._loose], rows.ends[self._loose].T
+        held = np.isfinite(low)
+        stacked = np.vstack([rows.real(P), (np.eye(P.shape[1]) * (2 / (high - low)))[held]])
+        Q, R = np.linalg.qr(stacked)
+        out = Q[:count].astype(complex)
+        out[:discs] += 1j * Q[count : count + discs]
+        return out, R, Q[count + discs :]
+
+    @functools.cached_property
+    def axes(self) -> np.ndarray | None:
+        """Orthogonal V of a repeated section: in the coordinates y of x = V y the columns E V are orthogonal and fall in size.
+
+        Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof for
+        456 coefficients and 1000 lines comes out a thousand times sharper. None where the basis is graded (the shift) or small.
+        """
+        if not isinstance(self.sarason, SectionMap):
+            return None
+        R = np.linalg.qr(self.rows.real(self.rows.E.dense()), mode="r")
+        return np.linalg.svd(R)[2].T
+
+    def scaled_parameters(self, q: np.ndarray) -> np.ndarray:
+        """The p of q, what rounding has put outside its interval put back."""
+        p = self.origin.copy()
+        if q.size:
+            p[self._loose] += scipy.linalg.solve_triangular(self.orthonormal[1], q)
+        return np.clip(p, *self.rows.ends.T)
+
+    def orthonormal_parameters(self, p: np.ndarray) -> np.ndarray:
+        """The q = R (p - origin)."""
+        return self.orthonormal[1] @ (p - self.origin)[self._loose]
+
+    def margin(self, x: np.ndarray, p: np.ndarray) -> float:
+        """Largest (|residual| + tail)/bound, evaluated from the numbers: some system with these coefficients keeps it.
+
+        Infinite where a parameter is outside its interval.
+        """
+        return float(self.rows.ratio(x, p).max()) if self.rows.within(p) else np.inf
+
+    def direction(self, along: np.ndarray) -> np.ndarray:
+        """The w with w'q = along'(p - origin)."""
+        R = self.orthonormal[1]
+        return scipy.linalg.solve_triangular(R, along[self._loose], trans=1) if R.size else np.zeros(0)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Candidate:
+    """What a solver returned, unverified.
+
+    Attributes
+    ----------
+    x : (n,) array
+        Coefficients of the non-parametric part, all entries.
+    p : (m,) array
+        Scaled parameters.
+    samples : (N,) complex array
+        Multipliers of the samples.
+    ball : (n, n) array, of matrices (np, nq)
+        Multiplier of the contraction X.
+    solver : str
+    """
+
+    x: np.ndarray
+    p: np.ndarray
+    samples: np.ndarray
+    ball: np.ndarray
+    solver: str

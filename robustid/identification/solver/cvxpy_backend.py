@@ -1,0 +1,201 @@
+"""Semidefinite programs through cvxpy: the only module that knows it."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import warnings
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import InputError, SolverError
+from robustid.identification.formulation.classical import ClassicalForm
+from robustid.identification.formulation.rows import Rows
+from robustid.identification.solver.conic import Candidate, ConvexData
+
+_log = logging.getLogger("robustid.identification.solver")
+
+_CLARABEL = {"tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9, "tol_feas": 1e-9, "accept_unknown": True}
+# Settings that ask each solver for more digits than its default, tried in turn. The data are scaled already:
+# Clarabel's own equilibration makes its first step fail on some of these problems.
+_SETTINGS: dict[str, list[dict[str, Any]]] = {
+    "CLARABEL": [_CLARABEL | {"equilibrate_enable": False}, _CLARABEL],
+    "CVXOPT": [{"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}, {}],
+    "SCS": [{"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 50000}],
+}
+_SEMIDEFINITE = ("CLARABEL", "SCS", "CVXOPT", "MOSEK", "SDPA", "COPT")
+_NAMES = {"auto": "CLARABEL", "cvxpy": "CLARABEL"}
+
+
+def available_solvers() -> list[str]:
+    """Installed cvxpy solvers that take semidefinite programs."""
+    import cvxpy as cp
+
+    return [name for name in _SEMIDEFINITE if name in cp.installed_solvers()]
+
+
+def solver_name(solver: str) -> str:
+    """The cvxpy name of a solver, checked."""
+    if not isinstance(solver, str):
+        raise InputError(
+            f'`solver` must be "auto", "structured", "cvxpy" or the name of a cvxpy solver; got {solver!r}'
+        )
+    name = _NAMES.get(solver, solver.upper())
+    if name not in available_solvers():
+        raise InputError(
+            f'`solver` must be "auto", "structured", "cvxpy" or an installed SDP solver {available_solvers()}; got {solver!r}'
+        )
+    return name
+
+
+def solve_conic(
+    data: ConvexData,
+    objective: str,
+    *,
+    solver: str,
+    factor: float = 1.0,
+    classical: ClassicalForm | None = None,
+) -> Candidate:
+    """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
+
+    All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
+    |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the
+    off-diagonal block of X, a Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
+
+    The status of the solver is not looked at: the caller evaluates the numbers.
+    """
+    import cvxpy as cp
+
+    name = solver_name(solver)
+    rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
+    y, E, Q = rows.real(data.y), rows.real(rows.E.dense()), rows.real(Q)
+    n, samples = data.sarason.size, rows.y.size
+    unknown, q, level = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
+    x = unknown if classical is None else classical.to_orthonormal @ unknown
+    residual = y - E @ x - (Q @ q if Q.shape[1] else 0)
+    if objective == "margin":
+        reach, ball = level * np.ones(rows.cones), 1.0
+    elif objective == "gain":
+        reach, ball = factor * (rows.fixed + level * (1 - rows.fixed)) - level * rows.tail, level
+    else:
+        reach, ball = factor - rows.tail, 1.0
+    groups, cones = _sample_groups(rows), []
+    limits = [_limit(reach, residual, samples, *group) for group in groups]
+    if n and classical is None:
+        cones = _ball_cones(data, unknown, ball)
+    elif n and classical is not None:
+        Z = cp.reshape(classical.data_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
+        inverse = np.linalg.inv(classical.gram)
+        cones = [cp.bmat([[ball * inverse, Z], [Z.T, ball * classical.gram]]) >> 0]
+    inside = [cp.abs(a - B @ q) <= 1] if a.size else []
+    cost: Any = level
+    if objective == "order":
+        half = data.sarason.pair.order // 2
+        block = data.sarason.unit_matrices[
+            :, half * data.sarason.entries.outputs :, : half * data.sarason.entries.inputs
+        ]
+        cost = (
+            cp.normNuc(cp.reshape(block.reshape(n, -1).T @ x, block.shape[1:], order="C")) if half else cp.Constant(0.0)
+        )
+    program = cp.Problem(cp.Minimize(cost), [*itertools.chain(*limits), *cones, *inside])
+    _run(program, name)
+    if unknown.value is None and level.value is None:
+        raise SolverError(
+            f"{name} returned no numbers ({program.status}); try another `solver`, or rescale the problem"
+        )
+    coefficients = np.zeros(0) if not n else np.asarray(x.value)
+    parameters = data.scaled_parameters(np.zeros(0) if q.value is None else np.asarray(q.value))
+    multipliers = _sample_multipliers(limits, groups, samples)
+    return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, data, classical), name)
+
+
+def _run(program: Any, name: str) -> None:
+    failure: BaseException | None = None
+    for settings in _SETTINGS.get(name, [{}]):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # its doubts do not matter: the numbers are checked
+                program.solve(solver=name, **settings)
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # a panic of a compiled solver is no Exception
+            failure = error
+            continue
+        _log.debug("%s: %s", name, program.status)
+        return
+    raise SolverError(f"{name} failed: {failure}") from None
+
+
+_Group = tuple[np.ndarray, np.ndarray, bool]
+
+
+def _sample_groups(rows: Rows) -> list[_Group]:
+    """Bounds of a kind, and their samples (d, M): complex ones by how many samples share a bound, then the real ones."""
+    cone = np.arange(rows.y.size) if rows.cone is None else rows.cone
+    order = np.argsort(cone[: rows.discs], kind="stable")
+    numbers, first, count = np.unique(cone[: rows.discs][order], return_index=True, return_counts=True)
+    groups = []
+    for d in np.unique(count):
+        some = count == d
+        groups.append((numbers[some], order[first[some] + np.arange(d)[:, None]], True))
+    if rows.y.size > rows.discs:
+        groups.append((cone[rows.discs :], np.arange(rows.discs, rows.y.size)[None], False))
+    return groups
+
+
+def _limit(reach: Any, residual: Any, samples: int, bounds: np.ndarray, members: np.ndarray, complex_: bool) -> list:
+    """The constraints |e| <= reach of a group."""
+    import cvxpy as cp
+
+    if not complex_:
+        return [residual[members[0]] <= reach[bounds], -residual[members[0]] <= reach[bounds]]
+    parts = cp.vstack([residual[row] for row in (*members, *(samples + members))])
+    return [cp.SOC(reach[bounds], parts, axis=0)]
+
+
+def _ball_cones(data: ConvexData, unknown: Any, ball: Any) -> list:
+    """||X|| <= ball: of one channel two blocks of size n, of matrices one of size n(p + q)."""
+    import cvxpy as cp
+
+    sarason = data.sarason
+    if sarason.entries.single:
+        n = sarason.size
+        H = cp.reshape(sarason.symmetric_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
+        return [ball * np.eye(n) - H >> 0, ball * np.eye(n) + H >> 0]
+    X = cp.reshape(sarason.unit_matrices.reshape(sarason.size, -1).T @ unknown, sarason.shape, order="C")
+    high, wide = sarason.shape
+    return [cp.bmat([[ball * np.eye(high), X], [X.T, ball * np.eye(wide)]]) >> 0]
+
+
+def _sample_multipliers(limits: list, groups: list[_Group], samples: int) -> np.ndarray:
+    """Multipliers l with Re<l, e> <= s sum|l|, in the order of the samples."""
+    out = np.zeros(samples, complex)
+    for constraints, (_, members, complex_) in zip(limits, groups, strict=True):
+        if constraints[0].dual_value is None:
+            continue
+        if complex_:
+            vector = np.asarray(constraints[0].dual_value[1])
+            wanted = 2 * members.shape[0], members.shape[1]
+            vector = vector if vector.shape == wanted else vector.reshape(wanted[::-1]).T
+            out[members] = -(vector[: members.shape[0]] + 1j * vector[members.shape[0] :])
+        else:
+            out[members[0]] = np.asarray(constraints[0].dual_value) - np.asarray(constraints[1].dual_value)
+    return out
+
+
+def _ball_multiplier(cones: list, data: ConvexData, classical: ClassicalForm | None) -> np.ndarray:
+    """Y with <Y, X> <= ||Y||_* on the ball, from the multipliers of the semidefinite blocks."""
+    sarason = data.sarason
+    n = sarason.pair.order
+    if not cones or any(c.dual_value is None for c in cones):
+        return np.zeros(sarason.shape)
+    if classical is None and not sarason.entries.single:
+        return -2 * np.asarray(cones[0].dual_value)[: sarason.shape[0], sarason.shape[0] :]
+    if classical is None:
+        # <Z1, I - H> + <Z2, I + H> >= 0 with H = T X.
+        return sarason.symmetry @ (np.asarray(cones[0].dual_value) - np.asarray(cones[1].dual_value))
+    # [M0^{-1} Z; Z' M0] = F [I X; X' I] F' with F = diag(V^{-1}, V'): move the multiplier to the orthonormal basis.
+    inverse = np.linalg.inv(classical.V)
+    upper = np.asarray(cones[0].dual_value)[:n, n:]
+    return -2 * inverse.T @ upper @ classical.V.T

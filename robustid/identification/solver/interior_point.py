@@ -1,0 +1,370 @@
+"""A primal-dual interior-point method for spectral-norm balls and discs, condensed to the unknowns themselves."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import logging
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from robustid.identification.solver import discs
+from robustid.identification.solver.ball import Ball, longest_step
+from robustid.identification.solver.design import Design
+
+_log = logging.getLogger("robustid.identification.solver")
+
+_SYSTEMS = 60  # Newton systems per problem: 15 to 30 are usual
+_PATIENCE, _SLOW = 8, 0.95  # so many iterates in which the gap falls by less than 5 %: the limit of precision is met
+_CENTERED = 1e-16  # squared Newton decrement at which a centre is accepted
+_NEAR = 1e-2  # squared decrement of quadratic convergence
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """Radius of the ball and reach of the samples as affine functions of one number t: a + b t."""
+
+    ball: tuple[float, float]
+    reach: tuple[np.ndarray, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Program:
+    """min cost t + linear'v subject to ||X(x)|| <= ball(t), |y - G v|_k <= reach_k(t), v = (x, q).
+
+    With cost None there is no t (it is 0). Both are strictly feasible, primal and dual, for the problems posed here, so that no
+    homogeneous embedding is needed: infeasibility is a margin above 1, not a status.
+    """
+
+    ball: Ball
+    design: Design
+    cones: discs.Cones
+    y: np.ndarray
+    limits: Limits
+    cost: float | None
+    linear: np.ndarray
+
+    @functools.cached_property
+    def sums(self) -> Any:
+        """The sparse matrix (M, N) that adds up the samples of every cone."""
+        count = self.y.size
+        cone = np.arange(count) if self.cones.cone is None else self.cones.cone
+        return scipy.sparse.csr_array((np.ones(count), (cone, np.arange(count))), shape=(self.cones.count, count))
+
+    @property
+    def degree(self) -> int:
+        """Parameter nu of the barrier: <s, z> = nu mu on the central path."""
+        return sum(self.ball.blocks) + self.cones.count
+
+
+@dataclasses.dataclass
+class Iterate:
+    """A strictly feasible primal point, with multipliers inside the dual cones.
+
+    The primal slacks S_k = ball I + A_k(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly;
+    `dual` is the norm of what is missing in the dual equalities
+    linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
+    """
+
+    v: np.ndarray
+    t: float
+    Z: list[np.ndarray]
+    z: discs.Pair
+    gap: float = np.inf
+    dual: float = np.inf
+
+    @property
+    def estimate(self) -> float:
+        """Gap to the optimum, nearly: what is missing in the dual equalities counts with the size of the unknowns."""
+        return self.gap + self.dual * (1 + float(np.linalg.norm(self.v)) + abs(self.t))
+
+
+class _State:
+    """All that one Newton system needs at an iterate; raises LinAlgError where an iterate has left its cone."""
+
+    def __init__(self, program: Program, at: Iterate):
+        self.program, self.at = program, at
+        cones = program.cones
+        self.S, self.s = _slacks(program, at.v, at.t)
+        if min(cones.determinant(self.s).min(initial=1), cones.determinant(at.z).min(initial=1)) <= 0:
+            raise np.linalg.LinAlgError("a sample has left its cone")
+        self.root_S = [np.linalg.cholesky(S) for S in self.S]
+        self.root_Z = [np.linalg.cholesky(Z) for Z in at.Z]
+        self.inverse = [_inverse(root) for root in self.root_S]
+        at.gap = inner(cones, self.S, at.Z, self.s, at.z)
+        self.mu = at.gap / program.degree
+        self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
+        at.dual = float(np.linalg.norm(self.residual))
+        self.scaling = discs.Scaling(cones, self.s, at.z)
+        if not cones.determinant(self.scaling.point).min(initial=1) > 0:
+            raise np.linalg.LinAlgError("a scaled point has lost its digits")
+
+    def _dual_residual(
+        self, Z: list[np.ndarray], z: discs.Pair, linear: np.ndarray | float, cost: float | None
+    ) -> np.ndarray:
+        """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
+        program = self.program
+        out = linear + program.design.adjoint(z[1])
+        out[: program.ball.size] -= program.ball.adjoint(Z)
+        if program.cost is None:
+            return out
+        traces = program.limits.ball[1] * sum(map(np.trace, Z))
+        return np.append(out, (cost or 0.0) - traces - program.limits.reach[1] @ z[0])
+
+    def factorise(self) -> None:
+        """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal.
+
+        For the semidefinite blocks the direction of Helmberg, Rendl, Vanderbei and Wolkowicz (`helmberg1996`): it needs two
+        Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is
+        as symmetric.
+        """
+        program, n = self.program, self.program.ball.size
+        a, b, c = self.scaling.curvature
+        inside = program.design.gram(a, b)
+        if c is not None:
+            together = program.design.turned(c, program.sums)
+            inside += together.T @ together
+        inside[:n, :n] += program.ball.curvature(list(zip(self.at.Z, self.inverse, strict=True)))
+        if program.cost is not None:
+            inside = self._bordered(inside)
+        self.matrix = inside
+        self.scale = 1 / np.sqrt(np.diag(inside))
+        self._solve = _solver(inside * self.scale * self.scale[:, None])
+
+    def _bordered(self, inside: np.ndarray) -> np.ndarray:
+        """With the row of t."""
+        program, n = self.program, self.program.ball.size
+        slope, reach = program.limits.ball[1], program.limits.reach[1]
+        along = self.scaling.solve_twice((reach, np.zeros(program.y.size, complex)))
+        column, corner = -program.design.adjoint(along[1]), reach @ along[0]
+        if slope:
+            mixed = [_symmetric(Z @ inverse) for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
+            column[:n] += slope * program.ball.adjoint(mixed)
+            corner += slope**2 * sum(map(np.trace, mixed))
+        return np.block([[inside, column[:, None]], [column, corner]])
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Newton system, with one step of iterative refinement."""
+        found = np.zeros_like(right)
+        for _ in range(2):
+            rest = right - self.matrix @ found
+            found = found + self.scale * self._solve(self.scale * rest)
+        return found
+
+    def direction(self, target: list[np.ndarray], aim: discs.Pair) -> _Direction:
+        """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step."""
+        program, at, n = self.program, self.at, self.program.ball.size
+        missing = self._dual_residual(target, aim, 0.0, 0.0)
+        step = self.solve(-self.residual - missing)
+        dv, dt = (step, 0.0) if program.cost is None else (step[:-1], float(step[-1]))
+        grow = program.limits.ball[1] * dt
+        dS = [_shifted(A, grow) for A in program.ball.matrices(dv[:n])]
+        products = program.ball.times(dv[:n], self.inverse)
+        turned = [grow * inverse + product for inverse, product in zip(self.inverse, products, strict=True)]
+        dZ = [goal - _symmetric(Z @ turn) for goal, Z, turn in zip(target, at.Z, turned, strict=True)]
+        ds = program.limits.reach[1] * dt, -program.design.apply(dv)
+        back = self.scaling.solve_twice(ds)
+        return _Direction(dv, dt, dS, dZ, turned, ds, (aim[0] - back[0], aim[1] - back[1]))
+
+    def affine(self) -> _Direction:
+        """Straight to complementarity zero."""
+        return self.direction([-Z for Z in self.at.Z], (-self.at.z[0], -self.at.z[1]))
+
+    def centring(self, mu: float, affine: _Direction) -> _Direction:
+        """To the point mu of the central path, with Mehrotra's second-order correction by the affine direction."""
+        target = [mu * inverse - Z for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
+        point, cones = self.scaling.point, self.program.cones
+        squared = cones.product(point, point)
+        first, second = mu - squared[0], -squared[1]
+        for k in range(len(target)):
+            target[k] = target[k] - _symmetric(affine.dZ[k] @ affine.turned[k])
+        bend = cones.product(self.scaling.solve(affine.ds), self.scaling.apply(affine.dz))
+        first, second = first - bend[0], second - bend[1]
+        return self.direction(target, self.scaling.solve(cones.divide(point, (first, second))))
+
+    def longest_steps(self, d: _Direction) -> tuple[float, float]:
+        """Of the primal and of the dual part, to the border of the cones."""
+        cones = self.program.cones
+        primal = min(cones.longest_step(self.s, d.ds), *map(longest_step, self.root_S, d.dS))
+        dual = min(cones.longest_step(self.at.z, d.dz), *map(longest_step, self.root_Z, d.dZ))
+        return primal, dual
+
+    def gap_after(self, d: _Direction, primal: float, dual: float) -> float:
+        """<s, z> after a step."""
+        return inner(
+            self.program.cones,
+            [S + primal * dS for S, dS in zip(self.S, d.dS, strict=True)],
+            [Z + dual * dZ for Z, dZ in zip(self.at.Z, d.dZ, strict=True)],
+            (self.s[0] + primal * d.ds[0], self.s[1] + primal * d.ds[1]),
+            (self.at.z[0] + dual * d.dz[0], self.at.z[1] + dual * d.dz[1]),
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Direction:
+    """Changes of all variables; `turned` holds dS S^-1 of both blocks."""
+
+    dv: np.ndarray
+    dt: float
+    dS: list[np.ndarray]
+    dZ: list[np.ndarray]
+    turned: list[np.ndarray]
+    ds: discs.Pair
+    dz: discs.Pair
+
+    def moved(self, at: Iterate, primal: float, dual: float) -> Iterate:
+        Z = [Z + dual * dZ for Z, dZ in zip(at.Z, self.dZ, strict=True)]
+        z = at.z[0] + dual * self.dz[0], at.z[1] + dual * self.dz[1]
+        return Iterate(at.v + primal * self.dv, at.t + primal * self.dt, Z, z)
+
+
+def inner(cones: discs.Cones, S: list[np.ndarray], Z: list[np.ndarray], s: discs.Pair, z: discs.Pair) -> float:
+    """<S, Z> + <s, z>."""
+    blocks = sum(float(np.vdot(a, b)) for a, b in zip(S, Z, strict=True))
+    return blocks + float(s[0] @ z[0] + np.sum(cones.dot(s[1], z[1])))
+
+
+def start(program: Program, v: np.ndarray, t: float) -> Iterate:
+    """A strictly feasible (v, t) with multipliers mu (slack)^-1, mu such that those of t sum to its cost (1 without t).
+
+    They are the gradient of mu times the barrier -sum log det S_k - sum log(r^2 - |e|^2).
+    """
+    limits = program.limits
+    S, s = _slacks(program, v, t)
+    inverse = [_inverse(np.linalg.cholesky(block)) for block in S]
+    back, mu = program.cones.inverse(s), 1.0
+    z = 2 * back[0], 2 * back[1]
+    if program.cost is not None:
+        weight = float(limits.reach[1] @ z[0] + limits.ball[1] * sum(map(np.trace, inverse)))
+        mu = program.cost / weight if weight > 0 else 1.0
+    return Iterate(v, t, [mu * block for block in inverse], (mu * z[0], mu * z[1]))
+
+
+def _slacks(program: Program, v: np.ndarray, t: float) -> tuple[list[np.ndarray], discs.Pair]:
+    """The slacks S_k of the ball and (r, e) of the samples."""
+    limits, n = program.limits, program.ball.size
+    radius = limits.ball[0] + limits.ball[1] * t
+    S = [_shifted(A, radius) for A in program.ball.matrices(v[:n])]
+    return S, (limits.reach[0] + limits.reach[1] * t, program.y - program.design.apply(v))
+
+
+def path(program: Program, at: Iterate) -> Iterator[Iterate]:
+    """Iterates of the predictor-corrector method of `mehrotra1992`, primal feasible; ends at the limit of precision."""
+    best, waited, state = np.inf, 0, _state(program, at)
+    for _ in range(_SYSTEMS):
+        if state is None:
+            return
+        at = state.at
+        yield at
+        waited = 0 if at.estimate < _SLOW * best else waited + 1
+        best = min(best, at.estimate)
+        if waited == _PATIENCE:
+            return
+        try:
+            state.factorise()
+            affine = state.affine()
+            primal, dual = (min(1.0, step) for step in state.longest_steps(affine))
+            left = min(1.0, max(state.gap_after(affine, primal, dual) / at.gap, 0.0))
+            shrink = left if min(primal, dual) < 0.1 else left ** max(1.0, 3 * min(primal, dual) ** 2)
+            ahead = state.centring(shrink * state.mu, affine)
+            primal, dual = state.longest_steps(ahead)
+        except (np.linalg.LinAlgError, FloatingPointError):
+            return
+        short = 0.9 + 0.09 * min(1.0, primal, dual)
+        primal, dual = min(1.0, short * primal), min(1.0, short * dual)
+        _log.debug("t %.9g, gap %.2g, dual %.1g; steps %.2f %.2f", at.t, at.gap, at.dual, primal, dual)
+        if not np.isfinite(primal + dual):
+            return
+        # Lanczos may have found the border of a cone a little too far away.
+        tries = (_state(program, ahead.moved(at, part * primal, part * dual)) for part in (1.0, 0.7, 0.3))
+        state = next((state for state in tries if state is not None), None)
+
+
+def _state(program: Program, at: Iterate) -> _State | None:
+    """The state at an iterate; None where it has left a cone."""
+    try:
+        return _State(program, at)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def center(program: Program, v: np.ndarray) -> Iterate:
+    """The analytic centre of a program without objective, from a strictly feasible v.
+
+    Newton's method on the barrier of `start`, whose Hessian is the condensed matrix at multipliers slack^-1.
+    """
+    state, last = _State(program, start(program, v, 0.0)), np.inf
+    for _ in range(_SYSTEMS):
+        at = state.at
+        try:
+            state.factorise()
+            step = state.direction([0 * Z for Z in at.Z], (0 * at.z[0], 0 * at.z[1]))
+        except np.linalg.LinAlgError:
+            break
+        decrement = float(-state.residual @ step.dv)
+        if not decrement > _CENTERED or (decrement < _NEAR and decrement > 0.25 * last):
+            break
+        last = decrement
+        # The damped step of self-concordance always descends; longer ones are kept while the barrier falls along them.
+        damped, size = 1 / (1 + np.sqrt(decrement)), 1.0
+        if decrement > _NEAR:
+            size = min(1.0, 0.95 * state.longest_steps(step)[0])
+        ahead = _on_barrier(program, at.v + size * step.dv)
+        while size > damped and (ahead is None or ahead.residual @ step.dv > 0.5 * decrement):
+            size = max(damped, size / 2)
+            ahead = _on_barrier(program, at.v + size * step.dv)
+        if ahead is None:
+            break
+        state = ahead
+    return state.at
+
+
+def extent(program: Program, v: np.ndarray, w: np.ndarray) -> float:
+    """Largest w'dv over the ellipsoid dv'F dv <= 1, F the Hessian of the barrier at v: (w'F^-1 w)^(1/2)."""
+    state = _State(program, start(program, v, 0.0))
+    state.factorise()
+    return float(np.sqrt(max(w @ state.solve(w), 0.0)))
+
+
+def _on_barrier(program: Program, v: np.ndarray) -> _State | None:
+    """The state at v with multipliers slack^-1; None where v is outside."""
+    try:
+        return _State(program, start(program, v, 0.0))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _inverse(root: np.ndarray) -> np.ndarray:
+    """(LL')^-1."""
+    if not root.size:
+        return root
+    (invert,) = scipy.linalg.get_lapack_funcs(("potri",), (root,))
+    lower, info = invert(root, lower=1)
+    if info:
+        raise np.linalg.LinAlgError("singular factor")
+    return np.tril(lower) + np.tril(lower, -1).T
+
+
+def _solver(M: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """M^-1 by Cholesky; where rounding has made M indefinite, with its smallest eigenvalues raised to rounding level."""
+    try:
+        factor = scipy.linalg.cho_factor(M, lower=True, check_finite=False)
+        return lambda right: scipy.linalg.cho_solve(factor, right, check_finite=False)
+    except np.linalg.LinAlgError:
+        values, U = np.linalg.eigh(M)
+        values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
+        return lambda right: U @ ((U.T @ right) / values)
+
+
+def _shifted(M: np.ndarray, radius: float) -> np.ndarray:
+    """M + radius I, in the place of M."""
+    M.flat[:: M.shape[0] + 1] += radius
+    return M
+
+
+def _symmetric(M: np.ndarray) -> np.ndarray:
+    return (M + M.T) / 2

@@ -1,0 +1,142 @@
+"""The programs that an identification poses: smallest margin, smallest gain, analytic centre, extreme of a functional."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from robustid.errors import SolverError
+from robustid.identification.formulation.columns import DenseColumns
+from robustid.identification.solver.ball import ball_of
+from robustid.identification.solver.conic import Candidate, ConvexData
+from robustid.identification.solver.design import IntervalDesign, design_of
+from robustid.identification.solver.discs import Cones
+from robustid.identification.solver.interior_point import Iterate, Limits, Program, center, extent, path, start
+
+_LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
+
+
+def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
+    """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
+    rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
+    E, ball, y, cones = rows.E, ball_of(data.sarason, data.axes), data.y, Cones(rows.cones, rows.cone)
+    if data.axes is not None:
+        E = DenseColumns(E.dense() @ data.axes)
+    design = design_of(E, Q, rows.discs)
+    if a.size:
+        cones = cones.followed_by(a.size)
+        design, y = IntervalDesign(design, y.size, B), np.concatenate([y, a])
+        constant, slope = limits.reach
+        reach = np.concatenate([constant, np.ones(a.size)]), np.concatenate([slope, np.zeros(a.size)])
+        limits = dataclasses.replace(limits, reach=reach)
+    w = np.zeros(ball.size + Q.shape[1]) if linear is None else linear
+    return Program(ball, design, cones, y, limits, cost, w)
+
+
+def _candidate(data: ConvexData, at: Iterate) -> Candidate:
+    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, and <Y, X> <= ||Y||_*.
+
+    Of one channel Y = T (Z+ - Z-), of matrices Y = -2 (T (x) I) Z_12.
+    """
+    n, sarason = data.sarason.size, data.sarason
+    high = sarason.shape[0]
+    Y = sarason.turned(at.Z[0] - at.Z[1] if sarason.entries.single else -2 * at.Z[0][:high, high:])
+    x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
+    return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
+
+
+def _unknowns(data: ConvexData, point: Candidate) -> np.ndarray:
+    """(y, q) of a point, y its coefficients along the axes."""
+    y = point.x if data.axes is None else data.axes.T @ point.x
+    return np.concatenate([y, data.orthonormal_parameters(point.p)])
+
+
+def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to min s, ||X|| <= 1, |e_k| <= s: (candidate, s, gap to the smallest margin, nearly).
+
+    The tails are left out of s. Ends at the limit of working precision.
+    """
+    rows, n = data.rows, data.sarason.size
+    count = rows.cones
+    program = _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
+    # Least squares of the free parameters; the others are inside their intervals where q is counted from.
+    p, free = data.origin.copy(), ~rows.held
+    p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rows.real(data.y), rcond=None)[0]
+    v = np.concatenate([np.zeros(n), data.orthonormal_parameters(p)])
+    worst = float(rows.sizes(data.y - program.design.apply(v)[: rows.y.size]).max(initial=0.0))
+    # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
+    floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
+    for at in path(program, start(program, v, 2 * max(worst, floor))):
+        yield _candidate(data, at), at.t, at.estimate
+        if at.estimate < _LAST * at.t or at.t <= 4 * floor:
+            return
+
+
+def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to min kappa, ||X|| <= kappa, |e_k| <= level * (the bound at gain kappa K) - kappa * tail."""
+    fixed, tail = data.rows.fixed, data.rows.tail
+    reach = level * fixed, level * (1 - fixed) - tail
+    program = _program(data, Limits((0.0, 1.0), reach), 1.0)
+    v = _unknowns(data, inside)
+    for at in path(program, start(program, v, 1.0)):
+        yield _candidate(data, at), at.t, at.estimate
+        if at.estimate < _LAST * at.t or at.t <= 1e-12:
+            return
+
+
+def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] = ()) -> Candidate:
+    """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
+
+    From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the borders;
+    else goes that way again. `level` must exceed the smallest margin strictly.
+
+    Raises
+    ------
+    SolverError
+        Where the path ends outside: the level is not above the smallest margin, to working precision.
+    """
+    count, tail, best = data.rows.cones, data.rows.tail, np.inf
+    program = _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
+    for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
+        worst = data.margin(point.x, point.p)
+        best = min(best, worst)
+        if worst >= level:
+            continue
+        try:
+            at = center(program, _unknowns(data, point))
+        except np.linalg.LinAlgError:
+            continue  # on the border of the ball, to working precision
+        return dataclasses.replace(_candidate(data, at), solver="analytic centre")
+    raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {best:.9g}")
+
+
+def support_path(
+    data: ConvexData, inside: Candidate, level: float, direction: tuple[np.ndarray, np.ndarray], outer: bool = False
+) -> Iterator[tuple[Candidate, float, float]]:
+    """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
+
+    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), nearly.
+    The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
+    """
+    count = data.rows.cones
+    reach = level + data.rows.tail if outer else level - data.rows.tail
+    direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
+    w, limits = (
+        np.concatenate([direct, data.direction(direction[1])]),
+        Limits((1.0, 0.0), (reach, np.zeros(count))),
+    )
+    offset = float(direction[1] @ data.origin)
+    v = _unknowns(data, inside)
+    # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
+    size = extent(_program(data, limits, None), v, w)
+    if size == 0:
+        return
+    program = _program(data, limits, None, -w / size)
+    for at in path(program, start(program, v, 0.0)):
+        value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, at)
+        yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
+        if gap < _LAST * max(abs(value), size):
+            return

@@ -1,0 +1,344 @@
+"""The command line as a user meets it: real files, exit codes, sentences."""
+
+import os
+import subprocess
+import sys
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+from typer.testing import CliRunner
+
+import robustid as rid
+from robustid.app.cli import main as cli
+from support.cli_runs import run
+
+runner = CliRunner()
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    data = rid.flexible_structure(seed=0)
+    rid.save(tmp_path / "frf.csv", data.frequency)
+    rid.save(tmp_path / "step.csv", data.time)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+COMMAND = ["identify", "--frequency", "frf.csv", "--time", "step.csv"]
+CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay", "1.1"]
+
+
+def test_identify_reduce_and_report_on_files(files, capsys, monkeypatch):
+    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"], capsys, monkeypatch)
+    assert code == 0
+    assert "onsistent" in out
+    result = rid.load_identification("first")
+    assert result.consistent
+    assert "<html" in (files / "first.html").read_text(encoding="utf-8")
+    code, out, _ = run(["reduce", "first", "-o", "small.mat"], capsys, monkeypatch)
+    assert code == 0
+    assert "order 4" in out
+    code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"], capsys, monkeypatch)
+    assert code == 0
+    from robustid.data.io.model_files import load_model
+
+    assert load_model("smaller.npz").nstates == 2
+    assert load_model("small.mat").dt == 0.01
+    code, out, _ = run(["report", "first.json", "-o", "again.html"], capsys, monkeypatch)
+    assert code == 0
+    assert (files / "again.html").exists()
+
+
+def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, capsys, monkeypatch):
+    wrong = ["--mode", "9:0.1", "--mode", "17.4:0.004", "--gain", "0.2", "--decay", "1.1", "--no-reduce"]
+    code, out, _ = run([*COMMAND, *wrong], capsys, monkeypatch)
+    assert code == 3
+    assert "nconsistent" in out
+    assert "margin" in out.lower()
+    assert not rid.load_identification(files / "result").consistent
+
+
+def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch):
+    frf = rid.flexible_structure(seed=0).frequency
+    rows = np.column_stack([frf.freq_hz, frf.values[:, 0, 0].real, frf.values[:, 0, 0].imag])
+    np.savetxt("odd.csv", rows, delimiter=",", header="where,x,y", comments="")
+    fields = ["--frequency-field", "omega=where", "--frequency-field", "real=x", "--frequency-field", "imag=y"]
+    options = ["--frequency-unit", "Hz", "--dt", "0.01", "--frequency-bound", "0.03", "--no-reduce"]
+    code, _, err = run(["identify", "--frequency", "odd.csv", *fields, *options, *CLASS], capsys, monkeypatch)
+    assert code == 0, err
+    assert np.allclose(rid.load_identification("result").problem.frequency[0].omega, frf.omega)
+
+
+def test_the_form_is_an_option(files, capsys, monkeypatch):
+    lines = ["identify", "--frequency", "frf.csv", "--no-reduce"]
+    code, _, err = run([*lines, *CLASS, "--form", "sections", "--accuracy", "1e-3"], capsys, monkeypatch)
+    assert code == 0, err
+    result = rid.load_identification("result")
+    assert result.verification.passed
+    assert result.sections.degree > 1
+    code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"], capsys, monkeypatch)
+    assert code == 2
+    assert "coefficients (a section of degree" in " ".join(err.split())
+    assert "--band" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["identify"], "--frequency"),
+        (["identify", "--frequency", "nothing.csv"], "nothing.csv"),
+        ([*COMMAND, "--gain", "0.2"], "--decay"),
+        ([*COMMAND, "--mode", "17"], "HZ:DAMPING"),
+        ([*COMMAND, "--mode", "9:2"], "damping"),
+        ([*COMMAND, "--channel", "0"], "OUTPUT,INPUT"),
+        ([*COMMAND, "--time-field", "u"], "ROLE=NAME"),
+        ([*COMMAND, *CLASS, "--objective", "best"], "objective"),
+        ([*COMMAND, *CLASS, "--form", "best"], "--form must be one of auto, orthonormal, classical, taylor, sections"),
+        ([*COMMAND, *CLASS, "--solver", "NONE"], "solver"),
+        ([*COMMAND, "-o", "no/such/folder/x"], "folder"),
+        (["identify", "--frequency", "bad.mat", "--dt", "0.01", "--frequency-bound", "1"], "bad.mat"),
+        (["reduce", "nothing.npz"], "nothing.npz"),
+        (["reduce", "bad.mat"], "bad.mat"),
+        (["report", "nothing"], "missing"),
+    ],
+)
+def test_misuse_exits_with_2_and_one_sentence(files, capsys, monkeypatch, arguments, words):
+    (files / "bad.mat").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(300))
+    before = sorted(files.iterdir())
+    code, _, err = run(arguments, capsys, monkeypatch)
+    assert code == 2
+    assert words in " ".join(err.split())
+    assert "Traceback" not in err
+    assert sorted(files.iterdir()) == before
+
+
+def test_existing_results_are_not_replaced_unasked(files, capsys, monkeypatch):
+    (files / "result.npz").write_text("precious")
+    code, _, err = run([*COMMAND, *CLASS], capsys, monkeypatch)
+    assert code == 2
+    assert "--force" in err
+    assert (files / "result.npz").read_text() == "precious"
+
+
+def test_an_unstable_model_is_refused_or_kept(files, capsys, monkeypatch):
+    from robustid.data.io.model_files import load_model, save_model
+
+    save_model(control.ss([[1.0, 0], [0, 0.5]], [[1], [1]], [[1, 1]], [[0]], 0.1), "integrator.npz")
+    code, _, err = run(["reduce", "integrator.npz", "--order", "1"], capsys, monkeypatch)
+    assert code == 2
+    assert "stab" in err
+    code, _, _ = run(["reduce", "integrator.npz", "--order", "1", "--keep-unstable"], capsys, monkeypatch)
+    assert code == 0
+    assert load_model("reduced.npz").poles() == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("command", [[], ["identify"], ["reduce"], ["report"], ["demo"]])
+def test_help_teaches(command):
+    text = runner.invoke(cli.app, [*command, "--help"]).output
+    assert len(text) > 400
+    assert "Usage" in text
+
+
+def columns(name, header, *arrays):
+    np.savetxt(name, np.column_stack(arrays), delimiter=",", header=header, comments="")
+
+
+@pytest.fixture
+def foreign(files):
+    """The same measurements in files that robustid did not write."""
+    data = rid.flexible_structure(seed=0)
+    omega, value = data.frequency.omega, data.frequency.values[:, 0, 0]
+    t, u, y = data.time.time, data.time.u[:, 0], data.time.y[:, 0]
+    columns("plain.csv", "freq_hz,real,imag", omega / (2 * np.pi), value.real, value.imag)
+    columns("omega.csv", "omega,real,imag", omega, value.real, value.imag)
+    columns("beyond.csv", "omega,real,imag", omega * 3, value.real, value.imag)
+    columns("plain_step.csv", "time,u,y", t, u, y)
+    columns("odd_step.csv", "time,current,angle", t, u, y)
+    columns("long.csv", "time,u,y", 0.01 * np.arange(300), np.ones(300), np.pad(y, (0, 280), mode="edge"))
+    both = np.stack([np.stack([value, 2 * value], -1), np.stack([3 * value, 4 * value], -1)], -2)
+    np.savez("two.npz", omega=omega, values=both, dt=0.01)
+    scipy.io.savemat("rate.mat", {"omega": omega, "G": value, "Ts": 0.01})
+    np.savez("duration.npz", omega=omega, G=value, T=0.01)
+    return files
+
+
+LINES = ["--frequency-bound", "0.03"]
+SHORT = [*CLASS, "--no-reduce"]
+RATE = ["--dt", "0.01"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--frequency", "frf.csv"], ["read frf.csv: frequency response, 11 lines, 1 to 21 Hz", "[mm] / force [N]"]),
+        (["--time", "step.csv"], ["time record, 20 samples, 0 to 0.19 s", "dt = 0.01 s"]),
+        (["--frequency", "omega.csv", *LINES, *RATE], ["read as rad/s (--frequency-unit Hz if the file has Hz)"]),
+        (["--frequency", "plain.csv", *LINES, *RATE, "--frequency-unit", "Hz"], ["--frequency-unit is ignored"]),
+        (["--frequency", "frf.csv", "--dt", "0.011"], ["--dt 0.011 s is used", "0.01 s (stored with the data)"]),
+        (["--time", "plain_step.csv", "--time-bound", "0.05", "--dt", "0.011"], ["0.01 s (its time axis)"]),
+        (["--frequency", "two.npz", *LINES, "--channel", "0,0"], ["channel 0,0 of 2 outputs and 2 inputs"]),
+        (["--frequency", "frf.csv", "--frequency", "frf.csv"], ["frf.csv is given twice"]),
+        (["--frequency", "frf.csv", "--band", "2:10"], ["4 lines, 3 to 9 Hz"]),
+        (["--time", "long.csv", "--time-bound", "0.05", "--first", "20"], ["20 samples, 0 to 0.19 s"]),
+        (["--frequency", "rate.mat", *LINES], ["dt = 0.01 s"]),
+        (["--frequency", "duration.npz", *LINES], ["dt = 0.01 s"]),
+    ],
+)
+def test_what_was_read_is_said(foreign, capsys, monkeypatch, arguments, words):
+    code, out, err = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+    assert code in (0, 3), err
+    for part in (*words, "written: result.npz, result.json"):
+        assert part in " ".join(out.split())
+
+
+def test_nothing_is_warned_of_without_a_reason(foreign, capsys, monkeypatch):
+    arguments = ["--frequency", "plain.csv", "--time", "plain_step.csv", *LINES, "--time-bound", "0.03", *RATE]
+    code, out, _ = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+    assert code == 0
+    assert "warning" not in out.lower()
+    assert "rad/s" not in out.split("choosing")[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--frequency", "plain.csv", *LINES], "plain.csv has no sample time: give --dt"),
+        (["--frequency", "plain.csv", *RATE], "plain.csv has no error bound: give --frequency-bound"),
+        (["--time", "plain_step.csv"], "plain_step.csv has no error bound: give --time-bound"),
+        (["--time", "odd_step.csv", "--time-bound", "0.05"], "--time-field u=NAME"),
+        (["--frequency", "plain_step.csv", *LINES], "plain_step.csv holds time data; use --time"),
+        (["--time", "frf.csv"], "frf.csv holds frequency data; use --frequency"),
+        (["--frequency", "beyond.csv", *LINES, *RATE], "63 Hz lies above the Nyquist frequency of 50 Hz"),
+        (["--time", "long.csv", "--time-bound", "0.05", "--gain", "1", "--decay", "1.001"], "--band LOW:HIGH keeps"),
+        (["--frequency", "frf.csv", "--band", "60:70"], "frf.csv: no line lies between 60 and 70 Hz"),
+        (["--frequency", "frf.csv", "--band", "60"], "LOW:HIGH"),
+        (["--time", "step.csv", "--first", "0"], "--first must be a positive number"),
+        (["--time", "step.csv", "--initial", "periodic", "--first", "4"], "--initial periodic needs whole"),
+        (["--time", "step.csv", "--initial", "foo"], "--initial must be rest, free or periodic"),
+        (["--frequency", "frf.csv", "--initial", "rest"], "--initial is given without a file: add --time"),
+        (["--frequency", "frf.csv", "--time-field", "u=a"], "--time-field is given without a file"),
+        (["--frequency", "frf.csv", "--time-bound", "1"], "--time-bound is given without a file"),
+        (["--time", "step.csv", "--band", "1:2"], "--band is given without a file: add --frequency"),
+        (["--frequency", "frf.csv", "--frequency-bound", "0"], "--frequency-bound must be a positive number"),
+        (["--frequency", "two.npz", *LINES, "--channel", "2,0"], "which has 2 outputs and 2 inputs"),
+        (["--frequency", "frf.csv", "--channel", "0,1"], "which has 1 output and 1 input"),
+        (["--frequency", "frf.csv", "--mode", "9:10"], "not percent (10 % is 0.1)"),
+        (["--frequency", "frf.csv", "--mode", "60:0.1"], "the Nyquist frequency, 50 Hz at dt = 0.01 s; got 60 Hz"),
+        (["--frequency", "frf.csv", "--gain", "-1", "--decay", "1.1"], "--gain must be positive"),
+        (["--frequency", "frf.csv", "-o", "res.mat"], "leave .mat out"),
+        (["--frequency", "frf.csv", "--report", "folder"], "folder is a folder"),
+        (["--frequency", "frf.csv", "-o", "folder"], "folder is a folder"),
+        (["--frequency", "frf.csv", "--report", "frf.csv", "--force"], "is one of the files to be read"),
+        (["--frequency", "frf.csv", "--report", "result.json"], "would be written twice"),
+    ],
+)
+def test_sentences_name_the_option_and_the_file(foreign, capsys, monkeypatch, arguments, words):
+    (foreign / "folder").mkdir()
+    before = sorted(foreign.iterdir())
+    own = [] if "--gain" in arguments or "--mode" in arguments else SHORT
+    code, _, err = run(["identify", *arguments, *own], capsys, monkeypatch)
+    assert code == 2
+    assert words in " ".join(err.split())
+    assert "`" not in err
+    assert sorted(foreign.iterdir()) == before
+
+
+def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign, capsys, monkeypatch):
+    arguments = ["--frequency", "frf.csv", "--band", "2:10", "--time", "step.csv", "--first", "7", *LINES]
+    code, _, err = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+    assert code == 0, err
+    result = rid.load_identification("result")
+    data = rid.flexible_structure(seed=0)
+    np.testing.assert_allclose(result.problem.frequency[0].values, data.frequency.band(2, 10).values)
+    np.testing.assert_array_equal(result.problem.time[0].y, data.time.y[:7])
+    assert result.problem.frequency[0].note == "given on the command line"
+    assert result.problem.time[0].note == data.time.note
+
+
+def test_two_channels_are_picked_as_asked(foreign, capsys, monkeypatch):
+    code, _, _ = run(["identify", "--frequency", "two.npz", "--channel", "1,0", *LINES, *SHORT], capsys, monkeypatch)
+    assert code in (0, 3)
+    value = rid.flexible_structure(seed=0).frequency.values
+    np.testing.assert_allclose(rid.load_identification("result").problem.frequency[0].values, 3 * value)
+
+
+def test_reduce_wants_a_name_that_it_can_write(files, capsys, monkeypatch):
+    code, _, err = run(["reduce", "whatever", "-o", "small.txt"], capsys, monkeypatch)
+    assert code == 2
+    assert ".npz or .mat" in err
+    code, _, err = run(["reduce", "small.npz", "-o", "small.npz", "--force"], capsys, monkeypatch)
+    assert code == 2
+    assert "one of the files to be read" in err
+
+
+def test_a_folder_that_can_not_be_written_to_is_refused_first(files, capsys, monkeypatch):
+    real = os.access
+    monkeypatch.setattr("os.access", lambda path, mode: mode != os.W_OK and real(path, mode))
+    code, _, err = run([*COMMAND, *SHORT], capsys, monkeypatch)
+    assert code == 2
+    assert "can't be written to" in err
+
+
+def test_choices_are_kept_and_an_empty_class_is_warned_of_at_the_end(files, capsys, monkeypatch):
+    code, out, _ = run(["identify", "--frequency", "frf.csv", "--mode", "none", "--no-reduce"], capsys, monkeypatch)
+    assert code == 0
+    result = rid.load_identification("result")
+    assert any("K" in note for note in result.notes)
+    assert "Chosen by the program from these data" in out
+    assert "Consistent, but the class says little" in out
+    ending = " ".join(out.split("written:")[1].split())
+    assert all(sentence in ending for sentence in result.warnings)
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "words"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (rid.SolverError("no solver"), 1, "no solver"),
+        (PermissionError(13, "Permission denied", "result.npz"), 2, "result.npz: Permission denied"),
+        (ZeroDivisionError("oops"), 70, "internal error, please report"),
+    ],
+)
+def test_every_ending_has_its_code_and_leaves_nothing(files, capsys, monkeypatch, failure, code, words):
+    def fail(*_, **__):
+        raise failure
+
+    monkeypatch.setattr("robustid.report.html.render_report", fail)  # after the long part, before anything is written
+    before = sorted(files.iterdir())
+    got, _, err = run([*COMMAND, *SHORT, "--report", "page.html"], capsys, monkeypatch)
+    assert got == code
+    assert words in err
+    assert ("Traceback" in err) == (code == 70)
+    assert sorted(files.iterdir()) == before
+
+
+def test_demo_never_overwrites(tmp_path):
+    from robustid.app.cli import terminal as _terminal
+
+    names = [_terminal.new_folder(tmp_path / "robustid-demo").name for _ in range(3)]
+    assert names == ["robustid-demo", "robustid-demo-2", "robustid-demo-3"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(rid.InputError, match="can't be created"):
+        _terminal.new_folder(tmp_path / "file" / "demo")
+
+
+def test_a_pipe_that_is_not_utf8_gets_question_marks(files):
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "COLUMNS": "100"}
+    command = [sys.executable, "-m", "robustid", *COMMAND, *SHORT]
+    done = subprocess.run(command, capture_output=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert b"Consistent" in done.stdout
+    assert b"?" in done.stdout
+    assert b"searching" not in done.stdout
+    assert "margin and model" in done.stdout.decode("ascii")  # one line per long step where there is no terminal
+
+
+def test_version_and_what_help_teaches(capsys, monkeypatch):
+    code, out, _ = run(["--version"], capsys, monkeypatch)
+    assert (code, out.strip()) == (0, f"robustid {rid.__version__}")
+    code, out, _ = run(["identify", "--help"], capsys, monkeypatch)
+    text = " ".join(out.replace("│", " ").split())
+    for words in ("freq_hz", "phase_deg", "dt, Ts or T", "smallest K", "Hankel", "3 inconsistent", "--band", "--first"):
+        assert words in text

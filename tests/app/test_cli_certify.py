@@ -1,0 +1,215 @@
+"""robustid bounds and robustid verify on real files: exit codes, sentences, interruption."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support import command_line
+from support.forging import forge, lower
+from support.problems import random_problem
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    rid.identify(random_problem(2, "parametric", 8)).save(folder / "good")
+    rid.identify(random_problem(2, "parametric", 14, spread=0.1, noise=9.0)).save(folder / "refuted")
+    return folder
+
+
+@pytest.fixture
+def files(stored, tmp_path, monkeypatch):
+    for path in stored.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    return lambda *arguments: command_line.main(arguments, capsys, monkeypatch)
+
+
+GRID = ["--omega", "60", "--omega", "110", "--directions", "4"]
+
+
+def test_bounds_are_computed_saved_and_verified(files, run):
+    code, out, err = run("bounds", "good", *GRID, "-o", "band")
+    assert (code, err) == (0, "")
+    assert "every consistent system is within" in out
+    assert "written: band.npz, band.json" in out
+    saved = rid.load_worst_case_error("band")
+    assert saved.omega.tolist() == [60.0, 110.0]
+    assert f"{saved.upper.max():.4g}" in out
+    for extra in ([], ["--exact"]):
+        if extra:
+            pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+        code, out, _ = run("verify", "band.json", *extra)
+        assert code == 0
+        assert "12 of 12 certificates hold" in out
+        assert "what was attained: as the computation found it" in out
+        assert ("ball arithmetic" in out) == bool(extra)
+        assert "never prove them" in out
+        assert out.splitlines()[-1] == "verified"
+
+
+def test_the_circle_is_bounded_where_asked(files, run):
+    code, out, _ = run("bounds", "good", "--points", "3", "--directions", "4", "--rtol", "0.5", "--circle")
+    assert code == 0
+    saved = rid.load_worst_case_error("bounds")
+    assert saved.omega.size == 3
+    assert f"<= {saved.hinf:.4g} at every frequency" in out
+    code, out, _ = run("verify", "bounds")
+    assert code == 0
+    assert f"<= {saved.hinf:.4g} at every frequency" in out
+    assert "pi/dt" in out
+
+
+def test_poles_from_the_data_are_covered_where_asked(files, run):
+    data = rid.flexible_structure(lines=8, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    suggested = rid.suggest_kautz(data.frequency)
+    for name, basis in (("own", suggested.basis), ("given", rid.kautz(*data.modes.T, dt=0.01, delay=1))):
+        prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
+        problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
+        rid.identify(problem).save(name)
+    few = ("--omega", "30", "--directions", "4", "--poles")
+    code, out, _ = run("bounds", "own", *few, "--workers", "2", "--resume", "part")
+    assert code == 0
+    assert "with every pole in the box" in out
+    assert "mode 2" in out
+    assert "written: bounds.npz, bounds.json" in out
+    assert "written: bounds-poles.npz, bounds-poles.json" in out
+    assert list((files / "part" / "cell-1").glob("values-*.npz"))
+    band = rid.load_pole_band("bounds-poles")
+    assert f"within {band.upper.max():.4g} of the model" in out
+    before = (files / "bounds-poles.npz").read_bytes()
+    (files / "bounds.npz").unlink()
+    (files / "bounds.json").unlink()
+    code, _, err = run("bounds", "own", *few)
+    assert code == 2
+    assert "bounds-poles.npz exists" in err
+    assert not (files / "bounds.npz").exists()
+    assert (files / "bounds-poles.npz").read_bytes() == before
+    code, out, _ = run("verify", "bounds-poles")
+    assert code == 0
+    count = band.claim_count
+    assert f"{count} of {count} certificates hold" in out
+    assert "the box:" in out
+    assert "amplitudes of the modes at most 2 times the model's" in out
+    assert out.splitlines()[-1] == "verified"
+    code, out, _ = run("bounds", "given", *few, "-o", "others")
+    assert code == 0
+    assert "these poles were given otherwise" in out
+    assert not (files / "others-poles.npz").exists()
+    forge(files / "bounds-poles", lambda a: {"band/upper": 0.99 * a["band/upper"]})
+    code, out, _ = run("verify", "bounds-poles.json")
+    assert code == 1
+    assert "FAILED     bounds, from those of the cells" in out
+    forge(files / "bounds-poles", lambda a: {"box/damping": a["box/damping"] * [0.99, 1.01]})
+    code, out, _ = run("verify", "bounds-poles.json")
+    assert code == 1
+    assert "FAILED     cells of poles: they leave out a part of the box" in out
+
+
+def test_consistency_and_refutation_are_verified(files, run):
+    code, out, _ = run("verify", "good")
+    assert code == 0
+    assert "reached by a system of the class" in out
+    code, out, _ = run("verify", "refuted")
+    result = rid.load_identification("refuted")
+    assert code == 0
+    assert f"no system of the class keeps every |residual| below {result.margin_lower:.6g} times its bound" in out
+
+
+def test_a_margin_is_verified_in_ball_arithmetic(files, run):
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    code, out, _ = run("verify", "refuted", "--exact")
+    assert code == 0
+    assert "ball arithmetic" in out
+
+
+def test_what_does_not_hold_is_named(files, run):
+    record = json.loads((files / "refuted.json").read_text())
+    record["certificate"]["value"] = record["margin_lower"] = record["margin"]
+    (files / "refuted.json").write_text(json.dumps(record))
+    code, out, _ = run("verify", "refuted")
+    assert code == 1
+    assert "FAILED     certificate: stated minus recomputed" in out
+    assert out.splitlines()[-1] == "not verified"
+
+
+def test_a_forged_bound_is_named(files, run):
+    assert run("bounds", "good", *GRID)[0] == 0
+    forge(files / "bounds", lower("values/support"))
+    code, out, _ = run("verify", "bounds")
+    assert code == 1
+    assert "FAILED     4 of 12 certificates hold" in out
+    assert "FAILED     60 rad/s, direction 1 of 4" in out
+    assert out.splitlines()[-1] == "not verified"
+
+
+def test_changed_data_are_refused(files, run):
+    with np.load("good.npz") as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez("good.npz", **arrays | {"time0/y": arrays["time0/y"] * 1.01})
+    code, _, err = run("verify", "good")
+    assert code == 2
+    assert "digest" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["bounds", "nothing"], "nothing.json is missing"),
+        (["verify", "nothing"], "nothing.json is missing"),
+        (["bounds", "refuted"], "there is no consistent system"),
+        (["bounds", "good", "--omega", "1", "--points", "3"], "give one of them"),
+        (["bounds", "good", "--omega", "1e9"], "--omega must lie between"),
+        (["bounds", "good", "--directions", "2"], "--directions must be at least 3"),
+        (["bounds", "good", "--rtol", "0"], "--rtol must be positive"),
+        (["bounds", "good", "-o", "good"], "good.npz is one of the files to be read"),
+        (["bounds", "good", "--resume", "good.npz", *GRID], "--resume = 'good.npz' can't be a folder"),
+    ],
+)
+def test_misuse_ends_with_one_sentence(files, run, arguments, words):
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_without_the_library_exact_says_what_to_install(files, run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "flint", None)
+    code, _, err = run("verify", "good", "--exact")
+    assert code == 2
+    assert "--exact needs python-flint" in err
+
+
+def test_an_interrupted_run_goes_on_from_its_folder(files, run):
+    """Ctrl-C in a real process, with workers of its own; the second run computes the rest only."""
+    arguments = ["bounds", "good", "--points", "24", "--directions", "4", "--resume", "part", "--workers"]
+    command = [sys.executable, "-m", "robustid", *arguments, "2"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while len(list((files / "part").glob("*.npz"))) < 2 and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "the same command goes on from there" in out
+    assert err.strip() == "interrupted before the results were written"
+    done = {p: p.stat().st_mtime_ns for p in (files / "part").iterdir()}
+    assert 2 <= len(done) < 24
+    assert not os.path.exists("bounds.npz")
+    code, out, _ = run(*arguments, "1")
+    assert code == 0
+    assert rid.load_worst_case_error("bounds").omega.size == 24
+    assert len(list((files / "part").iterdir())) == 24
+    assert {p: p.stat().st_mtime_ns for p in done} == done

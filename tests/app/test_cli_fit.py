@@ -1,0 +1,214 @@
+"""robustid fit on real files: a model on disk, sentences, exit codes."""
+
+import shutil
+
+import numpy as np
+import pytest
+import scipy.io
+
+import robustid as rid
+from robustid.data.io.model_files import load_model
+from robustid.mfd import FitStatus
+from support import command_line
+from support.mfd_systems import noisy, random_modal_system
+
+HZ = 2 * np.pi
+OMEGA = HZ * np.geomspace(4, 1200, 100)
+SYSTEM = random_modal_system(1, 2, 2, 4)
+VALUES = noisy(np.random.default_rng(0), SYSTEM.response(1j * OMEGA))
+SMALL = random_modal_system(4, 2, 1, 2)  # order 4: what doesn't need more is quicker with it
+FEW = noisy(np.random.default_rng(0), SMALL.response(1j * OMEGA))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """2x2 of order 8 and 2x1 of order 4: as robustid writes them, and as others do."""
+    folder = tmp_path_factory.mktemp("files")
+    names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["x [mm]", ("[red]phi[/red]", "")]}
+    rid.save(folder / "frf.csv", rid.FrequencyResponse(OMEGA, VALUES, **names))
+    variance = (0.01 * np.abs(FEW[:, :, 0])) ** 2
+    known = rid.FrequencyResponse(OMEGA, FEW, covariance=np.eye(2) * variance[:, None, :])
+    rid.save(folder / "known.npz", known)
+    np.savez(folder / "hertz.npz", omega=OMEGA / HZ, values=FEW)
+    scipy.io.savemat(folder / "odd.mat", {"where": OMEGA, "P": FEW})
+    broken = VALUES.copy()
+    broken[3, 0, 1] = np.nan
+    np.savez(folder / "nan.npz", omega=OMEGA, values=broken)
+    np.savez(folder / "zero.npz", omega=OMEGA, values=0 * FEW)
+    np.savez(folder / "twice.npz", omega=OMEGA[[0, 1, 1]], values=FEW[:3])
+    rid.save(folder / "step.csv", rid.flexible_structure().time)
+    return folder
+
+
+@pytest.fixture
+def files(made, tmp_path, monkeypatch):
+    """A folder of its own with these files, to stand in."""
+    folder = tmp_path / "run"
+    shutil.copytree(made, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def run(arguments, capsys, monkeypatch):
+    return command_line.main(["fit", *arguments], capsys, monkeypatch)
+
+
+def poles_hz(name):
+    return np.sort(np.abs(load_model(name).poles()))[::2] / HZ
+
+
+def test_fit_writes_model_and_report_and_says_what_it_does(files, capsys, monkeypatch):
+    code, out, err = run(["frf.csv", "--order", "8", "-o", "model", "--report", "page.html"], capsys, monkeypatch)
+    assert code == 0, err
+    np.testing.assert_allclose(poles_hz("model.npz"), np.sort(SYSTEM.frequency) / HZ, rtol=1e-3)
+    text = " ".join(out.split())
+    for words in (
+        "read frf.csv: 100 lines, 4 to 1200 Hz, 2 x 2 (outputs x inputs), continuous time",
+        "iteration 1, lm, cost",
+        "Converged",
+        "McMillan degree 8",
+        "[red]phi[/red] /",
+        "written: model.npz, page.html",
+    ):
+        assert words in text
+    assert "robustid" in (files / "page.html").read_text(encoding="utf-8")
+
+
+def test_units_fields_band_and_form(files, capsys, monkeypatch):
+    options = ["--frequency-unit", "Hz", "--form", "left", "-o", "hz.mat"]
+    code, out, err = run(["hertz.npz", "--order", "4", *options], capsys, monkeypatch)
+    assert code == 0, err
+    assert "omega read as Hz" in out
+    assert "D⁻¹ N" in out
+    np.testing.assert_allclose(poles_hz("hz.mat"), np.sort(SMALL.frequency) / HZ, rtol=1e-3)
+    fields = ["--frequency-field", "omega=where", "--frequency-field", "values=P", "--band", "4.5:1100"]
+    code, out, err = run(["odd.mat", "--order", "4", *fields, "-o", "part"], capsys, monkeypatch)
+    assert code in (0, 1), err
+    assert "omega read as rad/s (--frequency-unit Hz if the file has Hz)" in out
+    kept = np.sum((OMEGA >= 4.5 * HZ) & (OMEGA <= 1100 * HZ))
+    assert f"read odd.mat: {kept} lines" in out
+    assert load_model("part.npz").nstates == 4
+
+
+def test_the_covariance_is_the_weight_unless_asked_otherwise(files, capsys, monkeypatch):
+    costs = {}
+    for option in ("", "--relative"):
+        arguments = ["known.npz", "--order", "4", "--force", *[option] * bool(option)]
+        code, out, err = run(arguments, capsys, monkeypatch)
+        assert code == 0, err
+        costs[option] = float(out.split("Cost")[1].split()[0])
+    assert costs["--relative"] == pytest.approx(1e-4 * costs[""], rel=0.05)
+
+
+def test_rigid_body_and_roll_off(files, capsys, monkeypatch):
+    s = 1j * OMEGA[:, None, None]
+    rid.save("rigid.npz", rid.FrequencyResponse(OMEGA, FEW + 1e5 * np.array([[1.0], [0.5]]) / s**2))
+    options = ["--order", "6", "--rigid-body", "1", "--roll-off", "2"]
+    code, out, err = run(["rigid.npz", *options], capsys, monkeypatch)
+    assert code in (0, 1), err
+    assert "rigid body" in out
+    model = load_model("fit.npz")
+    assert int(np.sum(np.abs(np.diag(model.A)) == 0)) >= 2
+    gain = np.abs(model(1j * HZ * np.array([1e5, 1e6]), squeeze=False))
+    np.testing.assert_allclose(gain[..., 0] / gain[..., 1], 100, rtol=0.01)
+
+
+def test_order_auto_takes_the_smallest_description_length(files, capsys, monkeypatch):
+    """The sweep itself is tested elsewhere: here the pool, the progress and the choice."""
+    from robustid.mfd import order
+
+    system = random_modal_system(0, 1, 1, 1)
+    omega = OMEGA[::2]
+    values = noisy(np.random.default_rng(1), system.response(1j * omega))
+    rid.save("one.npz", rid.FrequencyResponse(omega, values))
+    monkeypatch.setattr(order, "_AROUND", (-1, 0, 1))
+    arguments = ["one.npz", "--order", "auto", "--report", "page.html"]
+    code, out, err = run(arguments, capsys, monkeypatch)
+    assert code in (0, 1), err
+    assert "fitting a range of orders: 3 of 3" in out
+    assert "has the smallest MDL" in out
+    assert "Stabilisation" in (files / "page.html").read_text(encoding="utf-8")
+    assert load_model("fit.npz").nstates == 2
+
+
+def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch):
+    import dataclasses
+
+    import robustid.mfd
+
+    real = robustid.mfd.fit_mfd
+    monkeypatch.setattr(
+        "robustid.mfd.fit_mfd", lambda *a, **k: dataclasses.replace(real(*a, **k), status=FitStatus.LIMIT)
+    )
+    code, out, _ = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "4"], capsys, monkeypatch)
+    assert code == 1
+    assert "Not converged" in out
+    assert (files / "fit.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.npz", "--order", "8"], "error: missing.npz: there is no such file; check the name and the folder"),
+        (["it's.npz", "--order", "8"], "error: it's.npz: there is no such file"),
+        ([".", "--order", "8"], "error: . is a folder; give the name of a file in it"),
+        (["zero.npz", "--order", "8"], "error: zero.npz is zero everywhere; there is nothing to fit"),
+        (["twice.npz", "--order", "8"], "error: twice.npz has 2 lines at"),
+        (["nan.npz", "--order", "8"], "nan.npz: values must be finite; got (nan+0j) at index (3, 0, 1)"),
+        (["step.csv", "--order", "8"], "step.csv holds time data"),
+        (["frf.csv", "--order", "400"], "--order = 400 has 1600 free coefficients, but the 100 lines"),
+        (["frf.csv", "--order", "8x"], "--order must be a positive whole number"),
+        (["frf.csv", "--order", "0"], "--order must be a positive whole number"),
+        (["hertz.npz", "--order", "8", "--frequency-unit", "rpm"], "--frequency-unit must be rad/s or Hz; got 'rpm'"),
+        (["hertz.npz", "--order", "8", "--dt", "0.01"], "lies above the Nyquist frequency of 50 Hz"),
+        (["frf.csv", "--order", "8", "--band", "5"], "LOW:HIGH"),
+        (["frf.csv", "--order", "8", "--band", "5000:6000"], "no line lies between 5000 and 6000 Hz (--band)"),
+        (["frf.csv", "--order", "8", "--form", "middle"], "--form must be"),
+        (["frf.csv", "--order", "8", "--domain", "z"], "--domain must be"),
+        (["frf.csv", "--order", "8", "--method", "foo"], "--method must be one of"),
+        (["frf.csv", "--order", "8", "--covariance"], "frf.csv holds no covariance"),
+        (
+            ["frf.csv", "--order", "8", "--rigid-body", "3"],
+            "--rigid-body asks for 3 modes, more than there are inputs (2); each needs",
+        ),
+        (["frf.csv", "--order", "2", "--rigid-body", "2"], "--order = 2 has no room for 2 rigid-body modes"),
+        (
+            ["frf.csv", "--order", "8", "--roll-off", "9"],
+            "--roll-off = 9 is more roll-off than an order of 8 allows (at most 4)",
+        ),
+        (["frf.csv", "--order", "8", "-o", "fit.csv"], "must end in .npz or .mat"),
+        (["frf.csv", "--order", "8", "--report", "frf.csv", "--force"], "is one of the files to be read"),
+        (["frf.csv", "--order", "8", "-o", "known.npz"], "--force"),
+        (["odd.mat", "--order", "8"], "--frequency-field omega=NAME"),
+    ],
+)
+def test_misuse_exits_with_2_and_one_sentence(files, capsys, monkeypatch, arguments, words):
+    before = sorted(files.iterdir())
+    code, _, err = run(arguments, capsys, monkeypatch)
+    assert code == 2
+    assert words in " ".join(err.split())
+    assert "`" not in err
+    assert "Traceback" not in err
+    assert sorted(files.iterdir()) == before
+
+
+def test_interrupted_leaves_nothing(files, capsys, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robustid.report.html.render_report", stop)
+    before = sorted(files.iterdir())
+    code, _, err = run(
+        ["hertz.npz", "--frequency-unit", "Hz", "--order", "4", "--report", "page.html"], capsys, monkeypatch
+    )
+    assert code == 130
+    assert "interrupted" in err
+    assert sorted(files.iterdir()) == before
+
+
+def test_help_teaches(capsys, monkeypatch):
+    code, out, _ = run(["--help"], capsys, monkeypatch)
+    assert code == 0
+    text = " ".join(out.replace("│", " ").split())
+    for words in ("--rigid-body", "--roll-off", "auto", "0 converged and verified", "Example"):
+        assert words in text

@@ -1,0 +1,230 @@
+"""robustid frf: records in, a response with its bound out, sentences, exit codes."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
+from support import command_line
+
+DT, PERIOD = 0.01, 100
+GAIN = np.array([[2.0, 0.5], [0.0, -1.0]])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Two experiments of a 2 x 2 gain, their excitation, one channel of them with names of its own, and other kinds."""
+    folder = tmp_path_factory.mktemp("files")
+    play = rid.multisine(band_hz=(1, 20), dt=DT, period=PERIOD, inputs=2, minimise_crest=False)
+    play.save(folder / "play.csv")
+    rng = np.random.default_rng(0)
+    for k, u in enumerate(play.u):
+        u = np.tile(u, (6, 1))
+        y = u @ GAIN.T + 0.01 * rng.standard_normal((600, 2))
+        names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["x [mm]", ("[red]phi[/red]", "")]}
+        rid.save(folder / f"run{k + 1}.csv", TimeRecord(u, y, dt=DT, **names))
+        table = np.column_stack([DT * np.arange(600), u, y])
+        np.savetxt(folder / f"plain{k + 1}.csv", table, delimiter=",", header="time,iq,id,a,b", comments="")
+    u = rng.standard_normal(3000)
+    np.savez(folder / "random.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(3000))
+    np.savez(folder / "loop.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(3000), reference=2 * u, dt=DT)
+    np.savez(folder / "still.npz", u=np.zeros(600), y=rng.standard_normal(600), dt=DT)
+    rid.save(folder / "done.npz", FrequencyResponse([1.0], [1.0], dt=DT))
+    return folder
+
+
+@pytest.fixture
+def files(made, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    shutil.copytree(made, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def run(arguments, capsys, monkeypatch):
+    return command_line.words(["frf", *arguments], capsys, monkeypatch)
+
+
+def same(found, wanted):
+    for name in ("omega", "values", "bound", "covariance", "noise", "coherence"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), err_msg=name)
+    assert (found.note, found.bound_kind, found.probability, found.dof) == (
+        wanted.note,
+        "statistical",
+        wanted.probability,
+        wanted.dof,
+    )
+
+
+def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys, monkeypatch):
+    arguments = ["run1.csv", "run2.csv", "--lines", "play.csv", "-o", "g.npz", "--report", "g.html"]
+    code, out, err = run(arguments, capsys, monkeypatch)
+    assert code == 0, err
+    records = [rid.load(f"run{k}.csv") for k in (1, 2)]
+    play = rid.load_excitation("play.csv")
+    wanted = estimate_frf(records, period=PERIOD, lines=play.lines)
+    found = rid.load("g.npz")
+    same(found, wanted)
+    assert np.all(np.abs(found.values - GAIN) <= found.bound)
+    for words in (
+        "read run1.csv: 600 samples, 6 s, dt = 0.01 s; x [mm], [red]phi[/red] / force [N], torque [Nm]",
+        "Statistical bound, 95 %",
+        "20 lines, 1 to 20 Hz, 1 Hz apart",
+        "scatter over 6 periods",
+        f"lowest {found.coherence[:, 0].min():.3g} at",
+        "x [mm] / force [N]",
+        "written: g.npz, g.html",
+        "robustid identify --frequency g.npz --report report.html",
+        "robustid fit g.npz --order auto",
+    ):
+        assert words in out, words
+    share = 100 * np.median(found.bound[:, 0, 0] / np.abs(found.values[:, 0, 0]))
+    row = re.search(r"x \[mm\] / force \[N\] \S+ (\S+) %", out)
+    assert float(row[1]) == pytest.approx(share, rel=0.05)
+    page = (files / "g.html").read_text(encoding="utf-8")
+    assert "Spectra of the records" in page
+    assert "input force [N]" in page
+
+
+@pytest.mark.parametrize("name", ["g.csv", "g.mat"])
+def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, capsys, monkeypatch):
+    fields = [f"--time-field={pair}" for pair in ("u=iq", "u=id", "y=a", "y=b")]
+    options = ["--period", "1", "--lines", "1:9:2, 12", "--probability", "0.9"]
+    code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", name], capsys, monkeypatch)
+    assert code == 0, err
+    found = rid.load(name)
+    records = [rid.load(f"plain{k}.csv", fields={"u": ["iq", "id"], "y": ["a", "b"]}) for k in (1, 2)]
+    same(found, estimate_frf(records, period=PERIOD, lines=[1, 3, 5, 7, 9, 12], probability=0.9))
+    assert [channel.name for channel in found.inputs] == ["iq", "id"]
+    assert "Statistical bound, 90 %" in out
+
+
+def test_one_signal_of_several_and_the_first_samples(files, capsys, monkeypatch):
+    fields = ["--time-field", "u=iq", "--time-field", "y=a"]
+    code, out, err = run(["plain1.csv", *fields, "--period", "1", "--first", "400"], capsys, monkeypatch)
+    assert code == 0, err
+    assert "400 samples, 4 s" in out
+    assert "robustid identify --frequency frf.npz --report" in out
+    assert rid.load("frf.npz").values.shape[1:] == (1, 1)
+
+
+def test_other_excitation_methods_and_a_reference(files, capsys, monkeypatch):
+    code, out, err = run(["random.npz", "--dt", "0.01", "-o", "local.npz"], capsys, monkeypatch)
+    assert code == 0, err
+    record = rid.load("random.npz", dt=DT)
+    same(rid.load("local.npz"), estimate_frf(record))
+    assert "local rational method" in out
+    code, out, err = run(["random.npz", "--dt", "0.01", "--method", "welch", "-o", "w.npz"], capsys, monkeypatch)
+    assert code == 0, err
+    assert "Warning: This is a first look by Welch's method" in out
+    code, out, err = run(["loop.npz", "-o", "loop-frf.npz"], capsys, monkeypatch)
+    assert code == 0, err
+    assert "; 1 reference" in out
+    assert "by the reference" in out
+
+
+def test_a_transient_that_is_left_out_is_said(files, capsys, monkeypatch):
+    rng = np.random.default_rng(1)
+    u = np.tile(rng.standard_normal(PERIOD), 8) + 1e-6 * rng.standard_normal(800)
+    y = u + 5 * np.exp(-np.arange(800) / 30) + 0.01 * rng.standard_normal(800)
+    rid.save("start.npz", TimeRecord(u, y, dt=DT))
+    code, out, err = run(["start.npz", "--period", "1"], capsys, monkeypatch)
+    assert code == 0, err
+    assert re.search(r"the first \d left out \(transient\)", out)
+    code, out, err = run(["start.npz", "--period", "1", "--initial", "periodic", "--force"], capsys, monkeypatch)
+    assert code == 0, err
+    assert "left out" not in out
+
+
+def test_nothing_is_overwritten_unless_forced(files, capsys, monkeypatch):
+    (files / "frf.npz").write_text("precious")
+    arguments = ["random.npz", "--dt", "0.01"]
+    code, _, err = run(arguments, capsys, monkeypatch)
+    assert (code, (files / "frf.npz").read_text()) == (2, "precious")
+    assert "pass --force" in err
+    assert run([*arguments, "--force"], capsys, monkeypatch)[0] == 0
+    assert rid.load("frf.npz").bound is not None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["missing.csv"], "missing.csv: there is no such file"),
+        (["done.npz"], "done.npz holds frequency data; a time record is needed"),
+        (["random.npz"], "random.npz: no 'time' found; give --dt"),
+        (["random.npz", "--dt", "-1"], "--dt must be a positive number; got -1"),
+        (["run1.csv", "run1.csv"], "run1.csv is given twice"),
+        (["run1.csv", "--period", "1"], "RECORD: 2 inputs need 2 experiments, or a multiple of that; got 1"),
+        (["run1.csv", "loop.npz"], "same shape of u"),
+        (
+            ["run1.csv", "run2.csv", "--period", "0.7"],
+            "periods of 70; cut it to 560 samples (--first 560) or correct --period",
+        ),
+        (
+            ["run1.csv", "run2.csv", "--period", "0.123456"],
+            "--period 0.123456 s is not a whole number of samples of 0.01 s",
+        ),
+        (["run1.csv", "run2.csv", "--period", "6"], "give at least two periods (--period in s)"),
+        (["run1.csv", "run2.csv", "--period", "1", "--method", "local"], '--period belongs to method="periodic"'),
+        (
+            ["run1.csv", "run2.csv", "--method", "fast"],
+            "--method must be one of ('periodic', 'local', 'welch'); got 'fast'",
+        ),
+        (
+            ["run1.csv", "run2.csv", "--period", "1", "--probability", "95"],
+            "--probability must be between 0 and 1; got 95",
+        ),
+        (
+            ["run1.csv", "run2.csv", "--period", "1", "--lines", "80"],
+            "--lines must be whole numbers from 0 to period//2 = 50",
+        ),
+        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1:9:0"], "--lines must be numbers such as 11:250"),
+        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1::9"], "--lines must be numbers such as 11:250"),
+        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1:99999999999"], "beyond half of the 600 samples"),
+        (["run1.csv", "run2.csv", "--period", "1", "--lines", "odd"], "or a file of robustid excite; got 'odd'"),
+        (["run1.csv", "run2.csv", "--period", "1", "--lines", "play.csv"], "leave --period out"),
+        (["run1.csv", "run2.csv", "--method", "local", "--lines", "play.csv"], "leave --method local out"),
+        (["random.npz", "--dt", "0.02", "--lines", "play.csv"], "designed for dt = 0.01 s; the records have 0.02 s"),
+        (["run1.csv", "run2.csv", "--lines", "run1.csv"], "run1.csv"),
+        (["plain1.csv"], "plain1.csv: no 'u' found; name it by --time-field u=NAME. The file has time, iq"),
+        (["plain1.csv", "--time-field", "u=iq", "--time-field", "y=c"], "--time-field y = 'c' isn't in the file"),
+        (["plain1.csv", "--time-field", "u"], "--time-field must be ROLE=NAME, such as u=current; got 'u'"),
+        (["plain1.csv", "--time-field", "dt=a", "--time-field", "dt=b"], "--time-field dt is given 2 times"),
+        (["still.npz", "--period", "1"], "RECORD: no line is excited in every input"),
+        (["run1.csv", "run2.csv", "--initial", "soon"], "--initial must be rest, free or periodic; got 'soon'"),
+        (["run1.csv", "run2.csv", "-o", "frf.uff"], "--output frf.uff must end in .npz, .csv, .mat"),
+        (["run1.csv", "run2.csv", "-o", "run1.csv", "--force"], "run1.csv is one of the files to be read"),
+        (["run1.csv", "run2.csv", "--report", "nowhere/a.html"], "the folder nowhere does not exist"),
+    ],
+)
+def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, capsys, monkeypatch):
+    before = sorted(files.iterdir())
+    code, _, err = run(arguments, capsys, monkeypatch)
+    assert code == 2, err
+    assert sentence in err
+    assert "`" not in err
+    assert "Traceback" not in err
+    assert sorted(files.iterdir()) == before
+
+
+def test_interrupted_leaves_nothing(files, capsys, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robustid.report.html.render_report", stop)
+    before = sorted(files.iterdir())
+    code, _, err = run(["random.npz", "--dt", "0.01", "--report", "page.html"], capsys, monkeypatch)
+    assert code == 130
+    assert "interrupted" in err
+    assert sorted(files.iterdir()) == before
+
+
+def test_help_teaches(capsys, monkeypatch):
+    code, out, _ = run(["--help"], capsys, monkeypatch)
+    assert code == 0
+    text = " ".join(out.replace("│", " ").split())
+    for words in ("RECORD...", "--period", "Period of the excitation in s", "robustid excite", "0 written", "Example"):
+        assert words in text

@@ -1,0 +1,91 @@
+"""robustid report with what was guaranteed: saved bounds, tubes, sensitivities."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.guarantees import worst_case_over_poles
+from support import command_line
+from support.report_pages import Page
+
+OMEGA = [30.0, 60.0]
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
+    modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
+    problem = rid.MixedProblem(
+        frequency=data.frequency, time=data.time, prior=rid.Prior(gain_bound=0.3, decay_rate=1.2), parametric=modes
+    )
+    result = rid.identify(problem)
+    result.save(folder / "mine")
+    rid.identify(problem.with_prior(gain_bound=0.4, decay_rate=1.2)).save(folder / "other")
+    refuted = rid.MixedProblem(
+        frequency=rid.FrequencyResponse([10.0, 60.0], [1.0, -1.0], bound=0.1, dt=0.01),
+        prior=rid.Prior(gain_bound=0.5, decay_rate=1.2),
+    )
+    rid.identify(refuted).save(folder / "refuted")
+    rid.worst_case_error(result, omega=OMEGA, directions=4).save(folder / "bounds")
+    box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
+    worst_case_over_poles(result, *box, omega=OMEGA, directions=4, cells=1).save(folder / "bounds-poles")
+    return folder
+
+
+@pytest.fixture
+def run(stored, tmp_path, capsys, monkeypatch):
+    """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
+    for path in stored.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: command_line.main(["report", *arguments], capsys, monkeypatch)
+
+
+def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path):
+    kinds = ("--bounds", "bounds.npz", "--bounds", "bounds-poles", "--step", "3", "--sensitivity", "--no-reduce")
+    code, out, _ = run("mine", *kinds, "-o", "page.html")
+    assert code == 0
+    assert "written: page.html" in out
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    for heading in (
+        "What is guaranteed",
+        "Guarantee with the poles anywhere in a box",
+        "Guaranteed response in time",
+        "What the guarantee rests on",
+    ):
+        assert heading in page.text
+    assert "Not proved" not in page.text
+    upper = next(t for t in page.figures["guarantee-0"]["data"] if t["name"] == "guaranteed error")["y"]
+    np.testing.assert_array_equal(upper, rid.load_worst_case_error(tmp_path / "bounds").upper.ravel())
+    assert "at every sample until 0.02 s" in page.text
+
+
+def test_without_options_no_guarantee_is_claimed(run, tmp_path):
+    assert run("mine", "--no-reduce")[0] == 0
+    assert "guarante" not in Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("other", "--bounds", "bounds"), "--bounds bounds is about another identification"),
+        (("mine", "--bounds", "bounds", "--bounds", "bounds.json"), "--bounds bounds.json is the second of its kind"),
+        (("mine", "--bounds", "mine"), "mine"),
+        (("mine", "--bounds", "none"), "missing"),
+        (("refuted", "--step", "3"), "identification is inconsistent (margin"),
+        (("mine", "--bounds", "bounds", "-o", "bounds.json", "--force"), "is one of the files to be read"),
+    ],
+)
+def test_misuse_ends_with_a_sentence_and_writes_nothing(run, tmp_path, arguments, sentence):
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    code, _, err = run(*arguments, "--no-reduce")
+    assert code == 2
+    assert sentence in err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_finding_keeps_its_exit_code_and_its_sensitivity(run, tmp_path):
+    code, _, _ = run("refuted", "--sensitivity", "--no-reduce")
+    assert code == 3
+    assert "refuted" in Page((tmp_path / "report.html").read_text(encoding="utf-8")).text

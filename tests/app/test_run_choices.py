@@ -1,0 +1,182 @@
+"""Every choice of a run can be stated, and acts."""
+
+import dataclasses
+import tomllib
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app import steps_of_data as _pipeline_core
+from support import run_files
+from support.run_files import CLASS, DATA, QUICK, ask
+
+folder, unreduced = run_files.folder, run_files.unreduced
+
+OVERRIDES = {
+    "prior": (
+        {"prior": {"gain_bound": 0.3, "decay_rate": 1.2}},
+        lambda r: r.identification.problem.prior.gain_bound == 0.3,
+    ),
+    "modes": (
+        {"modes": {"hz": [9.0, 17.67, 30.0], "damping": [0.1, 0.004, 0.1]}},
+        lambda r: r.identification.problem.parametric.size == 6,
+    ),
+    "no modes": (
+        {"modes": {"hz": [], "damping": []}, "prior": {"gain_bound": 20.0, "decay_rate": 1.02}},
+        lambda r: r.identification.problem.parametric is None,
+    ),
+    "repeat": (
+        {"modes": CLASS["modes"] | {"repeat": 2}},
+        lambda r: r.identification.problem.parametric.size == 8,
+    ),
+    "delay of the pairs": (
+        {"modes": CLASS["modes"] | {"delay": 2}},
+        lambda r: np.sum(np.abs(r.identification.problem.parametric.poles) < 1e-12) > 0,
+    ),
+    "band": ({"lines": {"band_hz": [5.0, 20.0]}}, lambda r: r.identification.problem.frequency[0].freq_hz[0] >= 5),
+    "every": (
+        {"lines": {"every": 2}},
+        lambda r: r.identification.problem.frequency[0].omega.size == 4 and "Of 4 lines" in " ".join(r.findings),
+    ),
+    "near": (
+        {"lines": {"every": 20, "near_hz": 0.35}},
+        lambda r: r.identification.problem.frequency[0].omega.size == 4,
+    ),
+    "inflate": (
+        {"identify": {"inflate": 2.0}},
+        lambda r: (
+            np.allclose(r.identification.problem.frequency[0].bound, 2 * rid.load("frf.csv").bound)
+            and np.allclose(r.identification.problem.time[0].bound, 2 * rid.load("step.csv").bound)
+            and "times 2" in r.identification.problem.frequency[0].note
+            and "2 times" in r.findings[0]
+        ),
+    ),
+    "objective": ({"identify": {"objective": "margin"}}, lambda r: r.identification.objective == "margin"),
+    "form": ({"identify": {"form": "taylor"}}, lambda r: r.identification.length > 0),
+    "accuracy": ({"identify": {"accuracy": 0.5}}, lambda r: r.identification.accuracy == 0.5),
+    "solver": ({"identify": {"solver": "structured"}}, lambda r: r.identification.solver == "structured"),
+    "delay": (
+        {"delay": {"seconds": 0.01}, "modes": CLASS["modes"] | {"delay": 0}},
+        lambda r: r.identification.problem.time[0].u.size == 3 and "0.01 s taken out" in r.choices[0],
+    ),
+    "no worst case": (QUICK, lambda r: r.worst_case is None and r.error is None),
+}
+
+
+@pytest.mark.usefixtures("unreduced")
+@pytest.mark.parametrize("name", OVERRIDES)
+def test_every_choice_can_be_stated(folder, name):
+    change, holds = OVERRIDES[name]
+    result = rid.run(ask(folder, DATA, CLASS, QUICK, change), "out")
+    assert holds(result)
+    text = (folder / "out" / "run.toml").read_text(encoding="utf-8")
+    stated = tomllib.loads(text)
+    for section, keys in change.items():
+        assert {key: stated[section][key] for key in keys} == keys
+
+
+def plant_records():
+    """Two outputs of one input, three periods of a multisine in steady state, and a rest record."""
+    rng = np.random.default_rng(3)
+    basis = rid.kautz([40.0], [0.05], dt=0.01, delay=1)
+    period = np.concatenate([np.zeros(1), rng.standard_normal(49)])
+    period -= period.mean()
+    u = np.tile(period, 6)
+    clean = basis.response(2 * np.pi * np.arange(26) / 50) @ np.array([1.0, 0.5])
+    y = np.tile(np.fft.irfft(np.fft.rfft(period) * clean, 50), 6)
+    noise = 0.01 * rng.standard_normal((2, 300, 2))
+    signals = np.stack([0.75 * y, 0.25 * y], axis=1)
+    names = {"inputs": ["force [N]"], "outputs": ["left [m]", "right [m]"]}
+    record = rid.TimeRecord(u, signals + noise[0], dt=0.01, initial="periodic", **names)
+    return record, rid.TimeRecord(np.zeros(300), 0.1 + noise[1], dt=0.01, **names)
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
+    record, rest = plant_records()
+    rid.save("record.npz", record)
+    rid.save("rest.npz", rest)
+    sources = [
+        {"file": "record.npz", "combine": {"left": 1.0, "right": 1.0}, "start": 0.5},
+        {"file": "rest.npz", "combine": {"left": 1.0, "right": 1.0}, "use": "rest"},
+    ]
+    path = ask(folder, {"record": sources, "estimate": {"period": 50, "rest_factor": 2.0}}, QUICK,
+               {"modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]}, "prior": {"gain_bound": 0.1, "decay_rate": 1.1}})  # fmt: skip
+    result = rid.run(path, "out")
+    total = [dataclasses.replace(r, y=r.y.sum(axis=1), outputs=["left + right [m]"]) for r in (record, rest)]
+    excited = total[0].window(0.5, past="periodic")
+    noise = rid.bounds_from_rest(total[1], factor=2.0)
+    expected = noise.bound_response(rid.estimate_frf(excited, period=50), excited, period=50)
+    (found,) = result.identification.problem.frequency
+    np.testing.assert_allclose(found.values, expected.values, rtol=1e-12)
+    np.testing.assert_allclose(found.bound, expected.bound, rtol=1e-12)
+    assert found.bound_kind == "rest"
+    assert str(found.outputs[0]) == "left + right [m]"
+    assert result.consistent
+    stated = tomllib.loads((folder / "out" / "run.toml").read_text(encoding="utf-8"))
+    assert (stated["estimate"]["method"], stated["record"][0]["past"]) == ("periodic", "periodic")
+    assert rid.load("out/response-1.csv").values.shape == expected.values.shape
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_samples_without_bound_take_that_of_the_rest(folder):
+    record, rest = plant_records()
+    rid.save("record.npz", record.channel(0))
+    rid.save("rest.npz", rest.channel(0))
+    sources = [{"file": "record.npz", "use": "samples", "stop": 0.2}, {"file": "rest.npz", "use": "rest"}]
+    change = {"record": sources, "modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]},
+              "prior": {"gain_bound": 0.5, "decay_rate": 1.05}}  # fmt: skip
+    with pytest.raises(rid.InputError, match="bound"):  # known past of an unbounded record
+        rid.run(ask(folder, change, QUICK), "out")
+    sources[0] |= {"past": "unknown"}
+    result = rid.run(ask(folder, change, QUICK), "out")
+    (time,) = result.identification.problem.time
+    noise = rid.bounds_from_rest(rest.channel(0))
+    np.testing.assert_allclose(time.bound, noise.level[0])
+    np.testing.assert_allclose(time.y[:, 0], record.y[:20, 0] - noise.mean[0])
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_several_channels_are_taken_together_or_one_by_one(folder):
+    record, _ = plant_records()
+    rid.save("record.npz", record)
+    data = {"record": [{"file": "record.npz"}], "estimate": {"period": 50}}
+    rest = {"modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]}, "prior": {"gain_bound": 0.1, "decay_rate": 1.1}}
+    both = rid.run(ask(folder, data, rest, QUICK), "both")
+    right = rid.run(ask(folder, data, rest, QUICK, {"channel": ["right", 0]}), "right")
+    left = rid.run(ask(folder, data, rest, QUICK, {"channel": [0, "force"]}), "left")
+    ratio = np.abs(left.model(1) / right.model(1))
+    assert ratio == pytest.approx(3, rel=0.05)
+    assert np.abs(both.model(1)).ravel() == pytest.approx(np.abs([left.model(1), right.model(1)]), rel=0.05)
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_a_delay_is_found_taken_out_and_said(folder):
+    omega = 2 * np.pi * np.linspace(1, 45, 40)
+    z = np.exp(1j * omega * 0.01)
+    late, plant = 0.1 / (z - 0.9) / z**3, 0.1 / (z - 0.9)
+    rid.save("late.csv", rid.FrequencyResponse(omega, late, bound=0.01, dt=0.01))
+    content = {
+        "frequency": [{"file": "late.csv"}],
+        "delay": {"seconds": "auto"},
+        "modes": {"hz": [], "damping": []},
+        "prior": {"gain_bound": 3.0, "decay_rate": 1.05},
+    }
+    result = rid.run(ask(folder, content, QUICK), "out")
+    assert result.run_file.delay.seconds == pytest.approx(0.03, abs=1e-6)
+    assert "Delay of 0.03 s taken out" in result.choices[0]
+    np.testing.assert_allclose(result.identification.problem.frequency[0].values[:, 0, 0], plant, atol=1e-3)
+
+
+def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
+    asked = []
+
+    def whole(identification, rigid_body):
+        asked.append(rigid_body.count)
+        return rid.balanced_truncation(identification.model, order=identification.order)
+
+    monkeypatch.setattr(_pipeline_core, "reduce_within_bounds", whole)
+    result = rid.run(ask(folder, DATA, CLASS, QUICK, {"small_model": {"rigid_body": 1}}), "out")
+    assert asked == [1]
+    assert result.run_file.small_model.rigid_body == 1

@@ -1,0 +1,183 @@
+"""Run files as text: what is written reads back, and what is wrong is one sentence."""
+
+import dataclasses
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import robustid as rid
+from robustid.app import run_steps as _pipeline_steps
+from robustid.app.run_file import RunFile, read_run_file
+from robustid.app.toml import write_toml
+from support import run_files
+from support.run_files import CLASS, DATA, ask, command
+
+folder = run_files.folder
+
+plain = st.one_of(
+    st.text(st.characters(exclude_categories=["Cs"])),
+    st.booleans(),
+    st.integers(-(2**62), 2**62),
+    st.floats(allow_nan=False),
+)
+
+
+values = st.one_of(plain, st.lists(plain), st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), plain))
+
+
+names = st.text("abcXYZ_-09", min_size=1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.dictionaries(names, st.one_of(plain, st.lists(plain, min_size=1), st.dictionaries(names, values, min_size=1)))
+)
+def test_what_is_written_as_toml_reads_back_the_same(content):
+    assert tomllib.loads(write_toml(content)) == content
+
+
+FULL = {
+    "title": 'A "title" with \\ and é',
+    "channel": [0, "u"],
+    "record": [
+        {"dataset": "two_mass", "use": "response", "combine": {"theta_mx": 1.0, "theta_my": 1.0}, "start": 1.0},
+        {"file": "rest.mat", "use": "rest", "fields": {"u": "current", "y": ["a", "b"]}, "dt": 0.01, "detrend": "mean"},
+    ],
+    "frequency": [{"file": "a.csv", "unit": "Hz", "bound": 0.1}],
+    "estimate": {"period": 2500, "method": "periodic"},
+    "delay": {"seconds": "auto"},
+    "lines": {"band_hz": [1.0, 2.0], "every": 2, "near_hz": 0.5},
+    "modes": {
+        "hz": [1.5],
+        "damping": [0.01],
+        "hz_interval": [[1.4, 1.6]],
+        "damping_interval": [[0.005, 0.02]],
+        "note": "a\nb",
+    },
+    "prior": {"gain_bound": 1.0, "decay_rate": 1.1},
+    "identify": {"inflate": "auto", "objective": "gain"},
+    "small_model": {"rigid_body": 2},
+    "worst_case": {"circle": True, "over_poles": True, "at_hz": [1.25]},
+}
+
+
+def test_a_run_file_reads_back_the_same():
+    stated = read_run_file(FULL)
+    again = read_run_file(tomllib.loads(stated.text()))
+    assert dataclasses.asdict(again) == dataclasses.asdict(stated)
+    assert again.text() == stated.text()
+    for section, content in FULL.items():
+        found = getattr(again, section)
+        for item, want in (
+            zip(found, content, strict=True) if section in ("record", "frequency") else [(found, content)]
+        ):
+            if isinstance(want, dict):
+                for key, value in want.items():
+                    assert _as_lists(getattr(item, key)) == value, (section, key)
+
+
+def _as_lists(value):
+    if isinstance(value, dict):
+        return {key: _as_lists(item) for key, item in value.items()}
+    return [_as_lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+MISUSE = {
+    "unknown section": ({"mods": {"hz": [1.0]}}, "ask.toml: the file has no key 'mods'; the nearest is 'modes'"),
+    "unknown key": ({"modes": {"damp": [0.1]}}, r"\[modes\] has no key 'damp'; the nearest is 'damping'"),
+    "unknown key of a record": (
+        {"record": [{"file": "step.csv", "usee": "rest"}]},
+        r"\[\[record\]\] 1: has no key 'usee'; the nearest is 'use'",
+    ),
+    "text for a number": ({"prior": {"gain_bound": "big"}}, r"\[prior\] gain_bound must be a number; got 'big'"),
+    "number for text": ({"title": 3}, "title must be text in quotes; got 3"),
+    "flag for a number": ({"lines": {"every": True}}, r"\[lines\] every must be a whole number; got True"),
+    "number for a flag": ({"worst_case": {"circle": 1}}, r"\[worst_case\] circle must be true or false; got 1"),
+    "number for an array": ({"modes": {"hz": 9.0}}, r"\[modes\] hz must be an array in \[ \]; got 9.0"),
+    "text in an array": ({"modes": {"hz": [9.0, "x"]}}, r"\[modes\] hz, item 2, must be a number; got 'x'"),
+    "infinite": ({"prior": {"gain_bound": float("inf")}}, "gain_bound must be finite"),
+    "negative": ({"prior": {"gain_bound": -1.0}}, "gain_bound must be above 0; got -1"),
+    "decay": ({"prior": {"gain_bound": 1.0, "decay_rate": 1.0}}, "decay_rate must be above 1; got 1"),
+    "use": ({"record": [{"file": "step.csv", "use": "nothing"}]}, "must be one of 'response', 'samples', 'rest'"),
+    "inflate": ({"identify": {"inflate": "much"}}, 'inflate must be "auto" or a number'),
+    "section as a value": ({"modes": 3}, r"\[modes\] must be a section with keys; got 3"),
+    "record as a section": ({"record": {"file": "step.csv"}}, r"must be written \[\[record\]\]"),
+    "half a prior": ({"prior": {"gain_bound": 1.0}}, "gain_bound is given without decay_rate"),
+    "half a mode": ({"modes": {"hz": [9.0]}}, "hz is given without damping"),
+    "sizes": ({"modes": {"hz": [9.0], "damping": [0.1, 0.2]}}, "damping has 2 items, hz has 1"),
+    "percent": ({"modes": {"hz": [9.0], "damping": [1.5]}}, "ratio below 1, not percent; got 1.5"),
+    "count and hz": ({"modes": CLASS["modes"] | {"count": 2}}, "give one of them"),
+    "circle without bounds": ({"worst_case": {"compute": False, "circle": True}}, "contradicts compute = false"),
+    "no box": ({**CLASS, "worst_case": {"over_poles": True}}, "needs the box"),
+    "near without every": ({"lines": {"near_hz": 1.0}}, "give every = 2 or more too"),
+    "band": ({"lines": {"band_hz": [3.0, 2.0]}}, r"must be \[low, high\]; got \[3.0, 2.0\]"),
+    "file and dataset": ({"record": [{"file": "step.csv", "dataset": "two_mass"}]}, "needs either file or dataset"),
+    "neither": ({"record": [{"use": "rest"}]}, "needs either file or dataset"),
+    "no data": ({"record": [], "frequency": []}, "no data: give"),
+    "missing file": ({"frequency": [{"file": "other.csv"}]}, "there is no file .*other.csv"),
+    "estimate without records": ({"estimate": {"period": 10}}, "there is no .* with use = \"response\""),
+    "rest alone": ({"record": [{"file": "step.csv", "use": "rest"}], "frequency": []}, "nothing to bound"),
+    "samples without bound": (
+        {"record": [{"file": "bare.csv", "use": "samples"}]},
+        'use = "samples" needs bound = ...',
+    ),
+    "kind of file": ({"record": [{"file": "frf.csv", "use": "samples"}]}, r"\[\[record\]\] 1, frf.csv: .*"),
+    "window": ({"record": [{"file": "step.csv", "use": "samples", "start": 5.0}]}, r"\[\[record\]\] 1, step.csv: .*start"),
+    "past alone": ({"record": [{"file": "step.csv", "past": "known"}]}, "give start or stop too"),
+    "a note about other numbers": (
+        {"prior": {"gain_bound": 0.3, "decay_rate": 1.1, "note": "Prior taken from the curve of the smallest gain bound:\n0.2"}},
+        "tells how other numbers were chosen, not 0.3",
+    ),
+    "digest": ({"frequency": [{"file": "frf.csv", "digest": "0" * 64}]}, "aren't the data that the run file was made with"),
+    "solver": ({"identify": {"solver": "MAGIC"}}, "MAGIC"),
+    "directions": ({"worst_case": {"directions": 400}}, "directions must be at most 360; got 400"),
+    "dataset": ({"record": [{"dataset": "three_mass"}]}, "three_mass"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISUSE)
+def test_misuse_is_one_sentence_before_anything_is_computed(folder, capsys, monkeypatch, name):
+    def computed(*_, **__):
+        raise AssertionError("computed")
+
+    monkeypatch.setattr("robustid.app.pipeline.from_data", computed)
+    step = rid.load("step.csv")
+    rid.save("bare.csv", dataclasses.replace(step, bound=None))
+    change, words = MISUSE[name]
+    path = ask(folder, DATA, change)
+    with pytest.raises((rid.InputError, rid.InputTypeError), match=words):
+        rid.run(path, "out")
+    code, _, err = command(["ask.toml", "-o", "out"], capsys, monkeypatch)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert "--dt" not in err
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "change", [{"modes": {"hz": [60.0], "damping": [0.1]}}, {"worst_case": {"at_hz": [60.0]}, "modes": CLASS["modes"]}]
+)
+def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatch, change):
+    monkeypatch.setattr(_pipeline_steps, "suggest_prior", None)
+    with pytest.raises(rid.InputError, match="60 Hz, above the Nyquist frequency of 50 Hz"):
+        rid.run(ask(folder, DATA, change), "out")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"[modes\n", "is not TOML: .*line 1"), (b"\xff\xfe", "no text in UTF-8"), (None, "can't be read: No such file")],
+)
+def test_a_file_that_is_no_run_file(folder, capsys, monkeypatch, content, words):
+    if content is not None:
+        (folder / "ask.toml").write_bytes(content)
+    with pytest.raises(rid.FileFormatError, match=words):
+        rid.run("ask.toml", "out")
+    assert command(["ask.toml"], capsys, monkeypatch)[0] == 2
+
+
+def test_defaults_ask_for_nothing():
+    assert RunFile().text().count("None") == 0
+    assert read_run_file(tomllib.loads(RunFile().text()), sources=False) == RunFile()

@@ -1,0 +1,245 @@
+"""Damaged and hostile files of every format: a sentence or valid data, never a foreign traceback, a hang or a huge allocation."""
+
+import itertools
+import json
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from robustid.data import FrequencyResponse, TimeRecord, load, save
+from robustid.errors import FileFormatError, InputError, RobustIdError
+from support.data_files import full_frf, full_record, write_matlab73
+from support.exchange_files import TIME, S, matrix, signal, touchstone
+from support.exchange_files import write as write_universal
+from support.matlab_files import FRD, write5, write73
+
+SAMPLES = len(TIME)
+
+
+def plain_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.attrs["dt"] = 0.5
+        file.create_dataset("u", data=np.arange(40.0), compression="gzip")
+        file["y"] = np.arange(40.0)
+
+
+FORMATS = {
+    "frf.npz": lambda p: save(p, full_frf()),
+    "record.npz": lambda p: save(p, full_record()),
+    "small.npz": lambda p: np.savez_compressed(p, u=np.zeros(400), y=np.zeros(400), dt=1.0),
+    "frf.csv": lambda p: save(p, full_frf()),
+    "record.csv": lambda p: save(p, full_record()),
+    "frf.mat": lambda p: save(p, full_frf()),
+    "small.mat": lambda p: scipy.io.savemat(
+        p, {"u": np.zeros(400), "y": np.zeros(400), "dt": 1.0}, do_compression=True
+    ),
+    "struct.mat": lambda p: write5(p, FRD),
+    "struct73.mat": lambda p: write73(p, FRD),
+    "plain73.mat": lambda p: write_matlab73(p, {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}),
+    "old.mat": lambda p: scipy.io.savemat(p, {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}, format="4"),
+    "plain.h5": plain_hdf5,
+    "frf.uff": lambda p: write_universal(p, matrix()),
+    "binary.uff": lambda p: write_universal(p, [signal(1, 12, binary=1), signal(2, 13, binary=1)]),
+    "net.s2p": lambda p: touchstone(p, S, "GHz", "db"),
+}
+
+
+def outcome(path):
+    """Valid data or one of our sentences; anything else goes through."""
+    try:
+        data = load(path)
+    except RobustIdError as error:
+        said = str(error)
+    else:
+        assert isinstance(data, FrequencyResponse | TimeRecord)
+        return data
+    assert 20 < len(said) < 3000
+    return None
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_damaged_files(tmp_path, name):
+    """Cut at 40 places, 150 flipped bytes, 50 stretches of zeros or of 0xff: seeded, most of them in the first kilobyte."""
+    path, rng = tmp_path / name, np.random.default_rng(sum(name.encode()))
+    FORMATS[name](path)
+    content = path.read_bytes()
+    assert outcome(path) is not None
+    refused = 0
+    for size in np.linspace(0, len(content) - 1, 40).astype(int):
+        path.write_bytes(content[:size])
+        refused += outcome(path) is None
+    assert refused >= (20 if path.suffix == ".s2p" else 35)  # whole lines of Touchstone are a shorter file
+    near = min(len(content), 1024)
+    for k in range(200):
+        damaged = bytearray(content)
+        at = int(rng.integers(near if k % 3 else len(content)))
+        if k < 150:
+            damaged[at] ^= int(rng.integers(1, 256))
+        else:
+            damaged[at : at + 8] = (b"\xff" if k % 2 else b"\0") * len(damaged[at : at + 8])
+        path.write_bytes(damaged)
+        outcome(path)
+
+
+@pytest.mark.parametrize("name", ["frf.npz", "frf.csv", "frf.mat"])
+def test_hostile_descriptions(tmp_path, name):
+    """Every value of the description that `save` wrote, replaced by what it shouldn't be."""
+    save(tmp_path / name, full_frf())
+    meta = description(tmp_path / name)
+    values = [
+        None,
+        -1,
+        1e300,
+        10**30,
+        "x",
+        [],
+        {},
+        [[]],
+        [10**9],
+        [-5, -5],
+        [10**9, 10**9, 10**9],
+        {"omega": [10**12]},
+        True,
+    ]
+    for key, value in itertools.product(meta, values):
+        with_description(tmp_path / name, {**meta, key: value})
+        outcome(tmp_path / name)
+    for value in (10**9, -1, "x", None, [1] * 200, [10**9] * 20):
+        with_description(tmp_path / name, {**meta, "shapes": {**meta["shapes"], "values": value}})
+        outcome(tmp_path / name)
+    with_description(tmp_path / name, "[" * 100_000)
+    assert outcome(tmp_path / name) is None
+
+
+def description(path):
+    if path.suffix == ".npz":
+        return json.loads(str(np.load(path)["robustid"]))
+    if path.suffix == ".csv":
+        return json.loads(path.read_text().splitlines()[0].removeprefix("# robustid "))
+    return json.loads(str(scipy.io.loadmat(path)["robustid"][0]))
+
+
+def with_description(path, meta):
+    text = meta if isinstance(meta, str) else json.dumps(meta)
+    if path.suffix == ".npz":
+        np.savez(path, **{**np.load(path), "robustid": np.array(text)})
+    elif path.suffix == ".csv":
+        path.write_text("\n".join([f"# robustid {text}", *path.read_text().splitlines()[1:]]))
+    else:
+        content = {name: value for name, value in scipy.io.loadmat(path).items() if not name.startswith("__")}
+        scipy.io.savemat(path, {**content, "robustid": text})
+
+
+# --- sizes that are declared and not there
+
+
+def vast_npz(path):
+    """The header of an array claims 8 TB."""
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+    header += b" " * (64 - (len(header) + 11) % 64) + b"\n"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("u.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + bytes(64))
+
+
+def bomb_npz(path):
+    """1.2 GB of zeros in 5 MB."""
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file,
+        file.open("u.npy", "w", force_zip64=True) as item,
+    ):
+        np.lib.format.write_array_header_1_0(item, {"descr": "<f8", "fortran_order": False, "shape": (9 * 2**24,)})
+        for _ in range(9 * 2**7):
+            item.write(bytes(2**20))
+
+
+def vast_mat(path):
+    scipy.io.savemat(path, {"u": np.arange(20.0)})
+    content = bytearray(path.read_bytes())
+    content[132:136] = struct.pack("<I", 4_000_000_000)
+    path.write_bytes(content)
+
+
+def vast_compressed_mat(path):
+    inner = zlib.compress(struct.pack("<II", 14, 4_000_000_000) + bytes(200))
+    path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(inner)) + inner)
+
+
+def vast_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("u", shape=(10**12,), dtype=float, chunks=(1024,))
+
+
+VAST = {
+    "vast.npz": vast_npz,
+    "bomb.npz": bomb_npz,
+    "vast.mat": vast_mat,
+    "squeezed.mat": vast_compressed_mat,
+    "vast.h5": vast_hdf5,
+}
+
+
+@pytest.mark.parametrize("name", VAST)
+def test_declared_sizes_are_refused_before_anything_is_allocated(tmp_path, name):
+    VAST[name](tmp_path / name)
+    with pytest.raises(FileFormatError, match="declares"):
+        load(tmp_path / name)
+
+
+def test_a_line_without_end_is_refused(tmp_path):
+    path = tmp_path / "line.csv"
+    path.write_text("time,u,y\n" + "1" * 2**24)
+    with pytest.raises(FileFormatError, match="line 2 is longer than 16777216 characters"):
+        load(path)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".mat", ".h5"])
+def test_gaps_are_found_with_their_place(tmp_path, suffix):
+    path, y = tmp_path / f"gap{suffix}", np.arange(10.0)
+    y[[3, 7]] = np.nan
+    columns = {"time": np.arange(10.0), "u": np.arange(10.0), "y": y}
+    if suffix == ".csv":
+        np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    elif suffix == ".npz":
+        np.savez(path, **columns)
+    elif suffix == ".mat":
+        scipy.io.savemat(path, columns)
+    else:
+        with h5py.File(path, "w") as file:
+            file.update(columns)
+    with pytest.raises(
+        InputError, match=r"`y` must be finite; got nan at index \(3,\) \(2 of 10 values are not finite\)"
+    ):
+        load(path)
+
+
+_LONG = """
+import resource, sys
+import numpy as np
+from robustid.data import load
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+record = load(sys.argv[1])
+after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(record.u.shape[0], record.y.sum(), (after - before) / 1024)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory of a process as Linux counts it")
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".mat"])
+def test_memory_of_a_long_record_is_a_few_times_its_numbers(tmp_path, suffix):
+    """200 000 samples of 4 channels are 6.4 MB: five times in memory at most 60 MB, text with lists of cells took 300."""
+    rng, samples = np.random.default_rng(0), 200_000
+    data = TimeRecord(rng.standard_normal((samples, 2)), rng.standard_normal((samples, 2)).round(3), dt=0.5)
+    save(tmp_path / f"long{suffix}", data)
+    command = [sys.executable, "-c", _LONG, str(tmp_path / f"long{suffix}")]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ).stdout.split()
+    assert int(printed[0]) == samples
+    assert float(printed[1]) == pytest.approx(data.y.sum(), rel=1e-9)
+    assert float(printed[2]) < 120

@@ -1,0 +1,231 @@
+"""Broken and foreign files, and arguments that don't fit a file: each its own sentence."""
+
+import json
+import pickle
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from robustid.data import TimeRecord, load, save
+from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
+from support.data_files import HZ, U, Y, full_frf, full_record, write_matlab73
+
+
+def text(content):
+    return lambda path: path.write_text(content)
+
+
+def pickled(path):
+    np.savez(path, u=np.array([print, None]), y=np.ones(2))
+
+
+def only_pickle(path):
+    path.write_bytes(pickle.dumps({"u": 1}))
+
+
+def truncated_npz(path):
+    save(path, full_record())
+    path.write_bytes(path.read_bytes()[:-300])
+
+
+def truncated_matlab(path):
+    scipy.io.savemat(path, {"u": U, "y": Y})
+    path.write_bytes(path.read_bytes()[:-60])
+
+
+def truncated_hdf5(path):
+    write_matlab73(path, {"u": U, "y": Y})
+    path.write_bytes(path.read_bytes()[:1500])
+
+
+def linked_hdf5(path):
+    """Numbers that another file on the machine would give."""
+    (path.parent / "secret.bin").write_bytes(bytes(48))
+    with h5py.File(path, "w") as file:
+        file.create_dataset("u", shape=(6,), dtype=float, external=[(str(path.parent / "secret.bin"), 0, 48)])
+
+
+def spreadsheet(path):
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("xl/workbook.xml", "<workbook/>")
+
+
+def changed_lines(change):
+    def write(path):
+        save(path, full_frf())
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(change(lines)))
+
+    return write
+
+
+def other_description(**changes):
+    def change(lines):
+        meta = json.loads(lines[0][len("# robustid ") :])
+        return [f"# robustid {json.dumps({**meta, **changes})}", *lines[1:]]
+
+    return changed_lines(change)
+
+
+def complex_cells(lines):
+    return ",".join("1+2j" if name.startswith(("real", "imag")) else cell
+                    for name, cell in zip(lines[1].split(","), lines[-1].split(","), strict=True))  # fmt: skip
+
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(600)
+BAD_FILES = {
+    "empty.csv": (text(""), "is empty"),
+    "comment.csv": (text("# nothing\n"), "holds no data"),
+    "header.csv": (text("time,u,y\n"), "holds no data"),
+    "numbers.csv": (text("0,1,2\n1,1,2\n"), "no line of column names"),
+    "twice.csv": (text("time,u,u\n0,1,2\n"), "not all different"),
+    "words.csv": (text("time,u,y\n0,1,2\n1,one,2\n"), "line 3, column 'u': 'one' is not a number"),
+    "comma.csv": (text("time;u;y\n0;1,5;2\n1;1,5;2\n"), "'1,5' is not a number.*with a point"),
+    "gap.csv": (text("time,u,y\n0,,2\n1,1,2\n"), "line 2, column 'u': '' is not a number"),
+    "cut.csv": (text("time,u,y\n0,1,2\n0.1,1,2\n0.2,1"), "line 4: 2 cells where the header has 3"),
+    "utf16.csv": (lambda path: path.write_text("time,u,y\n0,1,2", encoding="utf-16"), "isn't UTF-8 text"),
+    "image.csv": (lambda path: path.write_bytes(PNG), "isn't UTF-8 text"),
+    "image.mat": (lambda path: path.write_bytes(PNG), "can't be read as a MATLAB file"),
+    "image.npz": (lambda path: path.write_bytes(PNG), "isn't a file that robustid reads"),
+    "data.pkl": (only_pickle, "isn't a file that robustid reads"),
+    "array.npy": (lambda path: np.save(path, U), "isn't a file that robustid reads"),
+    "pickled.npz": (pickled, "pickled Python objects, which can run code and are never loaded"),
+    "sheet.xlsx": (spreadsheet, "holds no numeric arrays"),
+    "cut.npz": (truncated_npz, "can't be read as .npz .*cut off"),
+    "cut.mat": (truncated_matlab, "can't be read as a MATLAB file"),
+    "cut73.mat": (truncated_hdf5, "can't be read as HDF5 .*cut off"),
+    "linked.h5": (linked_hdf5, "u lies in other files, which are never opened"),
+    "lines.csv": (changed_lines(lambda lines: lines[:-1]), "written with 4 samples"),
+    "columns.csv": (other_description(shapes={"omega": [], "values": 3}), "doesn't fit its arrays"),
+    "newer.csv": (other_description(robustid=99), "written in format 99 .*newer robustid"),
+    "complex.csv": (changed_lines(lambda lines: [*lines[:-1], complex_cells(lines)]), "hold complex numbers"),
+    "facts.csv": (changed_lines(lambda lines: ["# robustid {", *lines[1:]]), "description .* is damaged"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_broken_and_foreign_files(tmp_path, name):
+    write, sentence = BAD_FILES[name]
+    write(tmp_path / name)
+    with pytest.raises(FileFormatError, match=sentence) as caught:
+        load(tmp_path / name)
+    assert name in str(caught.value)
+
+
+def test_every_truncation_of_a_file_is_an_error_or_the_same_data(tmp_path):
+    """Cut at 60 places each: no other exception, and never other data."""
+    record = full_record()
+    for name, write in {
+        "a.npz": lambda p: save(p, record),
+        "a.csv": lambda p: save(p, record),
+        "a.mat": lambda p: scipy.io.savemat(p, {"u": record.u, "y": record.y}),
+        "b.mat": lambda p: write_matlab73(p, {"u": record.u, "y": record.y}),
+    }.items():
+        path = tmp_path / name
+        write(path)
+        content, given_dt = path.read_bytes(), {"dt": 1 / 3} if name.endswith("mat") else {}
+        refused = 0
+        for size in np.linspace(0, len(content) - 2, 60).astype(int):
+            path.write_bytes(content[:size])
+            try:
+                again = load(path, **given_dt)
+            except RobustIdError:
+                refused += 1
+            else:
+                np.testing.assert_array_equal(again.u, record.u)
+        assert refused >= 50, name
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "sentence"),
+    [
+        ({"fields": {"u": "current"}}, InputError, "'current' isn't in the file. The file has time, u, y"),
+        ({"fields": {"x": "u"}}, InputError, r"knows the roles .* got \['x'\]"),
+        ({"fields": ["u"]}, InputTypeError, "`fields` must map roles to names"),
+        ({"fields": {"u": 3}}, InputTypeError, "must be a name or a list of names; got 3"),
+        ({"fields": {"u": [3]}}, InputTypeError, "must name what is in the file; got 3"),
+        ({"fields": {"u": []}}, InputTypeError, r"must be a name or a list of names; got \[\]"),
+        ({"kind": "step"}, InputError, "`kind` must be"),
+        ({"kind": "frequency"}, InputError, "no 'omega' found.*The file has time, u, y"),
+        ({"kind": "frequency", "fields": {"omega": "time"}}, InputError, "needs 'values'"),
+        ({"fields": {"freq_hz": "time", "omega": "time"}}, InputError, "both 'omega' and 'freq_hz'"),
+        ({"fields": {"omega": "time", "values": ["u", "y"]}}, InputError, "list of equally long rows"),
+        ({"fields": {"omega": "time", "u": "u"}}, InputError, "can't tell whether"),
+        ({"fields": {"time": "time"}, "dt": 0.1}, InputError, r"`dt` and `fields\['time'\]` are both given"),
+        ({"frequency_unit": "rpm"}, InputError, "`frequency_unit` must be"),
+        ({"bound": -1}, InputError, "`bound` must be positive"),
+        ({"initial": "hot"}, InputError, "`initial` must be one of"),
+    ],
+)
+def test_load_refuses(tmp_path, options, error, sentence):
+    path = tmp_path / "data.csv"
+    path.write_text("time,u,y\n0,1,2\n0.5,1,2\n")
+    with pytest.raises(error, match=sentence):
+        load(path, **options)
+
+
+def test_paths_that_are_no_files(tmp_path):
+    with pytest.raises(InputError, match="there is no such file"):
+        load(tmp_path / "missing.csv")
+    with pytest.raises(InputError, match="is a folder"):
+        load(tmp_path)
+    with pytest.raises(InputTypeError, match="`path` must be the name of a file; got int"):
+        load(3)
+
+
+def test_names_that_could_mean_either_or_neither(tmp_path):
+    np.savez(tmp_path / "both.npz", omega=HZ, values=HZ, u=HZ, y=HZ)
+    with pytest.raises(InputError, match="can't tell whether"):
+        load(tmp_path / "both.npz")
+    assert isinstance(load(tmp_path / "both.npz", kind="time", dt=0.1), TimeRecord)
+    np.savez(tmp_path / "neither.npz", frequency=HZ, phase=HZ)
+    with pytest.raises(InputError, match="The file has frequency, phase"):
+        load(tmp_path / "neither.npz")
+
+
+@pytest.mark.parametrize(
+    ("time", "sentence"),
+    [
+        (
+            [0, 0.1, 0.2, 0.31, 0.4],
+            r"from 0\.2 s \(sample 2\) to 0\.31 s the step is 0\.11 s, the median step 0\.1 s",
+        ),
+        ([0, 0.1, 0.2, 0.4, 0.5], r"from 0\.2 s \(sample 2\) to 0\.4 s the step is 0\.2 s"),
+        ([0, 0.1, 0.2 + 3e-7, 0.3, 0.4], "the time is not uniform"),
+        ([0.4, 0.3, 0.2, 0.1, 0.0], "time step` must be positive"),
+        ([0, 0, 0, 0, 0], "time step` must be positive"),
+        ([0, np.nan, 0.2, 0.3, 0.4], r"`time` must be finite; got nan at index \(1,\)"),
+        ([0, 0.1, 0.2], "shape .* where `u` has 5 samples"),
+    ],
+)
+def test_time_that_is_not_uniform(tmp_path, time, sentence):
+    np.savez(tmp_path / "data.npz", time=time, u=np.ones(5), y=np.ones(5))
+    with pytest.raises(InputError, match=sentence):
+        load(tmp_path / "data.npz")
+    # stated by the user, the sample time needs no column
+    assert load(tmp_path / "data.npz", dt=0.1).dt == 0.1
+
+
+def test_one_sample_has_no_sample_time(tmp_path):
+    np.savez(tmp_path / "data.npz", time=[0.0], u=[1.0], y=[1.0])
+    with pytest.raises(InputError, match="one sample gives no sample time; give `dt`"):
+        load(tmp_path / "data.npz")
+
+
+def test_a_saved_result_is_not_data(tmp_path):
+    import robustid as rid
+
+    record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)))
+    result.save(tmp_path / "plate")
+    rid.worst_case_error(result, omega=[50.0], directions=4).save(tmp_path / "error")
+    for name, loader in (("plate", "load_identification"), ("error", "load_worst_case_error")):
+        for suffix in (".npz", ".json"):
+            with pytest.raises(FileFormatError, match=f"{name}{suffix} belongs to a saved .*{loader}$"):
+                load(tmp_path / f"{name}{suffix}")
+    save(tmp_path / "plain.npz", full_record())
+    (tmp_path / "plain.json").write_text('{"format": "another 1"}')
+    assert load(tmp_path / "plain.npz").y.shape == full_record().y.shape

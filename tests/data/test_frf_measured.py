@@ -1,0 +1,70 @@
+"""estimate_frf on measured records: what others found in the same data."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import find_peaks
+
+import robustid as rid
+from support.measured import realdata
+
+pytestmark = realdata
+
+
+def peaks(hz, gain, prominence):
+    found, _ = find_peaks(np.log(gain), prominence=prominence)
+    return hz[found]
+
+
+def test_two_mass_bench():
+    """240 lines; resonance at 77 Hz on both sides, antiresonance at 53 Hz on the motor side only; noise 0.6 % and 1.5 %."""
+    record = rid.datasets.load("two_mass")
+    frf = rid.estimate_frf(record, period=2500)
+    assert "the first 2 left out (transient)" in frf.note
+    np.testing.assert_allclose(frf.freq_hz, np.arange(11, 251))
+    motor, load = np.abs(frf.values[:, :, 0]).T
+    near = (frf.freq_hz > 40) & (frf.freq_hz < 100)
+    # Positions under a force fall with the square of the frequency: what is left shows the flexible part.
+    flexible = np.array([motor, load]) * frf.freq_hz**2
+    assert [frf.freq_hz[near][np.argmax(g[near])] for g in flexible] == [77, 77]
+    assert frf.freq_hz[near][np.argmin(flexible[0][near])] == 53
+    assert peaks(frf.freq_hz, 1 / flexible[1], 1.0).size == 0 or 53 not in peaks(frf.freq_hz, 1 / flexible[1], 1.0)
+    noise = np.median(frf.noise[:, :, 0] / np.abs(frf.values[:, :, 0]), axis=0)
+    assert noise == pytest.approx([0.006, 0.015], abs=0.0007)
+    # With the transient the bound is more than twice as wide.
+    trusting = rid.estimate_frf(dataclasses.replace(record, initial="periodic"), period=2500)
+    assert np.median(trusting.bound / frf.bound) > 2
+
+
+def test_mirror():
+    """3839 lines; the eight modes as peaks of the largest singular value; noise 0.5 %, 5.8 % between two realisations."""
+    records = rid.datasets.load("fsm")
+    frf = rid.estimate_frf(records, period=8192)
+    assert frf.omega.size == 3839
+    largest = np.linalg.svd(frf.values, compute_uv=False)[:, 0]
+    found = peaks(frf.freq_hz, largest, 0.35)
+    for mode in (635, 806, 921, 1315, 1674, 2124, 2310, 2544):
+        assert np.min(np.abs(found - mode)) < 1.0, mode
+    gain = np.abs(frf.values)
+    # Of one period, from the mean of 2 blocks of 2 periods; of the difference of two blocks.
+    assert 0.004 < np.median(2 * frf.noise / gain) < 0.006
+    assert np.median(2**0.5 * frf.distortion / gain) == pytest.approx(0.058, abs=0.002)
+    assert "pooled over 10 neighbouring lines" in frf.note
+    # Two realisations alone would leave one degree of freedom, and bounds that say nothing.
+    assert np.median(frf.bound / gain) < 0.25
+
+
+def test_beam_from_two_sweeps():
+    """Both sweeps drive both patches, with equal and with opposite signs: together a 2 x 2 response."""
+    records = rid.datasets.load("beam_ring")
+    frf = rid.estimate_frf(records, lines=np.arange(100, 8000))
+    assert "local rational" in frf.note
+    gains = [np.abs(frf.values[:, i, j]) for i in (0, 1) for j in (0, 1)]
+    found = np.unique(np.concatenate([peaks(frf.freq_hz, gain, 0.9) for gain in gains]))
+    for mode in (1.46, 11.2, 22.6, 28.1, 33.3, 50, 58):
+        assert np.min(np.abs(found / mode - 1)) < 0.025, mode
+    # Noise of the accelerometers below 1 Hz.
+    low, band = frf.freq_hz < 1, (frf.freq_hz > 8) & (frf.freq_hz < 60)
+    assert np.median(frf.coherence[low]) < 0.9 < 0.99 < np.median(frf.coherence[band])
+    assert np.median(frf.bound[band] / np.abs(frf.values[band])) < 0.2

@@ -1,0 +1,209 @@
+"""The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run)."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from robustid.data.io import datasets
+from robustid.errors import DatasetNotFoundError
+from support.example_runs import FOLDER, check_files, load
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures get their names only: half a second each to draw."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b"\x89PNG"))
+
+
+def test_flexible_structure(tmp_path, capsys, undrawn):
+    load("flexible_structure").main(["--out", str(tmp_path)])
+    stems = ("no_mode", "the_light_mode", "both_modes")
+    check_files(tmp_path, [f"{kind}_{stem}.png" for kind in ("response", "residuals") for stem in stems])
+    assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")[:2000].lower()
+    printed = capsys.readouterr().out
+    rows = {
+        name: line.split()
+        for name in ("no mode", "the light mode", "both modes")
+        for line in printed.splitlines()
+        if line.startswith(name)
+    }
+    # order after reduction and error of the full model, counted from the end of the row
+    orders = {name: int(row[-4]) for name, row in rows.items()}
+    errors = {name: float(row[-3]) for name, row in rows.items()}
+    assert set(orders.values()) == {4}  # of the truth: the search does not depend on the class
+    assert 10 * errors["both modes"] < errors["the light mode"] < errors["no mode"]
+
+
+def test_conditioning(tmp_path, capsys, undrawn):
+    example = load("conditioning")
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["conditioning.png"])
+    assert "Lemma 1 is exact" in capsys.readouterr().out
+    for count in example.COUNTS:
+        for rho in (1.02, 1.1):
+            paper, orthonormal = example.conditions(example.roots_of_unity(count), rho)
+            np.testing.assert_allclose(paper, rho ** (2 * (count - 1)), rtol=1e-8)
+            assert orthonormal - 1 < 1e-12
+    assert example.conditions(example.measured_band(40), 1.1)[0] > 1000 * 1.1**78
+
+
+def test_motor_torsion_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("motor_torsion").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "HoriFujimotoLab/FdiTools" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.realdata
+def test_motor_torsion(tmp_path, capsys, undrawn):
+    try:
+        datasets.find("two_mass/MultisineTypeA.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    load("motor_torsion").main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["response.png", "time.png", "residuals.png"])
+    assert (tmp_path / "report.html").exists()
+    printed = capsys.readouterr().out
+    assert "inconsistent: proved" in printed
+    assert "status     consistent" in printed
+    assert "FAILED" not in printed
+    assert "What can be said: a model of order " in printed
+
+
+def test_worst_case(tmp_path, capsys, monkeypatch, undrawn):
+    example = load("worst_case")
+    monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
+    monkeypatch.setattr(example, "TUBE", 5)
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png", "step.png"])
+    assert "What is guaranteed" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out
+    assert "solver: all hold" in printed
+    rows = [
+        line.rsplit(maxsplit=4)[1:] for line in printed.splitlines() if ", up to 21 Hz" in line or ", above" in line
+    ]
+    assert len(rows) == 4
+    for upper, lower, off, where in rows:
+        assert where == "inside"
+        assert float(off) <= float(upper)
+        assert 0.9 * float(upper) < float(lower) <= float(upper)
+
+
+def test_torsion_margin_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    monkeypatch.syspath_prepend(FOLDER)
+    load("torsion_margin").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "HoriFujimotoLab/FdiTools" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def run_torsion_margin(example, tmp_path, capsys):
+    try:
+        datasets.find("two_mass/MultisineTypeA.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["guaranteed.png", "nyquist.png"])
+    assert "Over the whole circle" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out
+    assert "solver: all hold" in printed
+    rows = [line.split() for line in printed.splitlines() if line.startswith("   crossover")]
+    margins = [float(row[4].rstrip(",;")) for row in rows]
+    assert margins == sorted(margins, reverse=True)  # a faster controller leaves less
+    for row, margin in zip(rows, margins, strict=True):
+        assert (margin > 1) == (row[-1] == "guaranteed" and row[-2] != "not")
+    assert margins[0] > 1 > margins[-2] > margins[-1] == 0
+
+
+@pytest.mark.realdata
+def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
+    """Ten lines, a coarse circle and three controllers: enough for the claims."""
+    monkeypatch.syspath_prepend(FOLDER)
+    example = load("torsion_margin")
+
+    def ten_lines(frf, resonance):
+        near = np.abs(frf.omega - resonance) < 2 * np.pi * 3.5
+        return frf.select(np.flatnonzero(near | (np.arange(near.size) % 80 == 0)))
+
+    smaller = {"DIRECTIONS": 4, "CIRCLE": 2.0, "BETWEEN_HZ": np.zeros(1), "CROSSOVERS_HZ": (0.5, 2.0, 4.0)}
+    for name, value in (smaller | {"few_lines": ten_lines}).items():
+        monkeypatch.setattr(example, name, value)
+    run_torsion_margin(example, tmp_path, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_whole_torsion_margin(tmp_path, capsys, monkeypatch):
+    monkeypatch.syspath_prepend(FOLDER)
+    run_torsion_margin(load("torsion_margin"), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("size", [(3, 200), pytest.param((9, 600), marks=pytest.mark.slow)])
+def test_wafer_stage(tmp_path, capsys, monkeypatch, undrawn, size):
+    example = load("wafer_stage")
+    monkeypatch.setattr(example, "SIZE", size)
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])
+    rows = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert rows["rigid body"].endswith("[0. 0. 0. 0. 0. 0.]")
+    low = [float(rows[name][14:].split()[0]) for name in ("rigid body", "unconstrained")]
+    assert low[0] < 0.1 * low[1]  # below 5 Hz the constraint is what keeps the noise out
+
+
+def test_steering_mirror_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("steering_mirror").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "merijnfloren/fsm-benchmark-data" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def mirror_table(printed):
+    """Name of every row to the (3,) numbers at its end."""
+    rows = [line.rsplit(maxsplit=3) for line in printed.splitlines() if line.startswith(("not linear", "test,"))]
+    return {name: np.array([float(v) for v in values]) for name, *values in rows}
+
+
+def run_mirror(tmp_path, capsys, *orders):
+    try:
+        datasets.find("fsm_cubespec/u_300mV_train.npy")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    load("steering_mirror").main(["--out", str(tmp_path), *(["--orders", *map(str, orders)] if orders else [])])
+    check_files(tmp_path, ["response.png", "stabilisation.png", "time.png"])
+    return capsys.readouterr().out
+
+
+@pytest.mark.realdata
+def test_steering_mirror(tmp_path, capsys, undrawn):
+    printed = run_mirror(tmp_path, capsys, 16)
+    table = mirror_table(printed)
+    nonlinear, lines = (values for name, values in table.items() if "order" not in name)
+    (model,) = (values for name, values in table.items() if "order 16" in name)
+    # On other data the lines miss what isn't linear, and their own error besides.
+    assert np.all(nonlinear < lines)
+    assert np.all(lines < model)
+    assert np.all(model < 20)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_steering_mirror_at_all_orders(tmp_path, capsys):
+    printed = run_mirror(tmp_path, capsys)
+    table = mirror_table(printed)
+    nonlinear, lines = (values for name, values in table.items() if "order" not in name)
+    best = next(values for name, values in table.items() if "order 34" in name)
+    # A model of few numbers takes the mean over many lines: better than the lines themselves, no better than linear.
+    assert np.all(best < lines)
+    assert np.all(best > nonlinear)
+    assert "test, order 34: stationary" in printed or "test, order 34: flat" in printed
+    modes = np.array([[float(v) for v in line.split()[:2]] for line in printed.splitlines() if " to sensor " in line])
+    for hz in (635, 806, 921, 1315, 1674, 2124, 2310, 2544):
+        nearest = modes[np.argmin(np.abs(modes[:, 0] - hz))]
+        assert abs(nearest[0] - hz) < 0.006 * hz
+        assert 0.7 < nearest[1] < 1.35

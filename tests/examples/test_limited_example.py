@@ -1,0 +1,42 @@
+"""The page on model reduction as its users run it, and the claims that it prints."""
+
+import numpy as np
+import pytest
+
+from robustid.data.io import datasets
+from robustid.errors import DatasetNotFoundError
+from support.example_runs import check_files, load
+
+
+def test_without_data_it_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("model_reduction").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "SLICOT" in printed or "slicot" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.realdata
+def test_limits_gain_where_they_are_meant_to(tmp_path, capsys):
+    try:
+        datasets.find("slicot/build.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    load("model_reduction").main(["--out", str(tmp_path), "--models", "build"])
+    check_files(tmp_path, ["model_reduction.png"])
+    printed = capsys.readouterr().out
+    rows = {}
+    for line in printed.splitlines():
+        method, *numbers = line.replace("static gain", "static_gain").replace("unstable", "").split() or [""]
+        if method in ("plain", "static_gain", "band", "horizon", "weight"):
+            rows[method, int(numbers[0])] = np.array([float(value) for value in numbers[1:]])
+    for (method, _), (bound, error, *_) in rows.items():
+        if method in ("plain", "static_gain"):
+            assert error <= bound
+        else:
+            assert np.isinf(bound)
+    assert "of all others 0" in printed
+    assert "The bound holds in 12 of 12" in printed
+    assert rows["band", 24][2] < 0.2 * rows["plain", 24][2]
+    assert rows["horizon", 24][3] < 0.2 * rows["plain", 24][3]

@@ -1,0 +1,46 @@
+"""The example of measured plants with several channels, and what it prints."""
+
+import re
+
+import pytest
+
+from robustid.data.io import datasets
+from robustid.errors import DatasetNotFoundError
+from support.example_runs import check_files, load
+
+
+def test_without_data_it_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    for options, origin in (([], "flavioluiz/MIMO-FRF"), (["--fsm"], "merijnfloren/fsm-benchmark-data")):
+        load("beam_mimo").main(["--out", str(tmp_path), *options])
+        printed = capsys.readouterr().out
+        assert origin in printed
+        assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("options", "file"), [([], "beam_ring/symexc_1.mat"), (["--fsm"], "fsm_cubespec/u_300mV_train.npy")]
+)
+def test_measured_plants(tmp_path, capsys, options, file):
+    try:
+        datasets.find(file)
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    load("beam_mimo").main(["--out", str(tmp_path), *options])
+    check_files(tmp_path, ["response.png", "residuals.png"])
+    assert (tmp_path / "report.html").exists()
+    printed = capsys.readouterr().out
+    assert "status     consistent" in printed
+    assert "FAILED" not in printed
+    assert ("inconsistent: proved" in printed) == (not options)  # the beam is not linear down to its noise
+    table = printed.split("shape of the outputs\n")[1].split("\n\n")[0].splitlines()
+    rows = [[float(number) for number in line.split()[:4]] for line in table]
+    if not options:
+        assert [round(row[0], 1) for row in rows] == [11.2, 22.6, 28.1, 33.2, 58.3, 65.4]
+        assert max(row[3] for row in rows) < 0.05  # residues of rank one, nearly
+    found = re.search(r"at .* Hz \(index .*\); (\d+) outside", printed)
+    lines = int(re.search(r"(\d+) lines that were not used", printed)[1])
+    assert int(found[1]) < 0.02 * lines * (9 if options else 4)

@@ -1,0 +1,229 @@
+"""Saved worst-case errors: exact, compact, verified again, and worth nothing once they are forged."""
+
+import contextlib
+import dataclasses
+import errno
+import json
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.identification.support_certificate import evaluate_support
+from support.forging import forge, lower
+from support.problems import random_problem
+
+
+@pytest.fixture(scope="module")
+def computed():
+    result = rid.identify(random_problem(2, "parametric", 8))
+    return rid.worst_case_error(result, omega=[0.0, 60.0, 110.0], directions=5)
+
+
+@pytest.fixture
+def saved(computed, tmp_path):
+    computed.save(tmp_path / "bounds")
+    return tmp_path / "bounds"
+
+
+def same(error, again):
+    assert np.array_equal(again.omega, error.omega)
+    assert np.array_equal(again.upper, error.upper)
+    assert np.array_equal(again.lower, error.lower)
+    assert np.array_equal(again.parameters.lower, error.parameters.lower)
+    assert np.array_equal(again.parameters.attained, error.parameters.attained)
+    assert (again.directions, again.gap) == (error.directions, error.gap)
+    assert again.summary() == error.summary()
+
+
+@pytest.mark.parametrize(("case", "form"), [("time", "auto"), ("parametric", "auto"), ("mixed", "taylor")])
+def test_round_trip_is_exact_and_verifies_again(case, form, tmp_path):
+    error = rid.worst_case_error(rid.identify(random_problem(2, case, 8), form=form), omega=[0.0, 70.0], directions=4)
+    error.save(tmp_path / "a.b")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.b.json", "a.b.npz"]
+    again = rid.load_worst_case_error(tmp_path / "a.b.json")
+    same(error, again)
+    assert again.certified
+    assert again.identification.verification.passed
+    assert len(list(again.claims())) == 6 + 2 * error.parameters.lower.size
+
+
+def test_another_nominal_and_the_bound_on_the_circle_survive(computed, tmp_path):
+    small = rid.balanced_truncation(computed.identification.model, order=4).model
+    error = computed.with_model(small)
+    error.save(tmp_path / "small")
+    same(error, rid.load_worst_case_error(tmp_path / "small"))
+    circle = error.on_circle(0.5)
+    assert error.circle is circle
+    error.save(tmp_path / "small")
+    again = rid.load_worst_case_error(tmp_path / "small")
+    assert np.array_equal(again.circle.bound, circle.bound)
+    assert (again.hinf, again.circle.converged) == (error.hinf, circle.converged)
+    assert again.claim_count == len(list(again.claims())) > sum(v.directions.size for v in again.values) + 2
+    assert again.certified
+    lowered = np.where(circle.bound == circle.largest, 0.99 * circle.bound, circle.bound)
+    again.__dict__["circle"] = dataclasses.replace(again.circle, bound=lowered)
+    assert not again.certified
+    again.__dict__["circle"] = dataclasses.replace(circle, edges=circle.edges * 1.01)
+    assert not again.certified
+    assert np.array_equal(again.model.A, small.A)
+
+
+def test_files_are_no_larger_than_their_numbers(computed, saved):
+    """A certificate takes N complex multipliers, and the smaller one of its two factors and Y itself."""
+    numbers = 0
+    for claim in computed.claims():
+        n, rank = claim.certificate.left.shape
+        numbers += 2 * claim.certificate.samples.size + n * min(n, 2 * rank)
+    assert saved.with_suffix(".npz").stat().st_size < 8 * numbers + 25_000
+
+
+def test_an_identification_is_no_worst_case_error_and_the_other_way_round(computed, saved, tmp_path):
+    with pytest.raises(rid.FileFormatError, match="not a saved identification"):
+        rid.load_identification(saved)
+    computed.identification.save(tmp_path / "result")
+    with pytest.raises(rid.FileFormatError, match="not a saved worst-case error"):
+        rid.load_worst_case_error(tmp_path / "result")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_truncated_or_missing_files_are_named(saved, suffix):
+    target = saved.with_suffix(suffix)
+    target.write_bytes(target.read_bytes()[:100])
+    with pytest.raises(rid.FileFormatError, match="bounds"):
+        rid.load_worst_case_error(saved)
+    target.unlink()
+    with pytest.raises(rid.FileFormatError, match="missing"):
+        rid.load_worst_case_error(saved)
+
+
+def test_data_are_bound_to_the_proofs(saved):
+    """Any multipliers are valid: what they prove is about the data, which must be those that were measured."""
+    with np.load(saved.with_suffix(".npz")) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez(saved.with_suffix(".npz"), **arrays | {"time0/y": arrays["time0/y"] * 1.01})
+    with pytest.raises(rid.FileFormatError, match="digest"):
+        rid.load_worst_case_error(saved)
+
+
+@pytest.mark.parametrize("name", ["gain_bound", "decay_rate"])
+def test_assumptions_are_bound_to_the_proofs(computed, saved, name, tmp_path):
+    computed.identification.save(tmp_path / "result")
+    for path, load in ((saved, rid.load_worst_case_error), (tmp_path / "result", rid.load_identification)):
+        text = path.with_suffix(".json")
+        record = json.loads(text.read_text())
+        record.get("identification", record)["problem"]["prior"][name] *= 1.01
+        text.write_text(json.dumps(record))
+        with pytest.raises(rid.FileFormatError, match="edited"):
+            load(path)
+
+
+FORGERIES = {
+    "support": lower("values/support"),
+    "stated value": lower("values/certificates/value"),
+    "support and value": lambda a: (
+        lower("values/support")(a)
+        | {"values/certificates/value": a["values/certificates/value"] - 1e-6 * np.abs(a["values/support"]).max()}
+    ),
+    "multipliers": lambda a: {"values/certificates/samples": a["values/certificates/samples"] * 1.001},
+    "factors": lambda a: {"values/certificates/factors": a["values/certificates/factors"] * 0.999},
+    "bounds of the samples": lambda a: {"values/certificates/level": a["values/certificates/level"] * 0.5},
+    "frequency": lambda a: {"values/omega": a["values/omega"] + np.array([0.0, 1.0, 0.0])},
+    "sides": lambda a: {"values/sides": a["values/sides"][::-1]},
+    "fewer certificates": lambda a: {"values/certificates/rank": a["values/certificates/rank"][:-1]},
+    "order": lambda a: {"values/certificates/order": a["values/certificates/order"] + 1},
+    "interval": lower("parameters/upper"),
+    "fewer intervals": lambda a: {"parameters/lower": a["parameters/lower"][:1]},
+    "smaller matrices": lambda a: {
+        "values/certificates/order": a["values/certificates/order"] - 1,
+        "values/certificates/rank": np.zeros_like(a["values/certificates/rank"]),
+        "values/certificates/factors": np.zeros(0),
+    },
+    "fewer samples": lambda a: {"values/certificates/samples": a["values/certificates/samples"][:, :-1]},
+    "no multipliers": lambda a: {"values/certificates/samples": a["values/certificates/samples"] * np.nan},
+    "infinite factors": lambda a: {"values/certificates/factors": a["values/certificates/factors"] * np.inf},
+    "no frequency": lambda a: {"values/omega": a["values/omega"] * np.nan},
+    "not a number": lambda a: {"values/support": a["values/support"] * np.nan},
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forgery_is_refused_or_does_not_verify(saved, name):
+    forge(saved, FORGERIES[name])
+    with contextlib.suppress(rid.FileFormatError):
+        again = rid.load_worst_case_error(saved)
+        assert not again.verify()
+        assert not again.certified
+
+
+def test_open_polygons_are_refused(computed, tmp_path):
+    """Two directions close a polygon where the response is real only."""
+    value = computed.values[1]
+    names = ("directions", "support", "points")
+    two = dataclasses.replace(
+        value, certificates=value.certificates[:2], **{name: getattr(value, name)[[0, 0]] for name in names}
+    )
+    dataclasses.replace(computed, values=(two,), directions=2).save(tmp_path / "open")
+    with pytest.raises(rid.FileFormatError, match="sides"):
+        rid.load_worst_case_error(tmp_path / "open")
+
+
+def test_polygons_of_other_directions_prove_nothing(computed):
+    """The corners of a polygon are computed for even directions: the certificates alone do not make them right."""
+    values = computed.values[1]
+    turned = dataclasses.replace(values, directions=values.directions + 0.1)
+    assert not dataclasses.replace(computed, values=(turned,)).verify()
+    assert dataclasses.replace(computed, values=(values,)).verify()
+
+
+def test_other_multipliers_with_an_honest_value_are_true_and_weaker(computed, saved):
+    claims = [c for c in computed.claims() if "direction" in c.name]
+    scaled = [0.9 * c.certificate.samples for c in claims]
+    values = np.array(
+        [
+            evaluate_support(c.functional, s, c.certificate.left @ c.certificate.right.T, 1.0, c.rows, c.sarason)
+            for c, s in zip(claims, scaled, strict=True)
+        ]
+    )
+    finite = np.isfinite(values)  # free parameters leave no freedom in their equation
+    honest = np.where(finite, values, 1e300) + 1e-9
+    forge(
+        saved,
+        lambda a: {
+            "values/certificates/samples": np.array(scaled),
+            "values/certificates/value": honest,
+            "values/support": honest,
+        },
+    )
+    again = rid.load_worst_case_error(saved)
+    assert again.verify()
+    assert np.all(again.upper > computed.upper)
+
+
+def test_a_full_disk_leaves_what_was_there_and_says_so(computed, saved, tmp_path, monkeypatch):
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def full(file, **_):
+        file.write(b"half of it")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(rid.InputError, match="No space left"):
+        computed.save(saved)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_two_sides_are_no_polygon():
+    """Directions 0 and pi of a complex value bound no area: what they leave out can be anywhere above and below."""
+    data = rid.flexible_structure(lines=5, samples=2)
+    problem = rid.MixedProblem(
+        frequency=data.frequency,
+        prior=rid.Prior(gain_bound=0.1, decay_rate=1.3),
+        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
+    )
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0], directions=4)
+    value = error.values[0]
+    ends = {name: getattr(value, name)[[0, 2]] for name in ("directions", "support", "points")}
+    flat = dataclasses.replace(value, **ends, certificates=(value.certificates[0], value.certificates[2]))
+    assert error.certified
+    assert not dataclasses.replace(error, values=(flat,), directions=2).certified

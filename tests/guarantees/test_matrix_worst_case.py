@@ -1,0 +1,385 @@
+"""Worst-case errors of matrices: an independent judge, closed forms, drawn truths, laws, certificates, storage, refusals."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.advice.sensitivity import guaranteed
+from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees.value_set import norm_of_bounds, schur_bound, value_sets_at
+from support.matrix_plants import _discs, _unknowns, random_matrix_problem, response
+
+SHAPES = [(2, 2), (1, 2), (2, 1), (2, 3)]
+
+
+def judge_support(problem, omega, entry, angle):
+    """max Re(exp(-j angle) F_ab) over Pick's matrix with one more complex node, with cvxpy's own norms, by Clarabel."""
+    import cvxpy as cp
+
+    lines = np.unique(np.concatenate([[omega], *(f.omega for f in problem.frequency)]))
+    contraction, F, _ = _unknowns(problem, lines, 0)
+    p, q, size = F.shape[1:]
+    n, unknown = 2 * lines.size, cp.Variable(size)
+    limits = [cp.sigma_max(cp.reshape(contraction @ unknown, (n * q, n * p), order="C")) <= 1]
+    if problem.symmetric:
+        parts = [(part - part.swapaxes(1, 2)).reshape(-1, size) for part in (F.real, F.imag)]
+        limits += [part @ unknown == 0 for part in parts]
+    for experiment in problem.frequency:
+        for y, A in _discs(experiment, F[np.searchsorted(lines, experiment.omega)]):
+            limits.append(cp.norm(cp.hstack([part(y) - part(A) @ unknown for part in (np.real, np.imag)])) <= 1)
+    row = np.real(np.exp(-1j * angle) * F[np.searchsorted(lines, omega)][entry])
+    program = cp.Problem(cp.Maximize(row @ unknown), limits)
+    program.solve(solver="CLARABEL")
+    return float(program.value)
+
+
+def bounded(problem, omega, **options):
+    return rid.worst_case_error(rid.identify(problem), omega=omega, **{"directions": 4, "rtol": 0.3} | options)
+
+
+def small_problem(p=2, q=2, rho=1.5, damping=0.05, **options):
+    """Three lines and one mode: the problem, and the truth as a function of frequency with its residues."""
+    modes = rid.kautz([0.8], [damping], dt=1.0, delay=1)
+    problem, plant = random_matrix_problem(5, p, q, 3, rho=rho, bound=0.02, parametric=modes, **options)
+    residues = 2 * np.random.default_rng(3).standard_normal((2, p, q))
+    residues = residues + residues.swapaxes(1, 2) if problem.symmetric else residues
+
+    def truth(omega):
+        return response(plant, omega) + np.tensordot(modes.response(omega), residues, 1)
+
+    frf = problem.frequency[0]
+    values = frf.values + np.tensordot(modes.response(frf.omega), residues, 1)
+    return dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=values)), truth, residues
+
+
+@pytest.fixture(scope="module")
+def error():
+    problem, *_ = small_problem()
+    return bounded(problem, [0.0, 0.9, 2.0])
+
+
+# Known answers.
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+@pytest.mark.parametrize(
+    ("p", "q", "options"),
+    [
+        (2, 2, {}),
+        (2, 2, {"symmetric": True}),
+        (2, 1, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}),
+        (1, 2, {"scaled": True}),
+        pytest.param(3, 2, {}, marks=pytest.mark.slow),
+        pytest.param(2, 2, {"scaled": True, "symmetric": True}, marks=pytest.mark.slow),
+        pytest.param(2, 2, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}, marks=pytest.mark.slow),
+    ],
+)
+def test_the_judge_finds_the_same_support_of_every_entry(p, q, options):
+    """Pick's matrix at complex nodes, cvxpy: 1e-5 of the size, from above for the certificate and from below for the member."""
+    options = dict(options)
+    scaled = options.pop("scaled", False)
+    problem, _ = random_matrix_problem(2, p, q, 2, rho=1.4, **options)
+    if scaled:
+        scaling = np.full((p, q), 2.0)
+        scaling[0, -1] = 1.0 if p != q else 2.0
+        scaling[-1, -1] = 3.0
+        problem = problem.with_prior(scaling=scaling)
+    omega, directions = 2.2, 3
+    for found in value_sets_at(consistent_set(rid.identify(problem)), omega, directions, 1e-7):
+        size = np.abs(found.support).max()
+        for k, angle in enumerate(found.directions):
+            judge = judge_support(problem, omega, found.entry, angle)
+            assert found.support[k] == pytest.approx(judge, abs=1e-5 * size)
+            reached = np.real(np.exp(-1j * angle) * found.points[k])
+            assert reached == pytest.approx(judge, abs=1e-5 * size)
+            assert reached <= found.support[k]
+
+
+def test_no_data_gives_the_scaled_gain_bound_and_the_lens_of_every_entry():
+    """As of one channel: K s_ab; imaginary direction K s_ab (1 - sqrt(1 - s^2))/s, s = 2 |Im zeta|/|1 - zeta^2|."""
+    K, rho, omega, scales = 2.0, 1.2, 1.2, np.array([[1.0, 3.0], [0.5, 2.0]])
+    frf = rid.FrequencyResponse([0.0], np.zeros((1, 2, 2)), bound=100.0, dt=1.0)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=K, decay_rate=rho, scaling=scales))
+    zeta = np.exp(-1j * omega) / rho
+    s = 2 * abs(zeta.imag) / abs(1 - zeta**2)
+    side = (1 - np.sqrt(1 - s**2)) / s
+    for found in value_sets_at(consistent_set(rid.identify(problem)), omega, 4, 1e-8):
+        wanted = K * scales[found.entry] * np.array([1, side, 1, side])
+        assert found.support == pytest.approx(wanted, rel=1e-6)
+        assert np.all(found.support >= wanted)
+
+
+def test_without_data_the_largest_singular_value_is_at_most_the_gain_bound():
+    """Of the model 0: K, attained, although every entry reaches K and the norm of their bounds is 2 K."""
+    frf = rid.FrequencyResponse([0.0], np.zeros((1, 2, 2)), bound=100.0, dt=1.0)
+    error = bounded(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)), [1.2])
+    error = error.with_model(control.ss([], [], [], np.zeros((2, 2)), 1.0))
+    assert error.sigma_upper == pytest.approx([2.0], rel=1e-6)
+    assert 0.95 * 2 < error.sigma_lower[0] <= 2
+    assert norm_of_bounds(error.upper)[0] > 3.9
+
+
+def test_norms_of_bounds_and_of_entrywise_products():
+    rng = np.random.default_rng(0)
+    for p, q in SHAPES:
+        bounds = rng.uniform(0, 1, (50, p, q))
+        E = bounds * rng.uniform(0, 1, bounds.shape) * np.exp(2j * np.pi * rng.uniform(0, 1, bounds.shape))
+        assert np.all(np.linalg.norm(E, 2, axis=(1, 2)) <= norm_of_bounds(bounds))
+        M = rng.standard_normal((50, p, q)) + 1j * rng.standard_normal((50, p, q))
+        M /= np.linalg.norm(M, 2, axis=(1, 2))[:, None, None]
+        assert np.linalg.norm(bounds[0] * M, 2, axis=(1, 2)).max() <= schur_bound(bounds[0])
+        a, b = rng.uniform(0.1, 1, p), rng.uniform(0.1, 1, q)
+        assert schur_bound(np.outer(a, b)) == pytest.approx(a.max() * b.max(), rel=1e-9)
+    assert norm_of_bounds(np.array([[[1.0, np.inf], [0, 0]], [[3.0, 0], [0, 4.0]]])).tolist() == [
+        np.inf,
+        4 * (1 + 1e-12),
+    ]
+
+
+# Laws.
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 30))])
+def test_the_truth_is_inside_on_random_plants(seed):
+    """30 plants of four shapes, symmetric ones among them, truth of the class and noise in the discs: no bound is exceeded."""
+    p, q = SHAPES[seed % 4]
+    problem, truth = random_matrix_problem(seed, p, q, 3, rho=1.3, symmetric=seed % 8 == 4)
+    omega = np.append(problem.frequency[0].omega[1], [0.1, 2.7])
+    error = bounded(problem, omega)
+    values = response(truth, error.omega)
+    off = values - error.nominal
+    assert np.all(np.abs(off) <= error.upper)
+    assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= error.sigma_upper)
+    assert np.all(error.lower <= error.upper)
+    assert np.all(error.sigma_lower <= error.sigma_upper)
+    assert np.all(error.sigma_lower >= error.lower.max(axis=(1, 2)))
+    for entry in np.ndindex(p, q):
+        for k, found in enumerate(error.of_entry(*entry)):
+            assert found.excludes(values[k][entry]) == 0
+    low, high = np.moveaxis(error.magnitude, -1, 0)
+    assert np.all((low <= np.abs(values)) & (np.abs(values) <= high))
+    assert error.certified
+
+
+def test_coupling_the_channels_of_a_diagonal_plant_costs_nothing():
+    """sigma_max(G) <= K implies |G_ii| <= K: the sets of the coupled problem are parts of those of the separate ones."""
+    problem, _ = random_matrix_problem(1, 2, 2, 3, rho=1.3)
+    frf = problem.frequency[0]
+    frf = dataclasses.replace(frf, values=frf.values * np.eye(2))
+    problem = dataclasses.replace(problem, frequency=frf)
+    together = value_sets_at(consistent_set(rid.identify(problem)), 2.4, 6, 1e-5)
+    for found in together:
+        one = rid.MixedProblem(frequency=frf.channel(*found.entry), prior=problem.prior)
+        (alone,) = value_sets_at(consistent_set(rid.identify(one)), 2.4, 6, 1e-5)
+        assert np.all(found.support <= alone.support + 1e-4 * np.abs(alone.support).max())
+
+
+def test_permuted_channels_give_permuted_sets():
+    problem, _ = random_matrix_problem(3, 2, 2, 2, rho=1.4)
+    frf = problem.frequency[0]
+    turned = dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=frf.values[:, ::-1]))
+    sets = [value_sets_at(consistent_set(rid.identify(one)), 2.5, 3, 1e-5) for one in (problem, turned)]
+    first, second = ({v.entry: v for v in found} for found in sets)
+    for (a, b), found in second.items():
+        assert found.support == pytest.approx(first[1 - a, b].support, abs=1e-4 * np.abs(found.support).max())
+
+
+def test_the_taylor_form_encloses_the_exact_one():
+    """Its supports are above what the exact form attains, and what it attains below the supports of the exact form."""
+    problem, _ = random_matrix_problem(4, 2, 2, 2, rho=3.0)
+    results = [rid.identify(problem, form=form) for form in ("orthonormal", "taylor")]
+    exact, taylor = (value_sets_at(consistent_set(result), 2.0, 4, 1e-4) for result in results)
+    for one, two in zip(exact, taylor, strict=True):
+        turn = np.exp(-1j * one.directions)
+        size = np.abs(one.support).max()
+        assert np.all(two.support >= np.real(turn * one.points))
+        assert np.all(np.real(turn * two.points) - two.slack <= one.support)
+        assert two.support == pytest.approx(one.support, abs=1e-2 * size)
+        assert two.slack < 1e-2 * size
+
+
+def test_every_kind_of_data_bounds_the_errors():
+    """A record with two inputs, bounds of columns, samples in a direction: the truth is inside, every claim is proved."""
+    problem, truth = random_matrix_problem(6, 2, 2, 2, rho=1.4)
+    rng, frf = np.random.default_rng(0), problem.frequency[0]
+    u = rng.standard_normal((4, 2))
+    y = control.forced_response(truth, np.arange(4.0), u.T).outputs.T + rng.uniform(-0.05, 0.05, (4, 2))
+    columns = dataclasses.replace(frf, bound=1.5 * frf.bound, joint="column")
+    exact = rid.FrequencyResponse([2.9], response(truth, np.array([2.9])), bound=0.1, dt=1.0)
+    lines = columns, exact.tangential(right=[1.0, -1.0], bound=0.05)
+    integrator = control.ss(1.0, 1.0, 1.0, 0.0, 1.0)
+    record = rid.TimeRecord(u, y, dt=1.0, bound=0.05)
+    problem = dataclasses.replace(problem, frequency=lines, time=record, parametric=integrator)
+    error = bounded(problem, [0.5], directions=3)
+    assert np.all(np.abs(response(truth, error.omega) - error.nominal) <= error.upper)
+    assert np.all((error.parameters.lower <= 0) & (error.parameters.upper >= 0))
+    assert error.certified
+    assert error.worst(1)[0][3].startswith(("time 1 at", "frequency 1 at", "frequency 2 at"))
+
+
+# Parameters, the circle, other nominals.
+
+
+def test_intervals_of_all_residues_hold_the_truth(error):
+    residues = small_problem()[2]
+    found = error.parameters
+    assert found.lower.shape == error.identification.parameters.shape == (2, 2, 2)
+    assert np.all((found.lower <= residues) & (residues <= found.upper))
+    assert np.all((found.lower <= found.attained[..., 0]) & (found.attained[..., 1] <= found.upper))
+    assert np.all(found.attained[..., 1] - found.attained[..., 0] >= 0.99 * (found.upper - found.lower))
+    for raised in (found.lower + 1e-4, np.where(np.arange(8).reshape(2, 2, 2) == 5, found.lower + 1e-4, found.lower)):
+        assert not dataclasses.replace(error, parameters=dataclasses.replace(found, lower=raised)).certified
+
+
+def test_intervals_of_symmetric_residues_are_symmetric_and_proved():
+    problem, truth, residues = small_problem(symmetric=True)
+    error = bounded(problem, [2.0], directions=3)
+    assert [v.entry for v in error.values] == [(0, 0), (0, 1), (1, 1)]
+    assert np.array_equal(error.parameters.upper, error.parameters.upper.swapaxes(1, 2))
+    assert np.all((error.parameters.lower <= residues) & (residues <= error.parameters.upper))
+    around = error.with_model(control.ss([], [], [], truth(np.array([2.0]))[0].real, 1.0))
+    assert np.array_equal(around.upper, around.upper.swapaxes(1, 2))
+    assert len(error.parameters.certificates) == 2 * 2 * 3
+    assert error.certified
+    lowered = np.array(error.parameters.upper)
+    lowered[0, 1, 0] -= 1e-3 * abs(lowered[0, 1, 0])  # below the diagonal, where no certificate is stored
+    assert not dataclasses.replace(error, parameters=dataclasses.replace(error.parameters, upper=lowered)).certified
+
+
+@pytest.mark.parametrize(
+    ("p", "q", "rho", "damping"), [(2, 1, 4.0, 0.5), pytest.param(2, 2, 1.5, 0.05, marks=pytest.mark.slow)]
+)
+def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
+    problem, truth, _ = small_problem(p, q, rho, damping)
+    error = bounded(problem, [0.0, 1.0, np.pi], directions=3)
+    circle = error.on_circle(1.0)
+    assert circle.converged
+    assert circle.entries.shape == (circle.bound.size, p, q)
+    assert error.hinf == circle.largest >= error.sigma_upper.max()
+    assert circle.largest >= circle.lower >= error.sigma_lower.max()
+    omega = np.linspace(circle.edges[:-1], circle.edges[1:], 20)
+    cell = np.tile(np.arange(circle.bound.size), 20)
+    off = truth(omega.ravel()) - response(error.model, omega.ravel())
+    assert np.all(np.abs(off) <= circle.entries[cell])
+    assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= circle.bound[cell])
+    assert error.claim_count == len(list(error.claims()))
+    assert error.certified
+    for part in ("bound", "entries"):
+        forged = dataclasses.replace(error)
+        forged.__dict__["circle"] = dataclasses.replace(circle, **{part: 0.9 * getattr(circle, part)})
+        assert not forged.certified
+
+
+@pytest.mark.slow
+def test_the_weight_is_above_the_largest_singular_value():
+    problem, truth, _ = small_problem(2, 1, 4.0, 0.5)
+    error = bounded(problem, [0.0, 1.0, np.pi], directions=3)
+    omega, model = np.linspace(0, np.pi, 500), error.weight().model
+    off = truth(omega) - response(error.model, omega)
+    assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= np.abs([model(np.exp(1j * w)) for w in omega]))
+
+
+def test_another_nominal_needs_no_solver_and_its_channels(error):
+    nothing = control.ss([], [], [], np.zeros((2, 2)), 1.0)
+    other = error.with_model(nothing)
+    assert np.all(other.upper <= error.upper + np.abs(error.nominal) + 1e-12)
+    assert np.all(other.upper >= np.abs(error.nominal) - error.upper)
+    assert other.upper == pytest.approx(np.moveaxis(error.magnitude, -1, 0)[1])
+    with pytest.raises(rid.InputError, match="2 inputs and 2 outputs; got 1 and 1"):
+        error.with_model(control.ss([], [], [], 0.0, 1.0))
+
+
+# Proofs and storage.
+
+
+def test_what_is_stored_comes_back_and_forgeries_of_any_entry_fail(error, tmp_path):
+    error.save(tmp_path / "bounds")
+    again = rid.load_worst_case_error(tmp_path / "bounds")
+    for name in ("upper", "lower", "sigma_upper", "sigma_lower", "phase"):
+        assert np.array_equal(getattr(again, name), getattr(error, name))
+    assert again.certified
+    assert again.summary() == error.summary()
+    assert again.worst() == error.worst()
+    for k, one in enumerate(error.values):
+        size = np.abs(one.support).max()
+        lowered = dataclasses.replace(one, support=one.support - 1e-3 * size)
+        assert not dataclasses.replace(again, values=(*again.values[:k], lowered, *again.values[k + 1 :])).certified
+    named = [dataclasses.replace(v, entry=(v.entry[1], v.entry[0])) for v in error.values]
+    assert not dataclasses.replace(again, values=tuple(named)).certified
+
+
+def test_files_with_the_entries_of_others_are_refused(error, tmp_path):
+    error.save(tmp_path / "bounds")
+    with np.load(tmp_path / "bounds.npz") as archive:
+        arrays = dict(archive)
+    assert len(arrays["values/entry"]) == 12
+    from robustid.guarantees.packing import part, unpack_values
+
+    stored, entries = part(arrays, "values/"), error.identification.problem.entries
+    for name, changed in (
+        ("entry", stored["entry"][::-1]),
+        ("omega", stored["omega"] + np.arange(12) * 1e-3),
+        ("points", stored["points"][:-4]),
+    ):
+        with pytest.raises(ValueError, match="polygons"):
+            unpack_values(stored | {name: changed}, 1.0, entries)
+
+
+def test_spread_and_resumed_sweeps_give_the_same(error, tmp_path):
+    options = {"omega": error.omega[1:2], "directions": 4, "rtol": 0.3, "resume": tmp_path}
+    with ThreadPoolExecutor(2) as executor:
+        spread = rid.worst_case_error(error.identification, executor=executor, **options)
+    counts = []
+    resumed = rid.worst_case_error(error.identification, progress=lambda *count: counts.append(count), **options)
+    assert counts == [(1, 1)]
+    for other in (spread, resumed):
+        assert np.allclose(other.upper, error.upper[1], rtol=1e-9)
+        assert np.allclose(other.sigma_lower, error.sigma_lower[1], rtol=1e-9)
+
+
+def test_the_text_names_entries(error):
+    _, output, input = np.unravel_index(np.argmax(error.upper), error.upper.shape)
+    text = error.summary()
+    assert "norm       largest singular value" in text
+    assert f"entry      at most {error.upper.max():.4g} (u{input + 1} to y{output + 1})" in text
+    names = [claim.name for claim in error.claims()]
+    assert "0.9 rad/s (u2 to y1), direction 3 of 4" in names
+    assert len(set(names)) == len(names)
+
+
+def test_the_diameter_covers_the_sets():
+    problem, _ = random_matrix_problem(6, 2, 2, 2, rho=1.4)
+    wide = rid.certify.diameter(problem, omega=[2.5], directions=8, rtol=0.05)
+    error = bounded(problem, [2.5], directions=8)
+    for entry in np.ndindex(2, 2):
+        points = error.of_entry(*entry)[0].points
+        assert np.abs(points[:, None] - points).max() <= wide.upper[0][entry]
+    assert np.all(wide.lower <= wide.upper)
+    assert f"{wide.upper.max():.4g}" in wide.summary()
+    assert wide.verify()
+
+
+def test_half_widths_of_matrices_are_below_the_errors():
+    problem, _ = random_matrix_problem(6, 2, 2, 2, rho=1.4)
+    _, median, worst = guaranteed(problem, np.array([2.5]))
+    error = bounded(problem, [2.5], directions=8, rtol=0.1)
+    largest = float((error.sigma_upper / np.linalg.norm(error.nominal, 2, axis=(1, 2))).item())
+    assert 0.5 * largest < median == worst <= largest
+
+
+@pytest.mark.parametrize(
+    ("name", "ask"),
+    [
+        ("response_tube", rid.certify.response_tube),
+        ("refute", lambda result: rid.certify.refute(result, result.problem.frequency[0])),
+        ("worst_case_over_poles", lambda result: rid.worst_case_over_poles(result, [[0.7, 0.9]], [[0.04, 0.06]])),
+        ("suggest_next", rid.suggest_next),
+    ],
+)
+def test_what_is_for_one_channel_says_so(error, name, ask):
+    with pytest.raises(rid.InputError, match=f"`{name}` is for one input and one output; got 2 outputs and 2 inputs"):
+        ask(error.identification)

@@ -1,0 +1,280 @@
+"""The proofs of a band over poles: they hold, survive a file, and are worth nothing once they are forged."""
+
+import contextlib
+import dataclasses
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.guarantees import PoleCell
+from support.forging import forge, lower
+
+
+def identified(seed=0):
+    data = rid.flexible_structure(seed=seed, lines=8, samples=2, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    problem = rid.MixedProblem(
+        frequency=data.frequency,
+        prior=rid.Prior(gain_bound=0.1, decay_rate=1.3),
+        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
+    )
+    return rid.identify(problem), data.modes
+
+
+def banded(**options):
+    result, modes = identified()
+    box = modes[:, :1] * [1 - 0.002 / 3, 1.002], modes[:, 1:] * [0.9, 1 + 0.1 / 3]
+    return rid.worst_case_over_poles(result, *box, omega=[0.0, 30.0], directions=4, cells=4, **options)
+
+
+@pytest.fixture(scope="module")
+def computed():
+    return banded()
+
+
+@pytest.fixture
+def saved(computed, tmp_path):
+    computed.save(tmp_path / "band")
+    return tmp_path / "band"
+
+
+def test_the_proofs_hold(computed):
+    claims = list(computed.claims())
+    assert len(computed.kept) >= 2
+    assert len(computed.refuted) >= 2
+    assert computed.certified
+    assert len(claims) == computed.claim_count == 6 * len(computed.kept) + len(computed.refuted)
+    assert len({claim.name for claim in claims}) == len(claims)
+    assert all(claim.verify() for claim in claims)
+
+
+def test_the_proofs_hold_in_ball_arithmetic(computed):
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    assert computed.verify(exact=True)
+
+
+def same(band, again):
+    for name in ("omega", "upper", "magnitude"):
+        assert np.array_equal(getattr(again, name), getattr(band, name))
+    assert again.summary() == band.summary()
+    assert [c.ends.tolist() for c in again.cells] == [c.ends.tolist() for c in band.cells]
+
+
+def test_round_trip_is_exact_and_verifies_again(computed, saved):
+    again = rid.load_pole_band(saved.with_suffix(".json"))
+    same(computed, again)
+    assert again.certified
+    assert again.claim_count == computed.claim_count
+    with pytest.raises(rid.FileFormatError, match="not a saved worst-case error"):
+        rid.load_worst_case_error(saved)
+
+
+def test_another_nominal_survives(tmp_path):
+    result, _ = identified()
+    small = rid.balanced_truncation(result.model, order=4).model
+    band = banded(model=small)
+    band.save(tmp_path / "band")
+    again = rid.load_pole_band(tmp_path / "band")
+    same(band, again)
+    assert again.certified
+    assert np.array_equal(again.model.A, small.A)
+
+
+def test_bounds_tighter_than_the_proofs_fail_and_wider_ones_hold(computed):
+    upper, (low, high) = computed.upper, computed.magnitude.T
+    assert dataclasses.replace(computed, upper=1.1 * upper).verify()
+    assert not dataclasses.replace(computed, upper=0.9999 * upper).verify()
+    assert not dataclasses.replace(computed, upper=upper[:1]).verify()
+    assert dataclasses.replace(computed, magnitude=np.stack([0.9 * low, 1.1 * high], axis=1)).verify()
+    assert not dataclasses.replace(computed, magnitude=np.stack([low, 0.9999 * high], axis=1)).verify()
+    assert not dataclasses.replace(computed, magnitude=np.stack([1.0001 * low, high], axis=1)).verify()
+    assert not dataclasses.replace(computed, model=identified(1)[0].model).verify()
+
+
+def test_cells_that_leave_out_a_part_of_the_box_fail(computed):
+    kept, refuted = computed.kept, computed.refuted
+    assert not dataclasses.replace(computed, kept=kept[1:]).covered
+    assert not dataclasses.replace(computed, refuted=refuted[1:]).verify()
+    assert not dataclasses.replace(computed, kept=()).verify()
+    wide = computed.box.omega * [[0.9999, 1.0], [1.0, 1.0]]
+    assert not dataclasses.replace(computed, box=dataclasses.replace(computed.box, omega=wide)).verify()
+
+
+def test_smaller_amplitudes_than_are_stated_fail(computed):
+    first, *others = computed.kept
+    less = dataclasses.replace(first.cell, amplitude=0.99 * first.cell.amplitude)
+    assert not dataclasses.replace(computed, kept=(dataclasses.replace(first, cell=less), *others)).verify()
+
+
+def test_another_identification_fails(computed):
+    assert not dataclasses.replace(computed, identification=identified(1)[0]).verify()
+    # Nothing but the data differ: the certificates themselves do not hold.
+    frf = identified(1)[0].problem.frequency[0]
+    problem = dataclasses.replace(computed.identification.problem, frequency=(frf,))
+    other = dataclasses.replace(computed, identification=dataclasses.replace(computed.identification, problem=problem))
+    assert other.covered
+    assert not all(claim.verify() for claim in other.claims())
+    # Without poles there is no box.
+    none = dataclasses.replace(problem, parametric=None)
+    without = dataclasses.replace(computed.identification, problem=none)
+    assert not dataclasses.replace(computed, identification=without).verify()
+
+
+def test_a_cell_without_values_has_no_bound(computed):
+    first, *others = computed.kept
+    open_ = dataclasses.replace(computed, kept=(dataclasses.replace(first, values=()), *others))
+    assert not open_.verify()
+    none = np.broadcast_to([0.0, np.inf], computed.magnitude.shape)
+    assert dataclasses.replace(open_, upper=np.full_like(computed.upper, np.inf), magnitude=none).verify()
+
+
+def test_what_no_data_speak_of_is_not_refuted(computed):
+    """Half of a box so wide that every line is left out."""
+    box = computed.box
+    wide = dataclasses.replace(box, omega=box.omega * [0.5, 1.5], damping=box.damping * [0.5, 3])
+    halves = wide.split(computed.identification.problem, computed.omega)
+    assert all(half.relaxed(computed.identification.problem) is None for half in halves)
+    none = np.broadcast_to([0.0, np.inf], computed.magnitude.shape)
+    band = dataclasses.replace(
+        computed, box=wide, upper=np.full_like(computed.upper, np.inf), magnitude=none, refuted=(), kept=()
+    )
+    kept = [dataclasses.replace(computed.kept[0], cell=half, values=()) for half in halves]
+    assert dataclasses.replace(band, kept=tuple(kept)).verify()
+    claimed = dataclasses.replace(computed.refuted[0], cell=halves[1])
+    forged = dataclasses.replace(band, kept=(kept[0],), refuted=(claimed,))
+    assert forged.covered
+    assert not forged.verify()
+
+
+def test_open_polygons_prove_nothing(computed):
+    """Two of the four sides at 30 rad/s: an interval of the real axis, where values are complex."""
+    first, *others = computed.kept
+    value = first.values[1]
+    pick = [0, 2]
+    proofs = tuple(value.certificates[k] for k in pick)
+    two = dataclasses.replace(
+        value,
+        directions=value.directions[pick],
+        support=value.support[pick],
+        points=value.points[pick],
+        certificates=proofs,
+    )
+    cell = dataclasses.replace(first, values=(first.values[0], two))
+    assert not dataclasses.replace(computed, kept=(cell, *others), upper=10 * computed.upper).verify()
+
+
+def moved(name, mode, end, by):
+    def change(arrays):
+        ends = arrays[name].copy()
+        ends[mode, end] += by * np.ptp(ends[mode])
+        return {name: ends}
+
+    return change
+
+
+def scaled(name, by):
+    return lambda arrays: {name: arrays[name] * by}
+
+
+VALUES = "kept/0/values/"
+FORGERIES = {
+    "bound": scaled("band/upper", 0.9999),
+    "range": scaled("band/magnitude", 1.0001),
+    "frequency": lambda a: {"band/omega": a["band/omega"] + np.array([0.0, 1.0])},
+    "frequency of a cell": lambda a: {VALUES + "omega": a[VALUES + "omega"] + np.array([0.0, 1.0])},
+    "support": lower(VALUES + "support"),
+    "stated value": lower(VALUES + "certificates/value"),
+    "multipliers of a bound": scaled(VALUES + "certificates/samples", 1.001),
+    "factors": scaled(VALUES + "certificates/factors", 0.999),
+    "level": scaled(VALUES + "certificates/level", 0.5),
+    "fewer certificates": lambda a: {VALUES + "certificates/rank": a[VALUES + "certificates/rank"][:-1]},
+    "multipliers of a refutation": scaled("refuted/0/samples", 1.001),
+    "matrix of a refutation": scaled("refuted/0/ball", 0.999),
+    "value of a refutation": lambda a: {"refuted/0/limits": a["refuted/0/limits"] * [1.0, 1.01]},
+    "value that refutes nothing": lambda a: {"refuted/0/limits": a["refuted/0/limits"] * [1.0, 0.0] + [0.0, 1.0]},
+    "value that is no number": lambda a: {"refuted/0/limits": a["refuted/0/limits"] * [1.0, np.nan]},
+    "fewer bounds": lambda a: {"band/upper": a["band/upper"][:1]},
+    "fewer modes": lambda a: {"kept/0/omega": a["kept/0/omega"][:1]},
+    "fewer multipliers": lambda a: {"refuted/0/samples": a["refuted/0/samples"][:-1]},
+    "end of a cell": moved("kept/0/omega", 1, 0, 1e-6),
+    "other end of a cell": moved("kept/0/omega", 1, 1, 1e-6),
+    "end of a refuted cell": moved("refuted/0/damping", 1, 1, -1e-6),
+    "end of the box": moved("box/damping", 0, 1, 1e-6),
+    "not a number": lambda a: {"kept/0/omega": a["kept/0/omega"] * np.nan},
+    "data": lambda a: {"frequency0/values": a["frequency0/values"] * 1.01},
+    "amplitudes": scaled("result/scaled_parameters", 0.9),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forgery_is_refused_or_does_not_verify(saved, name):
+    forge(saved, FORGERIES[name])
+    with contextlib.suppress(rid.FileFormatError):
+        assert not rid.load_pole_band(saved).verify()
+
+
+@pytest.mark.parametrize("change", [{"kept": 0}, {"kept": 1}, {"refuted": 0}, {"delay": 0}, {"kept": 99}])
+def test_forged_text_is_refused_or_does_not_verify(saved, change):
+    text = saved.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | change))
+    with contextlib.suppress(rid.FileFormatError):
+        assert not rid.load_pole_band(saved).verify()
+
+
+def test_numbers_are_bound_to_their_text(saved):
+    with np.load(saved.with_suffix(".npz")) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez(saved.with_suffix(".npz"), **arrays | {"band/upper": 2 * arrays["band/upper"]})
+    with pytest.raises(rid.FileFormatError, match="digest"):
+        rid.load_pole_band(saved)
+
+
+def test_halves_of_halves_cover_the_box_and_nothing_less_does():
+    """Thirty boxes of one to three modes in twelve cells: every one of them is needed, up to its ends."""
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        modes = rng.integers(1, 4)
+        low = rng.uniform(1, 2, (2, modes, 1))
+        box = PoleCell(low[0] * [1, 1.5], low[1] * [0.1, 0.2], np.ones(modes), 1, 0.01)
+        cells = [box]
+        while len(cells) < 12:
+            cell = cells.pop(rng.integers(len(cells)))
+            name, mode = rng.choice(["omega", "damping"]), rng.integers(modes)
+            middle, ends = getattr(cell, name)[mode].mean(), (getattr(cell, name).copy(), getattr(cell, name).copy())
+            ends[0][mode, 1] = ends[1][mode, 0] = middle
+            cells += [dataclasses.replace(cell, **{name: e}) for e in ends]
+        order = rng.permutation(len(cells))
+        cells = [cells[k] for k in order]
+        assert box.covered_by(cells)
+        for k in range(len(cells)):
+            others = cells[:k] + cells[k + 1 :]
+            assert not box.covered_by(others)
+            side, end = rng.integers(modes), rng.integers(2)
+            ends = cells[k].damping.copy()
+            ends[side, end] += (1e-9 if end == 0 else -1e-9) * ends[side, end]
+            assert not box.covered_by([*others, dataclasses.replace(cells[k], damping=ends)])
+
+
+def test_an_interrupted_band_goes_on_from_its_folder(computed, tmp_path):
+    calls = []
+
+    def interrupt(done, count):
+        calls.append((done, count))
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        banded(progress=interrupt, resume=tmp_path)
+    total = 2 * len(computed.kept)
+    assert calls == [(1, total), (2, total), (3, total)]
+    done = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.npz")}
+    assert len(done) == 3
+    calls.clear()
+    with ThreadPoolExecutor(1) as executor:
+        again = banded(progress=lambda *at: calls.append(at), resume=tmp_path, executor=executor)
+    assert calls[0] == (2, total)
+    assert calls[-1] == (total, total)
+    same(computed, again)
+    assert {p: p.stat().st_mtime_ns for p in done} == done

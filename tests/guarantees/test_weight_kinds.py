@@ -1,0 +1,146 @@
+"""Weights of every kind: what they say about every plant of a set, channel by channel; misuse."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.guarantees import entry_weights, guaranteed_margin, magnitude_weight, uncertainty_weight
+from robustid.guarantees.enclosure import enclose
+from support.weights import check_densely, largest_on, mode, modulus, random_model, values_of
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+# ------------------------------------------------------------------------------------------------------ kinds and channels
+
+
+def drawn_errors(rng, cells_edges, bound, count):
+    """Error matrices on and inside the bound, at random frequencies: (omega, E)."""
+    cell = rng.integers(0, bound.shape[0], count)
+    omega = rng.uniform(cells_edges[cell], cells_edges[cell + 1])
+    shape = (count, *bound.shape[1:])
+    size = np.where(rng.random(shape) < 0.7, 1.0, rng.random(shape))
+    return omega, bound[cell] * size * np.exp(2j * np.pi * rng.random(shape))
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+@pytest.mark.parametrize("kind", ["additive", "multiplicative", "inverse"])
+def test_every_drawn_plant_has_an_uncertainty_of_at_most_one(rng, kind, channels):
+    nominal = random_model(rng, channels, channels)
+    nominal.D += 8 * np.eye(channels)  # no zeros near the circle
+    edges = np.linspace(0, np.pi, 31) / 0.1
+    bound = rng.uniform(0.05, 0.2, (30, channels, channels))
+    weight = uncertainty_weight(nominal, edges, bound, kind=kind)
+    assert weight.kind == kind
+    check_densely(weight, 20_000)
+    omega, E = drawn_errors(rng, edges, bound, 3000)
+    F_id = values_of(nominal, omega)
+    F = F_id + E
+    delta = {
+        "additive": lambda: E,
+        "multiplicative": lambda: E @ np.linalg.inv(F_id),
+        "inverse": lambda: -E @ np.linalg.inv(F),  # F = (I + W delta)^-1 F_id
+    }[kind]()
+    sizes = np.linalg.norm(delta, 2, axis=(1, 2))
+    assert np.all(sizes <= modulus(weight, omega))
+    here = weight.bound[np.searchsorted(edges, omega, side="right") - 1]
+    assert np.all(sizes <= here)
+    assert (sizes / here).max() > 0.6  # and the bound is not idle
+
+
+def test_one_channel_kinds_are_the_quotients():
+    nominal = control.ss(0.5, 1.0, 1.0, 0.0, 0.1)
+    edges = np.linspace(0, np.pi, 401) / 0.1
+    smallest = largest_on(lambda w: -np.abs(1 / (np.exp(0.1j * w) - 0.5)), edges) * -1
+    for kind, value in (("multiplicative", 0.1 / smallest), ("inverse", 0.1 / (smallest - 0.1))):
+        weight = uncertainty_weight(nominal, edges, np.full(400, 0.1), kind=kind)
+        assert np.all(weight.bound >= value * (1 - 1e-12))
+        assert np.all(weight.bound <= value * 1.06)
+
+
+def test_entries_have_weights_of_their_own(rng):
+    nominal = random_model(rng, 2, 3)
+    edges = np.linspace(0, np.pi, 21) / 0.1
+    bound = rng.uniform(0.1, 0.2, (20, 2, 3)) * [[1, 10, 100], [1e-3, 1, 1e3]]
+    weights = entry_weights(nominal, edges, bound, tightness=1.2)
+    assert weights.shape == (2, 3)
+    for i, j in np.ndindex(2, 3):
+        check_densely(weights[i, j], 2000)
+        assert np.array_equal(weights[i, j].bound, bound[:, i, j])
+        omega = np.array([1.0, 7.0])
+        assert values_of(weights[i, j].nominal, omega)[:, 0, 0] == pytest.approx(values_of(nominal, omega)[:, i, j])
+    stacked = control.append(*[weight.model for weight in weights.ravel()])
+    assert stacked.ninputs == stacked.noutputs == 6
+
+
+def test_enclosed_values_hold_on_the_whole_piece(rng):
+    model = random_model(rng, 2, 3, states=6, radius=0.99)
+    angles = np.linspace(0, np.pi, 9)
+    pieces = enclose(
+        model, angles, lambda p: np.linalg.norm(p.radius, axis=(1, 2)) > 0.05 * np.linalg.norm(p.values, axis=(1, 2))
+    )
+    assert np.array_equal(np.unique(pieces.cell), np.arange(8))
+    order = np.argsort(pieces.middle)
+    middle = pieces.middle[order]
+    for theta in rng.uniform(0, np.pi, 2000):
+        # One of the two neighbouring pieces holds the point; both tell where they end by their order.
+        k = np.searchsorted(middle, theta)
+        F = values_of(model, np.array([theta / 0.1]))[0]
+        near = [order[i] for i in (k - 1, k) if 0 <= i < middle.size]
+        assert any(np.all(np.abs(F - pieces.values[i]) <= pieces.radius[i]) for i in near)
+
+
+# ----------------------------------------------------------------------------------------------------------------- misuse
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda e, b: magnitude_weight(e, b, dt=0.0), "`dt` must be positive"),
+        (lambda e, b: magnitude_weight(e, b, dt=0.2), r"`edges` must end at pi/dt = 15\.7"),
+        (lambda e, b: magnitude_weight(e[::-1], b, dt=0.1), "`edges` must rise"),
+        (lambda e, b: magnitude_weight(e, b[:-1], dt=0.1), r"`bound` must have shape \(10,\).*got \(9,\)"),
+        (
+            lambda e, b: magnitude_weight(e, b * (np.arange(10) != 3), dt=0.1),
+            "`bound` must be positive; got 0 from 9.42",
+        ),
+        (lambda e, b: magnitude_weight(e, b * np.nan, dt=0.1), "`bound` must be finite"),
+        (lambda e, b: magnitude_weight(e, b, dt=0.1, tightness=1.0), "`tightness` must be above 1"),
+        (lambda e, b: magnitude_weight(e, b, dt=0.1, order=-1), "`order` must be at least 0"),
+        (lambda e, b: magnitude_weight(e, b, dt=0.1).to_control(), "`nominal` is not known"),
+        (lambda e, b: uncertainty_weight(mode(), e, b, kind="relative"), "`kind` must be one of"),
+        (lambda e, b: uncertainty_weight(mode(), e, b, below=0.1), "`below` serves the relative kinds"),
+        (lambda e, b: uncertainty_weight(mode(), e, b, kind="multiplicative"), r"unbounded. Use kind=\"additive\""),
+        (lambda e, b: uncertainty_weight(mode(), e, 9 * b, kind="inverse"), r"at [0-9.]+ rad/s: \|nominal\| may be as"),
+        (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "`nominal` must be discrete"),
+        (lambda e, b: entry_weights(mode(), e, b), r"`bound` must have shape \(C, ny, nu\)"),
+        (lambda e, b: guaranteed_margin(mode(), mode() * np.ones((2, 1)), e, b), "`controller` must have 1 inputs"),
+        (
+            lambda e, b: guaranteed_margin(mode(), control.ss(0.5, 1, 1, 0, 0.2), e, b),
+            "`controller` must have the sample",
+        ),
+        (
+            lambda e, b: guaranteed_margin(control.ss([], [], [], 1, 0.1), control.ss([], [], [], -1, 0.1), e, b),
+            "well-posed",
+        ),
+    ],
+)
+def test_misuse_is_named(call, sentence):
+    edges = np.linspace(0, np.pi, 11) / 0.1
+    with pytest.raises(rid.InputError, match=sentence):
+        call(edges, np.full(10, 0.1))
+
+
+def test_results_survive_copies():
+    import copy
+    import pickle
+
+    weight = uncertainty_weight(mode(), np.linspace(0, np.pi, 11) / 0.1, np.geomspace(0.1, 1, 10))
+    for twin in (copy.deepcopy(weight), pickle.loads(pickle.dumps(weight))):
+        assert twin.certified
+        assert twin.tried == weight.tried
+    assert repr(weight).startswith("<UncertaintyWeight: additive, order ")

@@ -1,0 +1,115 @@
+"""The README as its readers follow it: the snippet and the command lines, on the files that the demo writes."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.cli import main as cli
+
+README = Path(__file__).parents[2] / "README.md"
+
+
+@pytest.fixture
+def demo_files(tmp_path, monkeypatch):
+    folder = tmp_path / "robustid-demo"
+    folder.mkdir()
+    data = rid.flexible_structure(seed=0, extra_hz=np.linspace(17.2, 18.1, 10))  # as the demo
+    rid.save(folder / "frequency.csv", data.frequency)
+    rid.save(folder / "step.csv", data.time)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def block(language, after=""):
+    return re.search(rf"{after}```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
+
+
+def python_blocks():
+    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+
+
+def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch):
+    names = {}
+    exec(compile(block("python"), "README.md", "exec"), names)
+    assert names["result"].consistent
+    assert names["result"].warnings == ()
+    assert names["small"].order < names["result"].order
+    assert "consistent" in capsys.readouterr().out
+    assert rid.load_identification("result").consistent
+    assert "<html" in Path("report.html").read_text(encoding="utf-8")
+    exec(compile(python_blocks()[1], "README.md", "exec"), names)
+    assert names["error"].certified
+    assert np.all(names["tube"].lower <= names["tube"].upper)
+    assert rid.load_worst_case_error("bounds").certified
+    commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
+    assert [words[1] for words in commands] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
+    for words in commands:
+        faster = ["--directions", "3"] if words[1] == "bounds" else []  # as printed half a minute
+        run([*words, *faster], capsys, monkeypatch)
+    for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html", "fitted.npz", "fitted.html"):
+        assert Path(name).stat().st_size > 0
+
+
+def test_the_snippet_with_several_channels_runs_as_printed(capsys):
+    names = {}
+    exec(compile(block("python", after=r"### Several inputs and outputs\n.*?"), "README.md", "exec"), names)
+    assert names["plate"].consistent
+    assert names["plate"].verification.passed
+    assert (names["plate"].model.noutputs, names["plate"].model.ninputs) == (2, 2)
+    assert len(names["plate"].modes) == 2
+    assert "2 inputs (left [V], right [V]), symmetric" in capsys.readouterr().out
+
+
+def run(words, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert not stop.value.code, capsys.readouterr().err
+
+
+def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, monkeypatch):
+    """Between the two commands, somebody measures."""
+    monkeypatch.chdir(tmp_path)
+    commands = [shlex.split(line) for line in block("sh", "<!-- from signals -->\n").splitlines()]
+    assert [words[1] for words in commands] == ["excite", "frf"]
+    run(commands[0], capsys, monkeypatch)
+    play, rng = rid.load_excitation("play.csv"), np.random.default_rng(0)
+    for k, u in enumerate(play.u):
+        u = np.tile(u, (play.periods, 1))
+        y = u @ [[1.0, 2.0], [0.5, -1.0]] + 0.01 * rng.standard_normal(u.shape)
+        rows = np.column_stack([play.dt * np.arange(len(u)), u, y])
+        np.savetxt(f"run{k + 1}.csv", rows, delimiter=",", header="time,u1,u2,y1,y2", comments="")
+    run(commands[1], capsys, monkeypatch)
+    frf = rid.load("frf.npz")
+    assert frf.omega.size == 79
+    assert np.all(np.abs(frf.values - np.array([[1.0, 0.5], [2.0, -1.0]])) <= frf.bound)
+    assert Path("frf.html").stat().st_size > 0
+
+
+def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(compile(python_blocks()[4], "README.md", "exec"), names)
+    assert names["fit"].status.converged
+    assert names["fit"].model.nstates == 6
+    assert capsys.readouterr().out.count("ModeRow") == 2
+    assert Path("fit.html").stat().st_size > 0
+
+
+def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(compile(python_blocks()[3], "README.md", "exec"), names)
+    frf = names["frf"]
+    delay = np.exp(-1j * frf.omega * frf.dt)
+    truth = np.stack([[0.8 * delay, np.full(delay.shape, 0.1)], [0 * delay, np.full(delay.shape, 0.5)]]).transpose(
+        2, 0, 1
+    )
+    assert np.all(np.abs(frf.values - truth) <= frf.bound)
+    assert "joint 95 %" in capsys.readouterr().out
+    assert rid.load("frf.npz").dof == frf.dof
+    assert "Spectra of the records" in Path("frf.html").read_text(encoding="utf-8")

@@ -1,0 +1,338 @@
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core.simulation import simulate as simulate_all
+from robustid.identification.residuals import model_residuals
+from robustid.identification.solver.cvxpy_backend import available_solvers
+from support.problems import CASES, judge_margin, random_problem
+
+
+def simulate(model, u):
+    return simulate_all(model, np.asarray(u, float)[:, None])[0][:, 0]
+
+
+def flexible(**options):
+    experiment = rid.flexible_structure(seed=1)
+    basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
+    problem = {
+        "frequency": experiment.frequency,
+        "time": experiment.time,
+        "prior": rid.Prior(gain_bound=0.2, decay_rate=1.1),
+        "parametric": basis,
+    }
+    return rid.MixedProblem(**(problem | options))
+
+
+@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", CASES)
+def test_margin_agrees_with_the_paper_s_theorem_on_random_problems(case, seeds):
+    """Truth inside and outside the bounds: all within 1e-6 of an independent formulation."""
+    for seed in range(seeds):
+        for spread in (1.0, 0.2):
+            problem = random_problem(seed, case, 14, spread=spread, noise=0.9 / spread)
+            result = rid.identify(problem, accuracy=1e-6)
+            judge = judge_margin(problem)
+            assert result.margin == pytest.approx(judge, abs=1e-6 * max(1, judge))
+            assert result.margin_lower <= result.margin <= result.margin_lower + 1e-6 * max(1, judge)
+            assert result.consistent == (judge <= 1)
+            if spread == 1.0:
+                assert result.consistent  # the truth is a member
+            check_model(problem, result)
+
+
+def check_model(problem, result):
+    assert result.verification.passed, result.summary()
+    states = 0 if problem.parametric is None else problem.parametric.states
+    # With Taylor coefficients among the data the central interpolant has one state less.
+    assert result.model.nstates == problem.coefficients - (problem.taylor > 0) + states
+    interpolation = {c.name: c.measured for c in result.verification.checks}
+    assert interpolation["model minus its own interpolation data, relative"] < 1e-9
+    level = max(1.0, result.margin * (1 + 1e-6))
+    for residual in model_residuals(problem, result.model):
+        assert residual.ratio.max() <= level * (1 + 1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("coefficients", [24, 40, 60])
+def test_margin_agrees_with_general_solvers_up_to_60_coefficients(case, coefficients):
+    for seed in range(10):
+        problem = random_problem(100 + seed, case, coefficients, spread=0.2, noise=3.0)
+        ours = rid.identify(problem, accuracy=1e-5)
+        names = [name for name in ("CLARABEL", "CVXOPT") if name in available_solvers()]
+        for name in names if coefficients < 60 or seed < 2 else names[1:]:
+            other = rid.identify(problem, solver=name, accuracy=1e-5)
+            assert other.margin == pytest.approx(ours.margin, abs=1e-5 * max(1, ours.margin))
+        assert ours.margin - ours.margin_lower <= 1e-5 * max(1, ours.margin)
+        check_model(problem, ours)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_structured_solver_agrees_with_the_conic_solver(case):
+    problem = random_problem(7, case, 28, spread=0.2, noise=4.0)
+    ours, other = rid.identify(problem), rid.identify(problem, solver="cvxpy")
+    assert ours.solver == "structured"
+    assert ours.margin == pytest.approx(other.margin, abs=1e-5 * max(1, other.margin))
+
+
+def test_both_forms_give_the_same_margin():
+    for case in CASES:
+        problem = random_problem(3, case, 12, spread=0.2, noise=4.0)
+        paper, ours = rid.identify(problem, form="classical", accuracy=1e-5), rid.identify(problem)
+        assert paper.margin == pytest.approx(ours.margin, abs=1e-5 * max(1, ours.margin))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_order_is_minimal(case):
+    """No pole-zero cancellations: the Hankel singular values of the scaled central part stay away from rounding."""
+    smallest = []
+    for seed in range(8):
+        problem = random_problem(seed, case, 12)
+        result = rid.identify(problem)
+        n, rho = problem.coefficients - (problem.taylor > 0), problem.prior.decay_rate
+        A, B, C = result.model.A[:n, :n] * rho, result.model.B[:n], result.model.C[:, :n]
+        P, Q = control.dlyap(A, B @ B.T), control.dlyap(A.T, C.T @ C)
+        hankel = np.sqrt(np.abs(np.linalg.eigvals(P @ Q)))
+        smallest.append(hankel.min() / hankel.max())
+    # One state too many would show as 1e-8 (the square root of the rounding of PQ) in every seed.
+    assert np.sum(np.array(smallest) > 1e-7) >= 7
+
+
+def test_objectives_choose_what_they_say():
+    problem = flexible()
+    results = {name: rid.identify(problem, objective=name) for name in ("center", "margin", "gain", "order")}
+    for result in results.values():
+        assert result.verification.passed
+        assert result.margin == pytest.approx(results["center"].margin, abs=1e-4)
+        worst = max(r.ratio.max() for r in result.residuals)
+        assert worst <= 1 + 1e-5
+    assert max(r.ratio.max() for r in results["margin"].residuals) <= results["margin"].margin + 2e-4
+    assert results["gain"].prior.gain_bound < 1e-3  # two true pairs need no rest
+    assert results["center"].prior == problem.prior
+
+
+@pytest.mark.parametrize("solver", ["auto", "cvxpy"])
+def test_smallest_gain_is_the_threshold_of_consistency(solver):
+    problem = random_problem(5, "mixed", 26, spread=0.5, noise=0.5)
+    gain = rid.identify(problem, objective="gain", solver=solver).prior.gain_bound
+    assert gain < problem.prior.gain_bound
+    assert rid.identify(problem.with_prior(gain_bound=gain * 1.001)).consistent
+    assert not rid.identify(problem.with_prior(gain_bound=gain * 0.998)).consistent
+
+
+def test_order_objective_lowers_the_nuclear_norm():
+    problem = random_problem(8, "time", 20)
+    from robustid.identification.forms import pose
+
+    data = pose(problem).data
+    norms = {}
+    for name in ("center", "order"):
+        X = data.sarason.matrix(rid.identify(problem, objective=name).coefficients)
+        half = X.shape[0] // 2
+        norms[name] = np.linalg.norm(X[half:, :half], "nuc")
+    assert norms["order"] < norms["center"]
+
+
+def test_inconsistent_data_come_with_a_proof_and_a_model():
+    wrong = rid.kautz(2 * np.pi * np.array([9.0, 17.2]), [0.1, 0.004], dt=0.01, delay=1)
+    result = rid.identify(flexible(parametric=wrong))
+    assert result.status is rid.Status.INCONSISTENT
+    assert not result.consistent
+    assert result.margin_lower > 1
+    assert result.verification.passed
+    worst = max(r.ratio.max() for r in result.residuals)
+    assert worst <= result.margin * (1 + 1e-5)
+    assert np.abs(np.linalg.eigvals(result.model.A)).max() < 1
+    share = sum(row[3] for row in result.conflicting_samples(0.0))
+    assert share == pytest.approx(1)
+    near = [row for row in result.conflicting_samples(0.05) if row[0] == "frequency"]
+    assert any(abs(row[2] / (2 * np.pi) - 17.5) < 2 for row in near)
+    with pytest.raises(rid.InconsistentDataError, match="margin"):
+        result.require()
+
+
+def test_more_data_never_lower_the_margin():
+    """Dropping samples from 10 inconsistent problems: the margin never grows."""
+    held = 0
+    for seed in range(10):
+        full = random_problem(seed, "mixed", 16, spread=0.2, noise=4.0)
+        fewer = rid.MixedProblem(
+            frequency=full.frequency[0].select(slice(None, None, 2)), time=full.time, prior=full.prior
+        )
+        held += rid.identify(fewer).margin <= rid.identify(full).margin + 1e-6
+    assert held == 10
+
+
+def test_other_solutions_keep_every_residual():
+    problem = flexible()
+    result = rid.identify(problem)
+    for E in (0.7, -0.7, control.ss([[0.3]], [[0.5]], [[0.5]], [[0.1]], True)):
+        other = result.solution(E)
+        for mine, theirs in zip(result.residuals, model_residuals(problem, other), strict=True):
+            assert np.abs(mine.error - theirs.error).max() < 1e-9
+    omega = np.linspace(5, 300, 7)
+    centre, radius = result.weyl_disc(omega)
+    for E in (0.0, 1.0, -1.0):
+        assert np.all(np.abs(result.solution(E)(np.exp(1j * omega * 0.01)) - centre) <= radius + 1e-9)
+    lines = problem.frequency[0].omega[1:3]
+    assert result.weyl_disc(lines)[1].max() < 1e-9
+
+
+def test_known_past_input_is_used_through_an_infinite_bound():
+    experiment = rid.flexible_structure(seed=2, samples=40)
+    u = np.sign(np.sin(2 * np.pi * 2 * experiment.time.time + 0.1))
+    y = simulate(experiment.truth, u)
+    bound = np.where(np.arange(40) < 25, np.inf, 0.01)
+    record = rid.TimeRecord(u, np.where(np.isinf(bound), 99.0, y), dt=0.01, bound=bound)
+    problem = flexible(time=record, frequency=None)
+    assert problem.taylor == 40
+    assert problem.samples == 15
+    assert rid.identify(problem).consistent
+
+
+def test_unknown_initial_state_is_not_ignored():
+    """The window of a long record: consistent as "free" for 5 seeds of 5, refuted as "rest" in all."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        truth = rid.flexible_structure(seed=1).truth
+        u = np.sign(rng.standard_normal(300))
+        y = simulate(truth, u)[270:] + 0.02 * rng.uniform(-1, 1, 30)
+        free = rid.TimeRecord(u[270:], y, dt=0.01, bound=0.02, initial="free")
+        prior = rid.Prior(gain_bound=0.02, decay_rate=1.3)
+        result = rid.identify(flexible(frequency=None, time=free, prior=prior))
+        assert result.consistent
+        assert result.verification.passed
+        rest = rid.TimeRecord(u[270:], y, dt=0.01, bound=0.02)
+        assert not rid.identify(flexible(frequency=None, time=rest, prior=prior)).consistent
+
+
+def test_periodic_record_is_used_through_its_lines():
+    truth = rid.flexible_structure(seed=1).truth
+    rng = np.random.default_rng(0)
+    u = np.sign(rng.standard_normal(24))
+    many = simulate(truth, np.tile(u, 800))[-24:]  # the light mode has decayed
+    record = rid.TimeRecord(u, many + 0.01 * rng.uniform(-1, 1, 24), dt=0.01, bound=0.01, initial="periodic")
+    problem = flexible(frequency=None, time=record)
+    assert problem.coefficients == 24
+    result = rid.identify(problem)
+    assert result.consistent
+    assert result.verification.passed
+    as_rest = rid.identify(flexible(frequency=None, time=rid.TimeRecord(u, record.y, dt=0.01, bound=0.01)))
+    assert not as_rest.consistent
+
+
+def test_equal_frequencies_share_one_node():
+    first = rid.FrequencyResponse([10.0, 50.0], [1.0, 0.8 - 0.5j], bound=0.1, dt=0.01)
+    second = rid.FrequencyResponse([50.0 * (1 + 1e-15)], [0.85 - 0.45j], bound=0.1, dt=0.01)
+    prior = rid.Prior(gain_bound=3, decay_rate=1.1)
+    problem = rid.MixedProblem(frequency=[first, second], prior=prior)
+    assert problem.coefficients == 4
+    assert rid.identify(problem).consistent
+    apart = rid.FrequencyResponse([50.0], [2.0], bound=0.1, dt=0.01)
+    result = rid.identify(rid.MixedProblem(frequency=[first, apart], prior=prior))
+    distance = abs(2.0 - (0.8 - 0.5j))
+    assert result.margin == pytest.approx(distance / 0.2, abs=1e-5)
+
+
+def test_integrators_in_the_parametric_part():
+    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
+    truth = control.ss(rigid + rid.flexible_structure(seed=1).truth)
+    omega = 2 * np.pi * np.linspace(1, 40, 12)
+    F = truth(np.exp(1j * omega * 0.01))
+    frf = rid.FrequencyResponse(omega, F, bound=1e-3 * np.abs(F), dt=0.01)
+    u = np.ones(15)
+    record = rid.TimeRecord(u, simulate(truth, u), dt=0.01, bound=1e-3)
+    basis = [rigid, rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)]
+    result = rid.identify(flexible(frequency=frf, time=record, parametric=basis))
+    assert result.consistent
+    assert np.sum(np.abs(result.model.poles() - 1) < 1e-6) == 2
+    zero = rid.FrequencyResponse([0.0, 10.0], [1.0, 1.0], bound=0.1, dt=0.01)
+    with pytest.raises(rid.InputError, match="integrator"):
+        flexible(frequency=zero, parametric=basis)
+
+
+@pytest.mark.parametrize("power", [-60, 60])
+def test_units_do_not_matter(power):
+    """Amplitude and time scaled by 2^+-60 scale the result exactly."""
+    problem, scale = flexible(), 2.0**power
+    base = rid.identify(problem)
+    f, t = problem.frequency[0], problem.time[0]
+    larger = rid.identify(
+        flexible(
+            frequency=rid.FrequencyResponse(f.omega, f.values * scale, bound=f.bound * scale, dt=f.dt),
+            time=rid.TimeRecord(t.u, t.y * scale, dt=t.dt, bound=t.bound * scale),
+            prior=rid.Prior(gain_bound=0.2 * scale, decay_rate=1.1),
+        )
+    )
+    assert larger.margin == base.margin
+    assert larger.margin_lower == base.margin_lower
+    assert np.array_equal(larger.parameters, base.parameters * scale)
+    modes = rid.flexible_structure(seed=1).modes
+    slower = rid.identify(
+        flexible(
+            frequency=rid.FrequencyResponse(f.omega / scale, f.values, bound=f.bound, dt=f.dt * scale),
+            time=rid.TimeRecord(t.u, t.y, dt=t.dt * scale, bound=t.bound),
+            parametric=rid.kautz(modes[:, 0] / scale, modes[:, 1], dt=0.01 * scale, delay=1),
+        )
+    )
+    assert slower.margin == base.margin
+    assert np.array_equal(slower.model.A, base.model.A)
+    omega = f.omega[3]
+    assert larger.model(np.exp(1j * omega * 0.01)) == pytest.approx(
+        base.model(np.exp(1j * omega * 0.01)) * scale, rel=1e-12
+    )
+
+
+def test_every_installed_solver_is_taken_by_name_and_checked():
+    problem = random_problem(1, "mixed", 14)
+    for name in available_solvers():
+        result = rid.identify(problem, solver=name, accuracy=1e-5)
+        assert result.margin - result.margin_lower <= 1e-5
+        assert result.verification.passed
+
+
+@pytest.mark.parametrize("fault", ["raises", "lies"])
+def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
+    """No answer, or an answer far outside the ball with multipliers of the wrong sign: our own solver decides."""
+    from robustid.identification import margin
+
+    problem = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
+    honest, solve = rid.identify(problem), margin.solve_conic
+
+    def faulty(*arguments, **options):
+        if fault == "raises":
+            raise rid.SolverError("CLARABEL failed: for this test")
+        found = solve(*arguments, **options)
+        return dataclasses.replace(found, x=3 * found.x + 1, samples=-found.samples)
+
+    monkeypatch.setattr(margin, "solve_conic", faulty)
+    result = rid.identify(problem)
+    assert result.solver == "structured"
+    assert result.margin == pytest.approx(honest.margin, abs=1e-5)
+    assert result.verification.passed
+
+
+def test_control_objects_work_at_once():
+    result = rid.identify(flexible())
+    assert isinstance(result.model, control.StateSpace)
+    assert result.model.dt == 0.01
+    assert result.model.input_labels == [result.problem.channel[1].name]
+    response = control.frequency_response(result.model, result.problem.frequency[0].omega)
+    assert np.abs(response.complex - result.problem.frequency[0].values[:, 0, 0]).max() <= 0.03 * (1 + 1e-6)
+
+
+def test_channel_names_that_control_refuses_are_cleaned():
+    frf = rid.FrequencyResponse([1.0], [0.5], bound=0.1, dt=0.1, inputs="ref. current [A]", outputs="x")
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
+    assert result.model.input_labels == ["ref_ current"]
+    assert str(result.problem.channel[1]) == "ref. current [A]"
+
+
+def test_summary_says_what_was_found_and_assumed():
+    text = rid.identify(flexible()).summary()
+    for words in ("consistent", "margin", "assumed", "verified", "certificate"):
+        assert words in text

@@ -1,0 +1,238 @@
+"""identify() in powers of an all-pass function: margins, certificates, models."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.bases import Sections
+from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.contraction import BalancedContraction
+from robustid.identification.forms import pose
+from robustid.identification.formulation.rows import measurement_rows
+from robustid.identification.residuals import model_residuals
+from robustid.reduction import hankel_singular_values
+from support.problems import random_problem
+from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
+from support.taylor_members import at
+
+# --- identify ---------------------------------------------------------------------------------------------------------
+
+
+ACCURACY = 1e-3
+
+
+def posed_problem(case, seed):
+    """Odd seeds are inconsistent."""
+    spread, noise = ((1.0, 0.9), (0.2, 5.0))[seed % 2]
+    problem = random_problem(seed, case, 14, spread=spread, noise=noise)
+    return problem.with_prior(decay_rate=1.05 + 0.03 * (seed % 4))
+
+
+@pytest.mark.parametrize("case", ["frequency", "parametric"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_margin_is_that_of_the_exact_form(case, seed):
+    if case == "parametric":
+        problem = posed_problem(case, seed)
+        problem = rid.MixedProblem(frequency=problem.frequency, prior=problem.prior, parametric=problem.parametric)
+    else:
+        problem = posed_problem(case, seed)
+    exact, result = (rid.identify(problem, form=form, accuracy=ACCURACY) for form in ("orthonormal", "sections"))
+    assert result.verification.passed, result.summary()
+    assert not result.sections.is_shift
+    assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
+    for each in (exact, result):
+        assert each.margin - each.margin_lower <= ACCURACY * max(1, each.margin)
+    if rid.Status.UNDECIDED not in (exact.status, result.status):
+        assert exact.status is result.status
+    check_certificate(problem, result)
+    check_model(problem, result)
+    # No system drawn from the class has a worst residual below `margin_lower`.
+    rng, rows = np.random.default_rng(seed), pose(problem, result.sections).data.rows
+    for _ in range(3):
+        model = exact.solution(rng.uniform(-1, 1))
+        worst = max(r.ratio.max() for r in model_residuals(problem, model))
+        assert worst >= result.margin_lower - 1e-9 * max(1, worst)
+    for t in (1e-4, 1e-2, 0.1, 1.0):
+        other = coordinates(at(random_member(rng, 6), CIRCLE), result.sections)
+        x = (1 - t) * result.claim.x + t * other
+        assert rows.ratio(x, result.claim.p).max() >= result.margin_lower - 1e-9
+
+
+def check_certificate(problem, result):
+    """Its value by its definition; changed numbers do not verify."""
+    data, proof = pose(problem, result.sections).data, result.certificate
+    assert proof.verify(data.rows, data.sarason)
+    if not proof.value:
+        return
+    weights, A = proof.samples, result.sections.pair.A
+    value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")
+    assert proof.value <= value - np.abs(weights) @ data.rows.tail + 1e-12
+    assert evaluate_certificate(weights, proof.ball, proof.upper, data.rows, data.sarason) >= proof.value
+    rng = np.random.default_rng(0)
+    for changes in (
+        {"value": proof.value + 1e-3 * max(1.0, proof.value)},
+        {"ball": proof.ball + 0.1 * np.abs(proof.ball).max() * rng.standard_normal(proof.ball.shape)},
+        {"samples": proof.samples * np.exp(1j)},
+    ):
+        assert not dataclasses.replace(proof, **changes).verify(data.rows, data.sarason)
+
+
+def check_model(problem, result):
+    """Stable, and its residuals, by its frequency response, are within what was promised."""
+    model, level = result.model, max(1.0, result.margin * (1 + 1e-6))
+    assert np.abs(np.linalg.eigvals(model.A)).max(initial=0.0) < 1
+    for f, residual in zip(problem.frequency, result.residuals, strict=True):
+        error = f.values[:, 0, 0] - model(np.exp(1j * f.omega * problem.dt))
+        assert np.abs(error - residual.error).max() <= 1e-8 * np.abs(f.values).max()
+        assert (np.abs(error) / f.bound[:, 0, 0]).max() <= level * (1 + 1e-5)
+
+
+def scaled_bounds(problem, factor):
+    (frf,) = problem.frequency
+    return rid.MixedProblem(frequency=frf.with_bound(frf.bound * factor), prior=problem.prior)
+
+
+def test_barely_consistent_and_barely_not():
+    problem = posed_problem("frequency", 3)
+    margin = rid.identify(problem, form="orthonormal", accuracy=1e-7).margin
+    assert 0.5 < margin < 1
+    for factor, status in ((1 + 3e-4, rid.Status.CONSISTENT), (1 - 3e-4, rid.Status.INCONSISTENT)):
+        result = rid.identify(scaled_bounds(problem, margin * factor), form="sections")
+        assert result.status is status
+        assert result.verification.passed
+        assert result.margin_lower <= 1 / factor <= result.margin
+
+
+def test_periodic_records():
+    rng = np.random.default_rng(3)
+    u = sum(np.cos(2 * np.pi * k * np.arange(120) / 120 + rng.uniform(0, 6)) for k in (2, 3, 5, 7))
+    for noise in (0.5, 4.0):
+        spectrum = np.fft.rfft(u) * 0.2 / (1.3 - np.exp(-2j * np.pi * np.arange(61) / 120))
+        y = np.fft.irfft(spectrum, 120) + 0.05 * noise * rng.uniform(-1, 1, 120)
+        record = rid.TimeRecord(u, y, dt=0.01, bound=0.05, initial="periodic")
+        problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.02))
+        exact, result = (rid.identify(problem, form=form) for form in ("orthonormal", "sections"))
+        assert result.verification.passed, result.summary()
+        assert not result.sections.is_shift
+        assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
+
+
+def test_time_samples_from_rest_are_answered_by_taylor_coefficients():
+    problem = random_problem(2, "mixed", 14).with_prior(decay_rate=1.25)
+    taylor_form, result = (rid.identify(problem, form=form, accuracy=ACCURACY) for form in ("taylor", "sections"))
+    assert result.sections == taylor_form.sections
+    assert (result.margin, result.margin_lower) == (taylor_form.margin, taylor_form.margin_lower)
+    assert "Taylor coefficients" in result.summary()
+
+
+def oversampled(count=300, rho=1.003, top=0.01, noise=1.0, bound=0.01):
+    """Lines from 0.2 to 10 Hz at dt = 1 ms, of a member: three modes with poles at 1.5 to 2.5 times the decay."""
+    rng, dt = np.random.default_rng(0), 1e-3
+    angles = np.linspace(2e-4, top, count) * 2 * np.pi
+    poles = (1 + (rho - 1) * rng.uniform(1.5, 2.5, 3)) * np.exp(2j * np.pi * top * rng.uniform(0.1, 0.9, 3))
+    weights = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+
+    def member(z):
+        return sum(
+            w / (1 - z / p) + w.conjugate() / (1 - z / p.conjugate()) for w, p in zip(weights, poles, strict=True)
+        )
+
+    size = np.abs(member(rho * np.exp(1j * np.linspace(0, np.pi, 20000)))).max()
+    error = bound * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
+    values = 0.9 * member(np.exp(-1j * angles)) / size + noise * error
+    frf = rid.FrequencyResponse(angles / dt, values, dt=dt, bound=bound)
+    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=rho))
+
+
+@pytest.mark.parametrize(("noise", "status"), [(0.99, rid.Status.CONSISTENT), (3.0, rid.Status.INCONSISTENT)])
+def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status, tmp_path):
+    problem = oversampled(noise=noise)
+    with pytest.raises(rid.SizeError, match=r"needs 5\d\d\d Taylor coefficients"):
+        rid.identify(problem, form="taylor")
+    result = rid.identify(problem)
+    assert result.status is status
+    assert result.verification.passed, result.summary()
+    assert not result.sections.is_shift
+    assert result.length == result.coefficients.size < 200
+    assert f"{result.length} coefficients of an all-pass section" in result.summary()
+    check_certificate(problem, result)
+    check_model(problem, result)
+    # The exact form of every other or third line: its margin is at most this one.
+    some = rid.MixedProblem(frequency=problem.frequency[0].select(slice(None, None, 8)), prior=problem.prior)
+    assert rid.identify(some, form="orthonormal").margin_lower <= result.margin + 1e-9
+    result.save(tmp_path / "sections")
+    again = rid.load_identification(tmp_path / "sections")
+    assert again.sections == result.sections
+    assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
+    assert np.array_equal(again.model.A, result.model.A)
+    assert again.verification.checks == result.verification.checks
+    text = tmp_path / "sections.json"
+    record = json.loads(text.read_text())
+    record["sections"]["repeats"] += 1
+    text.write_text(json.dumps(record))
+    with pytest.raises(rid.FileFormatError, match="its sections do not belong to its coefficients"):
+        rid.load_identification(tmp_path / "sections")
+
+
+def test_objectives_and_other_solutions():
+    problem = oversampled(60, rho=1.02)
+    exact, result = (rid.identify(problem, form=form, objective="gain") for form in ("orthonormal", "sections"))
+    assert result.prior.gain_bound == pytest.approx(exact.prior.gain_bound, rel=3e-4)
+    assert result.verification.passed, result.summary()
+    result = rid.identify(problem, form="sections")
+    omega = np.linspace(1, 3000, 50)
+    centre, radius = result.weyl_disc(omega)
+    assert np.array_equal(result.solution(0.0).A, result.model.A)
+    for E in (0.5, -1.0):
+        other = result.solution(E)
+        assert max(r.ratio.max() for r in model_residuals(problem, other)) <= 1 + 1e-5
+        assert (np.abs(other(np.exp(1j * omega * problem.dt)) - centre) - radius).max() <= 1.1e-4
+
+
+def test_bad_input():
+    for zeros in ([], [1.0], [np.nan], [0.5, 2j]):
+        with pytest.raises(rid.InputError, match="`zeros` must be one or more numbers inside the unit disc"):
+            Sections(zeros, 3)
+    with pytest.raises(rid.InputError, match="`repeats` must be at least 1"):
+        Sections([0.5], 0)
+    with pytest.raises(rid.InputError, match="`form` must be one of"):
+        rid.identify(oversampled(5), form="section")
+    with pytest.raises(rid.SizeError, match=r"needs \d+ coefficients \(a section of degree 8, repeated\)"):
+        rid.identify(lines(np.linspace(0.001, 1, 500), rho=1.001), form="sections")
+    with pytest.raises(rid.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency lines"):
+        measurement_rows(lines(np.linspace(0.001, 1, 100_000)), Sections([0.5], 500))
+
+
+# --- the model --------------------------------------------------------------------------------------------------------
+
+
+def test_balanced_contractions_against_the_general_reduction():
+    """Hankel values of another method, errors on the circle within the bound, bounds within the tolerance."""
+    import control
+
+    rng = np.random.default_rng(0)
+    A = (
+        0.99
+        * np.linalg.qr(rng.standard_normal((30, 30)))[0]
+        * np.append(rng.uniform(0.1, 1, 10), rng.uniform(0, 0.1, 20))
+    )
+    B, C, D = rng.standard_normal((30, 1)), rng.standard_normal((1, 30)), np.array([[0.3]])
+    balanced, model = BalancedContraction(A, B, C, D), control.ss(A, B, C, D, 1.0)
+    expected = hankel_singular_values(model)
+    assert np.abs(balanced.hankel - expected[: balanced.hankel.size]).max() <= 1e-13 * expected[0]
+    orders = []
+    for tolerance in (1.0, 1e-3, 1e-9):
+        small = balanced.truncate(tolerance)
+        orders.append(small.A.shape[0])
+        z = np.exp(1j * np.linspace(0, np.pi, 500))
+        error = np.abs(model(z) - control.ss(*small[:4], 1.0)(z)).max()
+        assert error <= small.bound <= tolerance
+        assert small.bound == pytest.approx(2 * expected[orders[-1] :].sum(), rel=1e-3, abs=1e-11)
+        assert np.abs(np.linalg.eigvals(small.A)).max() < 1
+    assert orders == sorted(set(orders))
+    whole = balanced.truncate(1e-30)  # below rounding: what stands out from it
+    assert whole.bound > 1e-30
+    assert np.abs(model(z) - control.ss(*whole[:4], 1.0)(z)).max() <= whole.bound

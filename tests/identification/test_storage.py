@@ -1,0 +1,136 @@
+import contextlib
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.problems import CASES, random_problem
+
+
+@pytest.fixture
+def saved(tmp_path):
+    result = rid.identify(random_problem(2, "parametric", 14, spread=0.2, noise=4.0))
+    result.save(tmp_path / "result")
+    return result, tmp_path / "result"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_round_trip_is_exact_and_verified_again(case, tmp_path):
+    result = rid.identify(random_problem(2, case, 12), objective="gain")
+    result.save(tmp_path / "a.b")
+    again = rid.load_identification(tmp_path / "a.b")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.b.json", "a.b.npz"]
+    assert np.array_equal(again.coefficients, result.coefficients)
+    assert np.array_equal(again.parameters, result.parameters)
+    assert np.array_equal(again.model.A, result.model.A)
+    assert (again.margin, again.margin_lower, again.status) == (
+        result.margin,
+        result.margin_lower,
+        result.status,
+    )
+    assert again.prior == result.prior
+    assert again.verification.passed
+
+
+def test_channel_names_units_and_notes_survive(tmp_path):
+    frf = rid.FrequencyResponse([1.0], [0.5], bound=0.1, dt=0.1, inputs="force [N]", outputs="x [m]", note="by hand")
+    prior = rid.Prior(gain_bound=1.0, decay_rate=1.1)
+    rid.identify(rid.MixedProblem(frequency=frf, prior=prior)).save(tmp_path / "r")
+    again = rid.load_identification(tmp_path / "r.json").problem.frequency[0]
+    assert str(again.inputs[0]) == "force [N]"
+    assert again.note == "by hand"
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_truncated_or_missing_files_are_named(saved, suffix):
+    _, path = saved
+    target = path.with_suffix(suffix)
+    target.write_bytes(target.read_bytes()[:100])
+    with pytest.raises(rid.FileFormatError, match="result"):
+        rid.load_identification(path)
+    target.unlink()
+    with pytest.raises(rid.FileFormatError, match="missing"):
+        rid.load_identification(path)
+
+
+def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
+    _, path = saved
+    rid.identify(random_problem(9, "parametric", 14)).save(tmp_path / "other")
+    path.with_suffix(".npz").write_bytes((tmp_path / "other.npz").read_bytes())
+    with pytest.raises(rid.FileFormatError, match="digest"):
+        rid.load_identification(path)
+
+
+def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
+    _, path = saved
+    text = path.with_suffix(".json")
+    record = json.loads(text.read_text())
+    record["certificate"]["value"] = record["margin"]
+    record["margin_lower"] = record["margin"]
+    text.write_text(json.dumps(record))
+    assert not rid.load_identification(path).verification.passed
+
+
+def test_a_pickle_inside_is_refused(saved):
+    _, path = saved
+    np.savez(path.with_suffix(".npz"), evil=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(rid.FileFormatError):
+        rid.load_identification(path)
+
+
+def test_an_unwritable_place_leaves_nothing_behind(saved, tmp_path):
+    result, _ = saved
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(rid.InputError, match="nowhere"):
+        result.save(tmp_path / "nowhere" / "x")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_problems_and_results_can_be_pickled_and_stay_read_only():
+    problem = random_problem(1, "mixed", 10)
+    copy = pickle.loads(pickle.dumps(problem))
+    assert np.array_equal(copy.frequency[0].values, problem.frequency[0].values)
+    assert not copy.frequency[0].values.flags.writeable
+    result = pickle.loads(pickle.dumps(rid.identify(problem)))
+    assert not result.coefficients.flags.writeable
+    assert result.solution(0.5).nstates == problem.coefficients
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        {"margin": -5.0},
+        {"margin": 0.0},
+        {"margin": 1.5},
+        {"status": "CONSISTENT"},
+        {"margin_lower": 0.5},
+        {"accuracy": 1e-30},
+    ],
+)
+def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
+    _, path = saved
+    text = path.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | edit))
+    with contextlib.suppress(rid.FileFormatError):
+        assert not rid.load_identification(path).verification.passed
+
+
+@pytest.mark.parametrize("name", ["result/coefficients", "certificate/samples", "claim/p"])
+@pytest.mark.parametrize("damage", ["short", "nan"])
+def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
+    from robustid.identification.storage import digest
+
+    _, path = saved
+    with np.load(path.with_suffix(".npz")) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    arrays[name] = arrays[name][:-1] if damage == "short" else arrays[name] * np.nan
+    np.savez(path.with_suffix(".npz"), **arrays)
+    text = path.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
+    try:
+        again = rid.load_identification(path)
+    except rid.FileFormatError:
+        return
+    assert not again.verification.passed

@@ -1,0 +1,324 @@
+"""The form of L Taylor coefficients: its tails, its proofs and its models, against the exact form and drawn members."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.bases import Sections, shift_pair
+from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.forms import pose, taylor_length
+from robustid.identification.formulation.columns import ShiftColumns
+from robustid.identification.formulation.functions import taylor_tail
+from robustid.identification.formulation.rows import measurement_rows
+from robustid.identification.formulation.sarason import SarasonMap, ShiftMap
+from robustid.identification.residuals import model_residuals
+from support.problems import CASES, random_problem
+from support.taylor_members import DT, EPS, at, polynomials, random_experiments, responses, taylor
+
+
+def random_member(rng, degree=6):
+    """P/Q in the unit ball of the disc: a Blaschke product, or the mean of two with a factor, all zeros anywhere inside."""
+    zeros = [np.sqrt(rng.uniform(0, 1, degree // 2)) * np.exp(1j * rng.uniform(0, np.pi, degree // 2)) for _ in "ab"]
+    (a, b), (c, d) = map(polynomials, zeros)
+    if rng.uniform() < 0.5:
+        return a, b
+    t = rng.uniform(0, 1)
+    return t * np.convolve(a, d) + (1 - t) * np.convolve(c, b), np.convolve(b, d)
+
+
+def delayed(member, L):
+    return np.concatenate([np.zeros(L), member[0]]), member[1]
+
+
+def landau(L, rho):
+    """zeta^L p(1/zeta)/p(zeta), p the first L + 1 coefficients of sqrt(1 - zeta/rho): extremal for the tail as L grows."""
+    p = np.ones(L + 1)
+    for k in range(1, L + 1):
+        p[k] = p[k - 1] * (k - 1.5) / k / rho
+    return p[::-1], p
+
+
+# --- tails ------------------------------------------------------------------------------------------------------------
+
+
+def test_random_members_are_in_the_unit_ball():
+    circle = np.exp(1j * np.linspace(0, np.pi, 2000))
+    for seed in range(20):
+        member = random_member(np.random.default_rng(seed), 10)
+        assert np.abs(at(member, circle)).max() <= 1 + 1e-7
+        assert np.abs(np.roots(member[1][::-1])).min() > 1
+
+
+@pytest.mark.parametrize("rho", [1.01, 1.1, 1.5])
+def test_what_lies_beyond_l_coefficients_stays_below_the_tail(rho):
+    """300 random members on the whole circle; the extremal one reaches all but 1 %, so that no smaller constant is true."""
+    K, circle = 2.5, np.exp(1j * np.linspace(0, np.pi, 400)) / rho
+    prior, reached = rid.Prior(gain_bound=K, decay_rate=rho), 0.0
+
+    def rest(member, L):
+        inside = np.polyval(taylor(member, L)[::-1], circle) if L else 0.0
+        return K * np.abs(at(member, circle) - inside).max()
+
+    for seed in range(300):
+        rng = np.random.default_rng([seed, int(100 * rho)])
+        L = int(rng.integers(0, 30))
+        member = random_member(rng, int(rng.integers(2, 24)))
+        worst = max(rest(member, L), rest(delayed(member, L), L))
+        assert worst <= taylor_tail(prior, L) * (1 + 1e-9)
+        reached = max(reached, worst / taylor_tail(prior, L))
+    assert reached > 0.3
+    for L in (40, 200):
+        worst = rest(landau(L, rho), L)
+        assert worst <= taylor_tail(prior, L) * (1 + 1e-9)
+        assert worst >= 0.99 * taylor_tail(prior, L) if rho >= 1.1 or L == 200 else worst > 0.9 * taylor_tail(prior, L)
+
+
+def test_the_tails_of_all_samples_hold_for_random_members():
+    """Lines, records from rest, periodic and with free start: 100 members, L below and above the length of the records."""
+    reached = np.zeros(4)
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        frequency, time = random_experiments(rng)
+        prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.01, 1.3))
+        problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
+        L = int(rng.integers(1, 60))
+        rows = measurement_rows(problem, Sections.shift(L))
+        bound = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
+        widened = bound.copy()
+        past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
+        widened[-40:] += past / (prior.decay_rate - 1)
+        for member in (random_member(rng, 12), delayed(random_member(rng, 4), L), delayed((np.ones(1), np.ones(1)), L)):
+            rest = np.abs(responses(problem, member) / widened - rows.E @ taylor(member, L))
+            assert np.all(rest <= rows.tail * (1 + 1e-9) + 1e-12 * np.abs(responses(problem, member) / widened).max())
+            ratio = rest / np.where(rows.tail > 0, rows.tail, np.inf)
+            parts = [slice(0, 6), slice(6, 46), slice(46, 86), slice(86, 126)]
+            reached = np.maximum(reached, [ratio[part].max() for part in parts])
+    assert np.all(reached > [0.3, 0.99, 0.2, 0.99])  # one sample beyond L is reached exactly: zeta^L
+
+
+def test_the_length_keeps_every_tail_below_a_tenth_of_the_accuracy():
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        frequency, time = random_experiments(rng)
+        prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.05, 1.3))
+        problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
+        for accuracy in (1e-2, 1e-5):
+            L = taylor_length(problem, accuracy)
+            tail = measurement_rows(problem, Sections.shift(L)).tail
+            assert 0 < tail.max() <= 0.1 * accuracy or L >= 40
+            assert tail.max() <= 0.1 * accuracy * (1 + 1e-9)
+            assert (
+                measurement_rows(problem, Sections.shift(max(L // 3, 1))).tail.max() > 0.1 * accuracy
+            )  # not absurdly long
+
+
+# --- the map ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("L", [1, 2, 9, 40])
+def test_the_shift_map_is_the_general_map_of_the_shift_pair(L):
+    rng = np.random.default_rng(L)
+    fast, general = ShiftMap(L), SarasonMap(shift_pair(L))
+    x, Y = rng.standard_normal(L), rng.standard_normal((L, L))
+    assert np.allclose(fast.matrix(x), general.matrix(x), rtol=0, atol=1e-14)
+    assert np.allclose(fast.stein(Y), general.stein(Y), rtol=0, atol=1e-13 * L)
+    assert fast.norm(x) == pytest.approx(general.norm(x), rel=1e-13)
+    assert np.allclose(fast.turned(Y), general.turned(Y), rtol=0, atol=1e-13)
+    assert np.allclose(fast.symmetric_basis, general.symmetric_basis, rtol=0, atol=1e-13)
+    # <Y, X(x)> = <c S, x>: the identity that the certificate rests on.
+    S = fast.stein(Y)
+    assert np.vdot(Y, fast.matrix(x)) == pytest.approx(float((fast.pair.c @ S)[0] @ x), rel=1e-11, abs=1e-11)
+
+
+def test_the_allowance_for_rounding_covers_generated_columns():
+    """Few lines, many coefficients: the phases theta j carry the error; E'l in 40 digits at every 40th coefficient."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        count, decay = int(rng.integers(1, 4)), 1.003 ** -np.arange(2000.0)
+        angles, gain = rng.uniform(2, np.pi, count), rng.uniform(1, 10, count)
+        columns = ShiftColumns(angles, gain, decay, np.zeros((0, 2000)))
+        weights = rng.standard_normal(count) + 1j * rng.standard_normal(count)
+        found, allowed = columns.adjoint(weights), columns.spread(np.abs(weights)) * 2 * (count + 2) * EPS
+        with mp.workdps(40):
+            for j in range(0, 2000, 40):
+                terms = (
+                    mp.mpf(g) * mp.expj(mp.mpf(a) * j) * mp.mpc(w)
+                    for g, a, w in zip(gain, angles, weights, strict=True)
+                )
+                assert abs(found[j] - mp.re(mp.fsum(terms)) * mp.mpf(decay[j])) <= allowed[j]
+
+
+# --- identify ---------------------------------------------------------------------------------------------------------
+
+ACCURACY = 1e-3
+
+
+def posed_problem(case, seed):
+    """Odd seeds are inconsistent; decay rates for which few coefficients do."""
+    spread, noise = ((1.0, 0.9), (0.2, 5.0))[seed % 2]
+    problem = random_problem(seed, case, 14, spread=spread, noise=noise)
+    return problem.with_prior(decay_rate=1.15 + 0.05 * (seed % 4))
+
+
+def both(problem, accuracy=ACCURACY, **options):
+    exact, taylor_form = (
+        rid.identify(problem, form=form, accuracy=accuracy, **options) for form in ("orthonormal", "taylor")
+    )
+    assert exact.verification.passed, exact.summary()
+    assert taylor_form.verification.passed, taylor_form.summary()
+    assert taylor_form.length
+    return exact, taylor_form
+
+
+def check_outer(problem, result, exact, rng):
+    """No system drawn from the class has a worst residual below `margin_lower`."""
+    for _ in range(3):
+        model = exact.solution(rng.uniform(-1, 1))
+        worst = max(r.ratio.max() for r in model_residuals(problem, model))
+        assert worst >= result.margin_lower - 1e-9 * max(1, worst)
+    # The best system known, mixed with random members: whatever the rest of its coefficients does.
+    rows = measurement_rows(problem, result.sections)
+    for t in (1e-4, 1e-3, 1e-2, 0.1, 1.0):
+        for sign in (1, -1):
+            x = (1 - t) * result.claim.x + sign * t * taylor(random_member(rng), result.length)
+            assert rows.ratio(x, result.claim.p).max() >= result.margin_lower - 1e-9
+
+
+def compare(case, seed):
+    problem = posed_problem(case, seed)
+    exact, result = both(problem)
+    assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
+    for each in (exact, result):
+        assert each.margin - each.margin_lower <= ACCURACY * max(1, each.margin)
+    if rid.Status.UNDECIDED not in (exact.status, result.status):
+        assert exact.status is result.status
+    # The certificate, re-evaluated by its definition; one of value 0 claims nothing.
+    data, proof = pose(problem, result.sections).data, result.certificate
+    weights, A = proof.samples, ShiftMap(result.length).pair.A
+    if proof.value:
+        value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")
+        assert np.abs(weights).sum() == pytest.approx(1, rel=1e-12)
+        assert proof.value <= value - np.abs(weights) @ data.rows.tail + 1e-12
+        assert evaluate_certificate(weights, proof.ball, proof.upper, data.rows, data.sarason) >= proof.value
+    check_outer(problem, result, exact, np.random.default_rng(seed))
+    # The residuals are those of the model, by its frequency response and its simulated impulse response.
+    model, level = result.model, max(1.0, result.margin * (1 + 1e-6))
+    found = {(r.kind, r.index): r for r in result.residuals}
+    for i, f in enumerate(problem.frequency):
+        z = np.exp(1j * f.omega * DT)
+        values = np.array([model.C @ np.linalg.solve(w * np.eye(model.nstates) - model.A, model.B) for w in z])
+        error = f.values[:, 0, 0] - values[:, 0, 0] - model.D[0, 0]
+        assert np.abs(error - found["frequency", i].error).max() <= 1e-8 * np.abs(f.values).max()
+        assert (np.abs(error) / f.bound[:, 0, 0]).max() <= level * (1 + 1e-5)
+    for i, t in enumerate(problem.time):
+        g, state = [model.D[0, 0]], model.B[:, 0]
+        for _ in range(t.u.size - 1):
+            g.append(float(model.C[0] @ state))
+            state = model.A @ state
+        error = t.y[:, 0] - np.convolve(t.u[:, 0], g)[: t.u.size]
+        assert np.abs(error - found["time", i].error).max() <= 1e-8 * max(np.abs(t.y).max(), 1)
+        assert (np.abs(error) / t.bound[:, 0]).max() <= level * (1 + 1e-5)
+    return result
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_forms_prove_the_same_margin(case):
+    statuses = {compare(case, seed).status for seed in range(4)}
+    assert rid.Status.CONSISTENT in statuses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_both_forms_on_many_problems(case):
+    for seed in range(4, 34):
+        compare(case, seed)
+
+
+def test_objectives_agree_between_the_forms():
+    for case, seed in (("time", 0), ("mixed", 1)):
+        problem = posed_problem(case, seed)
+        exact, result = both(problem, objective="gain", accuracy=1e-5)
+        # Both gains are found to 1e-4; tails and margins differ by less.
+        assert result.prior.gain_bound == pytest.approx(exact.prior.gain_bound, rel=2e-4)
+        exact, result = both(problem, objective="margin", accuracy=1e-4)
+        worst = [max(r.ratio.max() for r in each.residuals) for each in (exact, result)]
+        assert worst[0] == pytest.approx(worst[1], abs=2e-4 * max(1, *worst))
+
+
+def test_a_taylor_result_comes_back_from_its_file(tmp_path):
+    result = rid.identify(posed_problem("mixed", 1), form="taylor", accuracy=ACCURACY)
+    result.save(tmp_path / "taylor")
+    again = rid.load_identification(tmp_path / "taylor")
+    assert again.verification.passed
+    assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
+    assert again.length == result.length
+    assert np.array_equal(again.coefficients, result.coefficients)
+    assert np.array_equal(again.model.A, result.model.A)
+    assert again.verification.checks == result.verification.checks
+
+
+@pytest.mark.parametrize("case", ["time", "frequency", "parametric"])
+def test_other_solutions_of_the_taylor_form(case):
+    """Every E keeps the residuals that the model may have; its values lie in the disc of all solutions."""
+    for spread in (1.0, 1e-3):
+        problem = random_problem(5, case, 14, spread=spread).with_prior(decay_rate=1.25)
+        result = rid.identify(problem, form="taylor", accuracy=ACCURACY)
+        assert result.consistent
+        omega = np.linspace(0.5, 314, 40)
+        centre, radius = result.weyl_disc(omega)
+        level = max(1.0, result.margin * (1 + 1e-6))
+        # The disc knows nothing of the states left out: those cost a share of the smallest bound, or of K without lines.
+        spare = 0.011 * min([problem.prior.gain_bound, *(f.bound.min() for f in problem.frequency)])
+        assert np.array_equal(result.solution(0.0).A, result.model.A)
+        for E in (0.0, 0.5, -0.5, 1.0):
+            other = result.solution(E)
+            assert max(r.ratio.max() for r in model_residuals(problem, other)) <= level * (1 + 1e-5)
+            outside = np.abs(other(np.exp(1j * omega * DT)) - centre) - radius
+            assert outside.max() <= spare
+
+
+WIDER = 7.0  # than the scatter of the realisations: what pairs at rough poles need
+MIRROR = np.array([635.0, 806, 921, 1315, 1674, 2124, 2310, 2544])  # Hz
+
+
+def mirror_entry():
+    """Entry (1, 1) of the steering mirror: mean and statistical bound over the realisations of the training set, in um."""
+    u, y = (np.load(rid.datasets.find(f"fsm_cubespec/{name}_300mV_train.npy")).mean(axis=3) for name in "uy")
+    records = [
+        rid.TimeRecord(*(a[..., k] - a[..., k].mean(axis=0) for a in (u, 1e6 * y)), dt=1 / 6400, initial="periodic")
+        for k in range(u.shape[2])
+    ]
+    return rid.estimate_frf(records).channel(0, 0)
+
+
+@pytest.mark.realdata
+def test_measured_lines_are_answered_with_proof():
+    """Every 8th line; pairs at rough poles: what the realisations scatter refutes them, seven times as much doesn't."""
+    frf = mirror_entry().select(slice(None, None, 8))
+    basis = rid.kautz(2 * np.pi * MIRROR, np.full(8, 0.01), dt=1 / 6400, repeat=2, delay=1)
+    prior = rid.Prior(gain_bound=1.3, decay_rate=1.3)
+    for factor, verdict in ((WIDER, True), (1.0, False)):
+        data = frf.with_bound(factor * frf.bound)
+        result = rid.identify(rid.MixedProblem(frequency=data, prior=prior, parametric=basis))
+        assert result.verification.passed
+        assert (result.margin_lower > 1, result.consistent) == (not verdict, verdict)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_all_measured_lines_in_one_command(tmp_path, capsys, monkeypatch):
+    """3839 lines, seven times the scatter of the realisations, pairs at the modes: model, bounds, proof and report."""
+    from support.cli_runs import run
+
+    monkeypatch.chdir(tmp_path)
+    frf = mirror_entry()
+    np.savez("mirror.npz", omega=frf.omega, values=frf.values[:, 0, 0], bound=WIDER * frf.bound[:, 0, 0], dt=frf.dt)
+    modes = [word for hz in MIRROR for word in ("--mode", f"{hz:g}:0.01")]
+    command = ["identify", "--frequency", "mirror.npz", *modes, "--repeat", "2", "--report", "mirror.html"]
+    code, out, _ = run(command, capsys, monkeypatch)
+    print(out)
+    assert code == 0
+    assert "FAILS" not in out
+    assert (tmp_path / "mirror.html").stat().st_size > 1e5
+    assert rid.load_identification("result").verification.passed

@@ -1,0 +1,273 @@
+"""Order selection: MDL finds the order of simulated systems, the sweep survives failures, executors change nothing."""
+
+import logging
+import pickle
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.mfd import Weight, order, suggest_order
+from support.mfd_systems import noisy, random_modal_system
+
+LEVEL = 0.01
+
+
+def data(seed, outputs, inputs, modes, lines, *, known=True, level=LEVEL):
+    omega = 2 * np.pi * np.geomspace(4, 1200, lines)
+    truth = random_modal_system(seed, outputs, inputs, modes, band_hz=(5, 1000)).response(1j * omega)
+    values = noisy(np.random.default_rng([seed, 1]), truth, level) if level else truth
+    variance = (level * np.abs(truth.transpose(0, 2, 1).reshape(lines, -1))) ** 2
+    covariance = np.eye(outputs * inputs) * variance[:, None, :] if known and level else None
+    return rid.FrequencyResponse(omega, values, covariance=covariance)
+
+
+def sweeps(count, shape, modes, lines, known, stable, orders):
+    """How many seeds found the true order, and how many sweeps have costs that never rise."""
+    hits = falling = 0
+    for seed in range(count):
+        sweep = suggest_order(data(seed, shape[0], shape[1], modes, lines, known=known), orders=orders, stable=stable)
+        assert not sweep.failures
+        hits += sweep.suggested == 2 * modes
+        falling += bool(np.all(sweep.costs[1:] <= sweep.costs[:-1] * (1 + 1e-6)))
+        level = sweep.levels[sweep.orders == 2 * modes][0]
+        assert level == pytest.approx(1 if known else LEVEL, rel=0.15)
+    print(shape, 2 * modes, lines, known, stable, "hits", hits, "falling", falling, "of", count)
+    return hits, falling
+
+
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(("shape", "modes", "lines"), [((1, 1), 2, 200), ((2, 2), 2, 60)])
+def test_mdl_finds_the_order(shape, modes, lines, known, seeds):
+    """All seeds, among one order below and two above; costs of plain least squares never rise.
+
+    Not a rate: of 8 seeds of the first system at unknown level, 6 hold with 200 lines and 6 with 100.
+    """
+    assert sweeps(seeds, shape, modes, lines, known, False, [3, 4, 5, 6]) == (seeds, seeds)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("known", "stable"), [(True, False), (False, False), (True, True)])
+@pytest.mark.parametrize(("shape", "modes", "lines"), [((1, 1), 4, 400), ((2, 2), 3, 100)])
+def test_mdl_finds_the_order_in_nine_of_ten(shape, modes, lines, known, stable):
+    """Orders 8 and 6 of 10 seeds each: at least 9 of 10; costs of plain least squares never rise in 10."""
+    hits, falling = sweeps(10, shape, modes, lines, known, stable, range(2 * modes - 2, 2 * modes + 4))
+    assert hits >= 9
+    assert stable or falling == 10
+
+
+def test_default_orders_lie_around_the_singular_values_above_the_noise(monkeypatch):
+    """6 noisy 2x2 systems of order 6, half of them of unknown level: the count is 6 in all."""
+    counts = []
+    for seed in range(6):
+        frf = data(seed, 2, 2, 3, 100, known=seed % 2 == 0)
+        values, edge = order._singular_values(frf, None, None, seed % 2 == 0, False)
+        counts.append(int(np.sum(values > edge)))
+    assert counts == [6] * 6
+    tried = []
+    monkeypatch.setattr(order, "_sweep", lambda frf, orders, *rest: tried.extend(orders) or ({}, {}))
+    with pytest.raises(ValueError, match="empty"):
+        suggest_order(data(0, 2, 2, 3, 100))
+    assert tried == [1, 2, 4, 5, 6, 7, 8, 9, 10, 12, 14, 18]
+
+
+def test_criteria_by_their_formulas():
+    known, unknown = (
+        suggest_order(data(0, 2, 1, 1, 40, known=known), orders=[1, 2, 3], feedthrough=True, stable=False)
+        for known in (True, False)
+    )
+    N, p = 160, np.array([5, 8, 11])
+    for sweep in (known, unknown):
+        assert sweep.equations == N
+        assert np.array_equal(sweep.parameters, p)
+    assert np.allclose(known.mdl, 2 * known.costs + p * np.log(N))
+    assert np.allclose(known.aic, 2 * known.costs + 2 * p)
+    assert np.allclose(unknown.mdl, N * np.log(unknown.costs / N) + p * np.log(N))
+    assert np.allclose(unknown.aic, N * np.log(unknown.costs / N) + 2 * p)
+
+
+def test_twice_the_cost_at_the_truth_is_the_deviance_of_its_noise():
+    """The known-noise form against scipy's density: differences of -2 ln L are differences of 2 V."""
+    from scipy.stats import multivariate_normal
+
+    frf = data(3, 1, 1, 1, 30)
+    sweep = suggest_order(frf, orders=[1, 2])
+    likelihood = []
+    for fit in sweep.fits.values():
+        rest = (frf.values - fit.fraction.response(frf.omega))[:, 0, 0]
+        spread = np.real(frf.covariance[:, 0, 0]) / 2  # of each of the two real parts
+        likelihood.append(
+            sum(
+                multivariate_normal.logpdf([e.real, e.imag], cov=c * np.eye(2))
+                for e, c in zip(rest, spread, strict=True)
+            )
+        )
+    assert np.diff(sweep.mdl - sweep.parameters * np.log(60)) == pytest.approx(-2 * np.diff(likelihood), rel=1e-9)
+
+
+def test_exact_data_get_the_smallest_order_that_is_exact():
+    sweep = suggest_order(data(1, 2, 2, 2, 60, level=0), orders=[3, 4, 5, 6])
+    assert sweep.suggested == 4
+    assert sweep.subspace_order == 4
+
+
+def test_stabilisation_classes():
+    """Against made-up poles: one stays, one moves by 0.5 % with other damping, one keeps its damping only, one is new."""
+    from robustid.mfd.order_sweep import _kind
+
+    def pole(frequency, damping):
+        return frequency * (-damping + 1j * np.sqrt(1 - damping**2))
+
+    last = np.array([pole(10, 0.01), pole(100, 0.02), pole(1000, 0.005)])
+    assert _kind(pole(10.09, 0.0104), last) == "stable"
+    assert _kind(pole(10.11, 0.0104), last) == "damping"
+    assert _kind(pole(100.5, 0.03), last) == "frequency"
+    assert _kind(pole(1020, 0.03), last) == "new"
+    assert _kind(pole(10, 0.01), last[:0]) == "new"
+
+
+def test_true_poles_are_stable_in_the_diagram():
+    system = random_modal_system(0, 2, 2, 2, band_hz=(5, 1000))
+    sweep = suggest_order(data(0, 2, 2, 2, 60), orders=[3, 4, 5, 6], stable=False)
+    rows = [row for row in sweep.stabilisation if row.order in (5, 6)]
+    for frequency, damping in zip(system.frequency, system.damping, strict=True):
+        near = [r for r in rows if r.kind == "stable" and abs(r.frequency - frequency) < 0.01 * frequency]
+        assert {r.order for r in near} == {5, 6}
+        assert all(abs(r.damping - damping) < 0.1 * damping for r in near)
+    assert {row.kind for row in sweep.stabilisation if row.order == 3} == {"new"}
+
+
+def test_discrete_poles_are_told_in_rad_per_second():
+    dt = 5e-4
+    system = random_modal_system(3, 1, 1, 2, band_hz=(20, 800), dt=dt)
+    omega = 2 * np.pi * np.linspace(5, 950, 150)
+    values = noisy(np.random.default_rng(0), system.response(np.exp(1j * omega * dt)), 1e-3)
+    sweep = suggest_order(rid.FrequencyResponse(omega, values, dt=dt), orders=[4], feedthrough=True)
+    assert np.allclose([row.frequency for row in sweep.stabilisation], system.frequency, rtol=1e-2)
+    assert np.allclose([row.damping for row in sweep.stabilisation], system.damping, rtol=0.1)
+
+
+def same(one, other):
+    assert list(one.fits) == list(other.fits)
+    assert np.array_equal(one.costs, other.costs)
+    assert np.array_equal(one.mdl, other.mdl)
+    for a, b in zip(one.fits.values(), other.fits.values(), strict=True):
+        assert np.array_equal(a.fraction.A, b.fraction.A)
+        assert np.array_equal(a.nodes.denominators, b.nodes.denominators)
+
+
+def test_executors_change_nothing():
+    frf, orders = data(0, 2, 2, 1, 40), [2, 3, 4]
+    calls = []
+    serial = suggest_order(frf, orders=orders, progress=lambda *call: calls.append(call))
+    assert calls == [(1, 3), (2, 3), (3, 3)]
+    with ThreadPoolExecutor(2) as pool:
+        same(serial, suggest_order(frf, orders=orders, executor=pool))
+    with ProcessPoolExecutor(1) as pool:
+        calls.clear()
+        same(serial, suggest_order(frf, orders=orders, executor=pool, progress=lambda *call: calls.append(call)))
+    assert calls == [(1, 3), (2, 3), (3, 3)]
+    same(serial, pickle.loads(pickle.dumps(serial)))
+
+
+class Lossy(Executor):
+    """Loses the items of some orders as a broken process pool does."""
+
+    def __init__(self, lost):
+        self.lost = lost
+
+    def submit(self, fn, /, *args, **kwargs):
+        job = Future()
+        if args[-1] in self.lost:
+            job.set_exception(BrokenProcessPool("a worker died"))
+            return job
+        try:
+            job.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            job.set_exception(error)
+        return job
+
+
+def test_a_lost_item_is_done_again_here(caplog):
+    frf, orders = data(0, 1, 1, 1, 40), [2, 3]
+    with caplog.at_level(logging.WARNING, logger="robustid"):
+        sweep = suggest_order(frf, orders=orders, executor=Lossy({3}))
+    assert "order 3: BrokenProcessPool" in caplog.text
+    same(sweep, suggest_order(frf, orders=orders))
+    with ThreadPoolExecutor(1) as pool:
+        pass  # shut down: takes no job at all
+    same(sweep, suggest_order(frf, orders=orders, executor=pool))
+
+
+@pytest.mark.parametrize("executor", [None, Lossy({4})])
+def test_an_item_that_fails_twice_is_kept_as_a_failure(executor):
+    frf = data(0, 1, 1, 2, 60)
+    sweep = suggest_order(frf, orders=[4, 5, 100], executor=executor)
+    assert list(sweep.fits) == [4, 5]
+    assert list(sweep.failures) == [100]
+    assert sweep.failures[100].startswith("InputError: `order` = 100")
+    assert "failed" in sweep.summary()
+    with pytest.raises(rid.InputError, match="order"):
+        suggest_order(frf, orders=[100, 101], executor=executor)
+
+
+def test_an_interrupt_passes_and_tells_what_was_finished(monkeypatch, caplog):
+    fit = order._fit
+
+    def interrupted(frf, options, n):
+        if n == 4:
+            raise KeyboardInterrupt
+        return fit(frf, options, n)
+
+    monkeypatch.setattr(order, "_fit", interrupted)
+    with caplog.at_level(logging.WARNING, logger="robustid"), pytest.raises(KeyboardInterrupt):
+        suggest_order(data(0, 1, 1, 2, 60), orders=[2, 4, 6])
+    assert "finished: order 2: cost" in caplog.text
+
+
+def test_a_local_minimum_is_left_by_a_warm_start(monkeypatch):
+    """A fit of order 5 that ends above that of order 4 is replaced by one that doesn't."""
+    frf, fit = data(0, 1, 1, 2, 60), order._fit
+
+    def stuck(frf, options, n):
+        found = fit(frf, options, n)
+        return fit(frf, options, 2) if n == 5 and "start" not in options else found
+
+    monkeypatch.setattr(order, "_fit", stuck)
+    sweep = suggest_order(frf, orders=[4, 5])
+    assert sweep.costs[1] <= sweep.costs[0] * (1 + 1e-6)
+    assert len(sweep.fits[5].fraction.poles) == 5
+
+
+def test_summary_is_a_table():
+    sweep = suggest_order(data(0, 1, 1, 2, 100), orders=[3, 4])
+    lines = sweep.summary().splitlines()
+    assert lines[0].split()[:3] == ["order", "parameters", "cost"]
+    assert lines[2].endswith("<")
+    assert "order 4 has the smallest MDL" in lines[3]
+    assert "larger `orders`" in lines[4]
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"frf": np.ones(3)}, rid.InputTypeError, "frf"),
+        ({"orders": []}, rid.InputError, "orders"),
+        ({"orders": [2, 0]}, rid.InputError, "orders"),
+        ({"orders": 4}, rid.InputTypeError, "orders"),
+        ({"orders": [2.5]}, rid.InputTypeError, "orders"),
+        ({"executor": 3}, rid.InputTypeError, "executor"),
+        ({"order": 3}, rid.InputTypeError, "order"),
+        ({"shape": "right"}, rid.InputTypeError, "shape"),
+        ({"domain": "z"}, rid.InputError, "domain"),
+        ({"form": "middle"}, rid.InputError, "form"),
+        ({"weight": Weight(np.ones((3, 1, 1)))}, rid.InputError, "weight"),
+    ],
+)
+def test_bad_input(changes, error, words):
+    arguments = {"frf": data(0, 1, 1, 1, 30), "orders": [2]} | changes
+    with pytest.raises(error, match=words):
+        suggest_order(arguments.pop("frf"), **arguments)

@@ -1,0 +1,143 @@
+"""The true error of a truncation: closed forms, brute force, and the a-priori bound held against it."""
+
+import control
+import numpy as np
+import pytest
+import scipy.linalg as sla
+
+from robustid.errors import InputError, InputTypeError
+from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
+from support.reduction_models import benchmark_model, gap, mode, points_of, random_model, response  # noqa: F401
+
+NOTHING = control.StateSpace([], [], [], [[0.0]])
+
+
+@pytest.mark.parametrize("zeta", [0.5, 0.02, 1e-4, 1e-7])
+@pytest.mark.parametrize("omega", [1.0, 1e4])
+def test_peak_of_a_mode_has_its_closed_form(zeta, omega):
+    model, _ = mode(zeta, omega)
+    found = hinf_error(model, NOTHING)
+    np.testing.assert_allclose(found.value, 1 / (2 * zeta * np.sqrt(1 - zeta**2)), rtol=1e-6)
+    np.testing.assert_allclose(found.omega, omega * np.sqrt(1 - 2 * zeta**2), rtol=1e-5)
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.5])
+def test_bilinear_image_has_the_same_peak(step):
+    model, _ = mode(0.01, 3.0)
+    found = hinf_error(control.sample_system(model, step, method="bilinear"), NOTHING)
+    np.testing.assert_allclose(found.value, 1 / (0.02 * np.sqrt(1 - 1e-4)), rtol=1e-6)
+    np.testing.assert_allclose(np.tan(found.omega * step / 2) * 2 / step, 3 * np.sqrt(1 - 2e-4), rtol=1e-5)
+
+
+def test_flat_and_static_differences():
+    allpass = control.ss([[-1.0]], [[1.0]], [[-2.0]], [[1.0]])
+    assert hinf_error(allpass, NOTHING).value == pytest.approx(1, rel=2e-6)
+    gain = control.StateSpace([], [], [], [[3.0, 0.0], [0.0, 4.0]])
+    assert hinf_error(gain, 0 * gain).value == 4
+    assert hinf_error(allpass, allpass).value < 1e-15
+    # The supremum may lie at infinity only.
+    rising = control.ss([[-1.0]], [[1.0]], [[-1.0]], [[1.0]])
+    assert hinf_error(rising, NOTHING) == (1.0, np.inf)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_error_is_attained_and_nowhere_exceeded(discrete):
+    for seed in range(25):
+        model = random_model(np.random.default_rng(seed), discrete=discrete)
+        reduced = balanced_truncation(model, order=model.nstates // 2).model
+        found = hinf_error(model, reduced)
+        assert gap(model, reduced, points_of(model, 2000)) <= found.value * (1 + 2e-6)
+        if np.isfinite(found.omega):
+            point = np.exp(0.2j * found.omega) if discrete else 1j * found.omega
+            assert gap(model, reduced, np.array([point])) == pytest.approx(found.value, rel=1e-6)
+
+
+def test_equal_unstable_parts_cancel_and_others_do_not():
+    stable = random_model(np.random.default_rng(2), discrete=False)
+    rigid = control.StateSpace(
+        [[0.0, 1], [0, 0]], np.ones((2, stable.ninputs)), np.ones((stable.noutputs, 2)), 0 * stable.D
+    )
+    small = balanced_truncation(stable + rigid, order=stable.nstates, unstable="keep").model
+    alone = balanced_truncation(stable, order=stable.nstates - 2).model
+    assert hinf_error(stable + rigid, small).value == pytest.approx(hinf_error(stable, alone).value, rel=1e-5)
+    assert hinf_error(stable + rigid, stable).value == np.inf
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        (control.tf([1], [1, 1]), "`reduced` must be a control.StateSpace"),
+        (control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1), "time base"),
+        (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0), "1 inputs"),
+    ],
+)
+def test_bad_input_is_named(other, says):
+    with pytest.raises((InputError, InputTypeError), match=says):
+        hinf_error(mode(0.1, 1.0)[0], other)
+
+
+def rounding(model, omega):
+    """What an error of A by one rounding, eps ||A||, does to the response: eps ||A|| ||C R|| ||R B||, R the resolvent."""
+    if not np.isfinite(omega):
+        return 0.0
+    left = 1j * omega * np.eye(model.nstates) - model.A
+    before, after = np.linalg.solve(left.T, model.C.T.astype(complex)), np.linalg.solve(left, model.B.astype(complex))
+    return np.finfo(float).eps * np.linalg.norm(model.A, 2) * np.linalg.norm(before, 2) * np.linalg.norm(after, 2)
+
+
+def check_bound(model, orders, matches=(None, "static gain")):
+    """Bound at least the true error, up to the rounding of the two models; the truncation stable."""
+    for match in matches:
+        for order in orders:
+            reduction = balanced_truncation(model, order=order, match=match)
+            assert reduction.status in (ReductionStatus.REDUCED, ReductionStatus.FEWER)
+            assert np.max(reduction.model.poles().real, initial=-np.inf) < 0
+            found = hinf_error(model, reduction.model)
+            floor = rounding(model, found.omega) + rounding(reduction.model, found.omega)
+            assert found.value <= reduction.bound + floor
+
+
+@pytest.mark.realdata
+def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model):  # noqa: F811
+    # On a grid, every order: test_reduction.py. The true error at every order: below, slow.
+    large = benchmark_model.nstates > 200
+    check_bound(benchmark_model, [12] if large else [1, 20], (None,) if large else (None, "static gain"))
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_bound_holds_for_the_true_error_at_every_order(benchmark_model):  # noqa: F811
+    check_bound(benchmark_model, range(benchmark_model.nstates))
+
+
+def flexible(modes, channels, seed):
+    """Lightly damped modes over three decades, damping 3e-4 to 1e-2, in random coordinates."""
+    rng = np.random.default_rng(seed)
+    omega, zeta = np.geomspace(1, 1e3, modes), 10 ** rng.uniform(-3.5, -2, modes)
+    a = sla.block_diag(*(w * np.array([[-z, 1], [-1, -z]]) for w, z in zip(omega, zeta, strict=True)))
+    b, c = rng.standard_normal((2 * modes, channels)), rng.standard_normal((channels, 2 * modes))
+    q = np.linalg.qr(rng.standard_normal((2 * modes, 2 * modes)))[0]
+    return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, 0, 0)
+
+
+def check_flexible(model, orders):
+    points = points_of(model, 20)
+    points = points[:: max(1, points.size // 100)]
+    values = response(model.A, model.B, model.C, model.D, points)
+    floor = 1e-9 * np.max(np.linalg.norm(values, 2, axis=(1, 2)))
+    for order in orders:
+        reduction = balanced_truncation(model, order=order)
+        small = reduction.model
+        assert reduction.order == order
+        assert np.max(small.poles().real) < 0
+        left = values - response(small.A, small.B, small.C, small.D, points)
+        assert np.max(np.linalg.norm(left, 2, axis=(1, 2))) <= reduction.bound + floor
+
+
+def test_lightly_damped_model_with_four_channels():
+    check_flexible(flexible(60, 4, seed=0), (1, 7, 40, 99, 119))
+
+
+@pytest.mark.slow
+def test_a_thousand_lightly_damped_states_with_four_channels():
+    check_flexible(flexible(500, 4, seed=0), (1, 2, 10, 50, 101, 200, 400, 700, 998, 999))

@@ -1,0 +1,253 @@
+"""The smallest model within the bounds: the search against known truths, and what cannot be had."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core.simulation import response
+from robustid.identification.residuals import largest_ratio
+from robustid.reduction import SearchStatus
+from support.paper_plant import mixed, structure
+from support.problems import random_problem
+
+RIGID = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
+
+
+def judged_again(problem, model):
+    """Largest |residual|/bound of a model at discs and records from rest: another path than the library's."""
+    found = 0.0
+    for frf in problem.frequency:
+        F = np.array([model(np.exp(1j * w * frf.dt)) for w in frf.omega])
+        found = max(found, np.max(np.abs(frf.values[:, 0, 0] - F) / frf.bound[:, 0, 0]))
+    for record in problem.time:
+        assert record.initial == "rest"
+        y = control.forced_response(model, record.time, record.u[:, 0]).outputs
+        found = max(found, np.max(np.abs(record.y[:, 0] - y) / record.bound[:, 0]))
+    return found
+
+
+# --- the search -------------------------------------------------------------------------------------------------------
+
+
+def check(problem, result, reduction):
+    """What every reduction must be."""
+    poles = reduction.model.poles()
+    assert reduction.order == reduction.model.nstates
+    assert np.all((np.abs(poles) < 1) | (poles == 1))
+    assert reduction.margin == pytest.approx(largest_ratio(problem, reduction.model), rel=1e-9)
+    assert reduction.tried[-1][0] >= reduction.order
+    assert dict(reduction.tried)[reduction.order] == reduction.margin
+    assert all(margin > 1 for order, margin in reduction.tried if order < reduction.order)
+    assert reduction.hankel.size <= result.order
+
+
+@pytest.mark.parametrize("parametric", [True, False])
+def test_plant_of_order_four_comes_out_at_order_four(parametric):
+    for seed in range(2):
+        problem = structure(seed, parametric=parametric)
+        result = rid.identify(problem)
+        assert result.consistent
+        reduction = rid.reduce_within_bounds(result)
+        check(problem, result, reduction)
+        assert reduction.status is SearchStatus.WITHIN
+        assert reduction.order == 4
+        assert judged_again(problem, reduction.model) <= 1
+
+
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+    """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
+    data, problem = rid.flexible_structure(), structure(0)
+    light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
+    wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
+    angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
+    errors = []
+    for changes in ({}, {"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
+        one = dataclasses.replace(problem, **changes)
+        reduction = rid.reduce_within_bounds(rid.identify(one))
+        assert reduction.order == 4
+        assert judged_again(one, reduction.model) <= 1
+        for pole in one.parametric.poles if one.parametric else ():
+            assert np.abs(reduction.model.poles() - pole).min() < 1e-9
+        errors.append(np.abs(response(reduction.model, angles) - response(data.truth, angles)).max())
+    assert max(errors[:2]) < 0.1 < 0.5 < errors[2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("parametric", "least"), [(True, 19), (False, 18)])
+def test_plant_of_order_four_at_twenty_seeds(parametric, least):
+    found = 0
+    for seed in range(20):
+        problem = structure(seed, parametric=parametric)
+        result = rid.identify(problem)
+        reduction = rid.reduce_within_bounds(result)
+        assert result.consistent
+        assert judged_again(problem, reduction.model) <= 1
+        found += reduction.order <= 4
+    assert found >= least
+
+
+@pytest.mark.parametrize("case", ["time", "frequency", "mixed", "parametric"])
+def test_truth_of_known_order_bounds_the_order_found(case):
+    """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
+    for seed in range(2):
+        problem = random_problem(seed, case, 24)
+        result = rid.identify(problem)
+        reduction = rid.reduce_within_bounds(result)
+        check(problem, result, reduction)
+        assert reduction.status is SearchStatus.WITHIN
+        assert reduction.order <= 4 + 2 * (case == "parametric")
+        assert judged_again(problem, reduction.model) <= 1
+
+
+@pytest.mark.parametrize("kind", ["free", "periodic"])
+def test_records_from_an_unknown_state_and_in_steady_state(kind):
+    problem = mixed(kind)
+    result = rid.identify(problem)
+    reduction = rid.reduce_within_bounds(result)
+    check(problem, result, reduction)
+    assert reduction.order <= 4
+    assert reduction.margin <= 1
+
+
+def rigid_problem(basis):
+    truth = control.ss(RIGID + rid.flexible_structure(seed=1).truth)
+    omega = 2 * np.pi * np.linspace(1, 40, 30)
+    F = truth(np.exp(1j * omega * 0.01))
+    error = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=30))
+    bound = 1e-2 * np.abs(F)
+    frf = rid.FrequencyResponse(omega, F + bound * error, bound=bound, dt=0.01)
+    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.02), parametric=basis)
+
+
+def test_rigid_body_of_the_parametric_part_and_one_that_is_asked_for_are_exact():
+    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+    for basis, asked in (([RIGID, pairs], None), ([RIGID, pairs], rid.RigidBody(1))):
+        problem = rigid_problem(basis)
+        result = rid.identify(problem)
+        assert result.consistent
+        reduction = rid.reduce_within_bounds(result, rigid_body=asked)
+        check(problem, result, reduction)
+        assert reduction.order == 6
+        assert np.sum(reduction.model.poles() == 1) == 2
+    damped = control.ss([[1 - 1e-5, 0.01], [0, 1 - 1e-5]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
+    problem = rigid_problem([damped, pairs])
+    reduction = rid.reduce_within_bounds(rid.identify(problem), rigid_body=rid.RigidBody(1))
+    assert reduction.order == 6
+    assert np.sum(reduction.model.poles() == 1) == 2
+
+
+def test_order_and_margin_do_not_depend_on_units():
+    problem = structure(0)
+    first = rid.reduce_within_bounds(rid.identify(problem))
+    gain = 2.0**40
+    (frf,), (record,) = problem.frequency, problem.time
+    frf = rid.FrequencyResponse(frf.omega, gain * frf.values, bound=gain * frf.bound, dt=frf.dt)
+    record = rid.TimeRecord(record.u, gain * record.y, bound=gain * record.bound, dt=record.dt)
+    prior = rid.Prior(gain_bound=0.2 * gain, decay_rate=1.1)
+    second = rid.reduce_within_bounds(
+        rid.identify(dataclasses.replace(problem, frequency=frf, time=record, prior=prior))
+    )
+    assert second.order == first.order
+    assert second.margin == pytest.approx(first.margin, rel=1e-6)
+
+
+# --- what cannot be had -----------------------------------------------------------------------------------------------
+
+
+def test_contradicting_samples_are_never_called_within():
+    """Two values of one line, 50 bounds from what they have in common: no model of any order."""
+    first = rid.FrequencyResponse([50.0], [1.0], bound=0.01, dt=0.01)
+    second = rid.FrequencyResponse([50.0], [2.0], bound=0.01, dt=0.01)
+    prior = rid.Prior(gain_bound=5.0, decay_rate=1.1)
+    result = rid.identify(rid.MixedProblem(frequency=[first, second], prior=prior))
+    reduction = rid.reduce_within_bounds(result)
+    assert reduction.status is SearchStatus.INFLATED
+    assert "contradict" in reduction.status.value
+    assert reduction.margin == pytest.approx(50, rel=1e-3)
+
+
+def test_wrong_poles_contradict_the_class_and_the_small_model_says_that_it_is_none_of_it():
+    wrong = rid.kautz(2 * np.pi * np.array([9.0, 17.2]), [0.1, 0.004], dt=0.01, delay=1)
+    problem = dataclasses.replace(structure(0), parametric=wrong)
+    result = rid.identify(problem)
+    assert not result.consistent
+    reduction = rid.reduce_within_bounds(result)
+    assert reduction.status is SearchStatus.OUTSIDE
+    assert "contradict" in reduction.status.value
+    assert reduction.order == 4
+    assert judged_again(problem, reduction.model) <= 1
+
+
+def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
+    """White noise in bounds of a millionth: as many poles as samples are needed, or nearly."""
+    rng = np.random.default_rng(0)
+    frf = rid.FrequencyResponse(
+        np.linspace(30, 280, 6), rng.standard_normal(6) + 1j * rng.standard_normal(6), bound=1e-6, dt=0.01
+    )
+    prior = rid.Prior(gain_bound=1e3, decay_rate=1.01)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
+    assert result.consistent
+    reduction = rid.reduce_within_bounds(result)
+    assert reduction.order > 3  # 2 * 6 numbers need 12 parameters: 5 poles with 6 numerators leave none
+    if reduction.status is SearchStatus.UNREDUCED:
+        assert reduction.model is result.model
+    else:
+        assert judged_again(rid.MixedProblem(frequency=frf, prior=prior), reduction.model) <= 1
+
+
+def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
+    monkeypatch.setattr("robustid.reduction.within_bounds.largest_ratio", lambda problem, model: 1.5)
+    data = rid.flexible_structure(lines=3, samples=5)
+    prior = rid.Prior(gain_bound=10, decay_rate=1.015)
+    result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior))
+    reduction = rid.reduce_within_bounds(result)
+    assert reduction.status is SearchStatus.UNREDUCED
+    assert reduction.model is result.model
+    assert reduction.order == result.order
+    assert reduction.margin <= 1
+    assert reduction.tried[-1] == (result.order, reduction.margin)
+
+
+def test_misuse_is_named():
+    result = rid.identify(structure(0))
+    with pytest.raises(rid.InputTypeError, match="identify"):
+        rid.reduce_within_bounds(rid.flexible_structure().truth)
+    with pytest.raises(rid.InputTypeError, match=r"RigidBody\(1\)"):
+        rid.reduce_within_bounds(result, rigid_body=1)
+    with pytest.raises(rid.InputError, match="2 modes"):
+        rid.reduce_within_bounds(result, rigid_body=rid.RigidBody(2))
+    (frf,) = result.problem.frequency
+    still = dataclasses.replace(frf, omega=np.append(0.0, frf.omega[1:]), values=np.real(frf.values) + 0j)
+    still = rid.identify(dataclasses.replace(result.problem, frequency=still))
+    with pytest.raises(rid.InputError, match="omega = 0"):
+        rid.reduce_within_bounds(still, rigid_body=rid.RigidBody(1))
+
+
+def test_chart_of_order_against_margin(tmp_path):
+    from robustid.report import plot_margins, write_report
+    from robustid.report.margin_by_order import margin_chart
+
+    result = rid.identify(structure(0))
+    reduction = rid.reduce_within_bounds(result)
+    layers = {layer.name: layer for layer in margin_chart(reduction).panels[0].layers}
+    assert list(zip(layers["smallest found"].x, layers["smallest found"].y, strict=True)) == list(reduction.tried)
+    assert layers["chosen order 4"].y == [reduction.margin]
+    assert np.all(layers["beyond the bounds"].y > 1)
+    assert plot_margins(reduction).axes[0].get_xlabel() == "order [–]"
+    write_report(result, tmp_path / "report.html", reduction=reduction)
+    assert "Best model of every order: at the samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(rid.InputError, match="tries no orders"):
+        plot_margins(rid.balanced_truncation(result.model, order=10))
+    with pytest.raises(rid.InputTypeError, match="reduce_within_bounds"):
+        plot_margins(result)
+
+
+def test_a_start_on_the_circle_is_drawn_inside():
+    """Two lines next to each other that differ: the linear fit puts a pole between them, on the circle to rounding."""
+    frf = rid.FrequencyResponse([50.0, 50.001, 60.0], [1.0, 1.5, 1.0], bound=0.01, dt=0.01)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.0375))
+    small = rid.reduce_within_bounds(rid.identify(problem))
+    assert np.all(np.abs(small.model.poles()) < 1)

@@ -1,0 +1,1 @@
+"""Plants, problems and judges that the tests of several rooms share."""

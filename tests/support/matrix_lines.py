@@ -1,0 +1,30 @@
+"""Shared by the tests: matrix lines."""
+
+import control
+import numpy as np
+
+import robustid as rid
+from robustid.core.simulation import responses
+
+DT = 0.01
+
+
+HZ = np.array([4.0, 9.0, 17.0])
+
+
+def plant(rng, modes, outputs=2, inputs=2):
+    """Modes of rank one, 1 to 5 % damped."""
+    omega, damping = 2 * np.pi * HZ[:modes], rng.uniform(0.01, 0.05, modes)
+    poles = np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * DT)
+    A = np.kron(np.diag(poles.real), np.eye(2)) + np.kron(np.diag(poles.imag), [[0, -1], [1, 0]])
+    gain = np.repeat(1 - np.abs(poles), 2)
+    B = gain[:, None] * rng.standard_normal((2 * modes, inputs))
+    C = rng.standard_normal((outputs, 2 * modes))
+    return control.ss(A, B, C, 0, DT), rid.kautz(omega, damping, dt=DT, delay=1)
+
+
+def lines(rng, truth, bound=0.05, count=30):
+    omega = 2 * np.pi * np.linspace(1, 22, count)
+    exact = responses(truth, omega * DT)
+    noise = rng.uniform(-1, 1, (2, *exact.shape)) * bound / np.sqrt(2)
+    return rid.FrequencyResponse(omega, exact + noise[0] + 1j * noise[1], bound=bound, dt=DT)

@@ -1,0 +1,74 @@
+"""Shared by the tests: reduction models."""
+
+import os
+import pathlib
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+import scipy.linalg as sla
+
+SLICOT = {"build": 48, "CDplayer": 120, "iss1R": 270, "beam": 348}
+
+
+def response(a, b, c, d, points):
+    """Judge of its own: one dense solve a point."""
+    return d + c @ np.linalg.solve(
+        points[:, None, None] * np.eye(a.shape[0]) - a, np.broadcast_to(b, (points.size, *b.shape))
+    )
+
+
+def points_of(model, lines=40):
+    """On the stability boundary: at the frequency of every pole and between them."""
+    poles = model.poles()
+    if model.dt == 0:
+        speeds = np.abs(poles)
+        return 1j * np.concatenate(
+            [[0.0], np.abs(poles.imag), np.geomspace(speeds.min() / 10, speeds.max() * 10, lines)]
+        )
+    return np.exp(1j * np.concatenate([np.abs(np.angle(poles)), np.linspace(0, np.pi, lines)]))
+
+
+def gap(one, two, points):
+    """Largest singular value of the difference, over the points."""
+    values = [response(m.A, m.B, m.C, m.D, points) for m in (one, two)]
+    return np.max(np.linalg.norm(values[0] - values[1], 2, axis=(1, 2)))
+
+
+def peak(model, points):
+    return np.max(np.linalg.norm(response(model.A, model.B, model.C, model.D, points), 2, axis=(1, 2)))
+
+
+def random_model(rng, *, discrete, states=None):
+    """Modes of damping 1e-4..0.5 and real poles, in random coordinates."""
+    modes, reals = (int(rng.integers(1, 5)), int(rng.integers(0, 4))) if states is None else (states // 2, states % 2)
+    blocks = []
+    for _ in range(modes):
+        omega, zeta = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-4, -0.3)
+        blocks.append(omega * np.array([[-zeta, np.sqrt(1 - zeta**2)], [-np.sqrt(1 - zeta**2), -zeta]]))
+    blocks += [np.array([[-(10 ** rng.uniform(-1, 1))]]) for _ in range(reals)]
+    a = sla.block_diag(*blocks)
+    a = sla.expm(0.2 * a) if discrete else a
+    n, ny, nu = a.shape[0], *rng.integers(1, 4, 2)
+    q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    b, c, d = rng.standard_normal((n, nu)), rng.standard_normal((ny, n)), rng.standard_normal((ny, nu))
+    return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, d, 0.2 if discrete else 0)
+
+
+def mode(zeta, omega):
+    """Unit static gain; Hankel singular values (sqrt(1 + zeta^2) ± zeta) / (4 zeta), whatever omega."""
+    model = control.ss([[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega**2]], [[1, 0]], 0)
+    return model, np.sqrt(1 + zeta**2) / (4 * zeta) + np.array([0.25, -0.25])
+
+
+@pytest.fixture(params=SLICOT)
+def benchmark_model(request):
+    folder = os.environ.get("ROBUSTID_DATA")
+    path = pathlib.Path(folder or ".", "slicot", f"{request.param}.mat")
+    if not folder or not path.exists():
+        pytest.skip("ROBUSTID_DATA does not name a folder with slicot/*.mat")
+    matrices = scipy.io.loadmat(path)
+    a, b, c = (np.asarray(scipy.sparse.csc_array(matrices[k]).todense(), dtype=float) for k in "ABC")
+    assert a.shape[0] == SLICOT[request.param]
+    return control.StateSpace(a, b, c, 0, 0)

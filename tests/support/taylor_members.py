@@ -1,0 +1,49 @@
+"""Shared by the tests: taylor members."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+import robustid as rid
+
+DT, EPS = 0.01, np.finfo(float).eps
+
+
+def polynomials(zeros):
+    """Rising coefficients (P, Q) of the real Blaschke product P/Q with these zeros and their conjugates."""
+    above = np.real(np.poly(np.concatenate([zeros, np.conj(zeros)])))[::-1]
+    return above, above[::-1]
+
+
+def at(member, zeta):
+    return np.polyval(member[0][::-1], zeta) / np.polyval(member[1][::-1], zeta)
+
+
+def taylor(member, count):
+    return lfilter(*member, np.eye(1, count)[0])
+
+
+def random_experiments(rng, samples=40):
+    omega = np.sort(rng.uniform(0, np.pi / DT, 6))
+    frf = rid.FrequencyResponse(omega, np.zeros(6), bound=rng.uniform(0.01, 1, 6), dt=DT)
+    records = [
+        rid.TimeRecord(
+            rng.standard_normal(samples), np.zeros(samples), dt=DT, bound=rng.uniform(0.01, 1, samples), initial=initial
+        )
+        for initial in ("rest", "periodic", "free")
+    ]
+    return [frf], records
+
+
+def responses(problem, member):
+    """K member(z/rho) at all samples of the problem, from its definition; the record with free start as if from rest."""
+    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    out = [K * at(member, np.exp(-1j * f.omega * DT) / rho) for f in problem.frequency]
+    for record in problem.time:
+        u = record.u[:, 0]
+        if record.initial == "periodic":
+            H = K * at(member, np.exp(-2j * np.pi * np.arange(u.size // 2 + 1) / u.size) / rho)
+            out.append(np.fft.irfft(np.fft.rfft(u) * H, u.size))
+        else:
+            g = K * taylor(member, u.size) * rho ** -np.arange(u.size, dtype=float)
+            out.append(np.convolve(u, g)[: u.size])
+    return np.concatenate(out)
