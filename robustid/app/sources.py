@@ -13,7 +13,7 @@ from robustid.app.run_file import DELAY_NOTE, RecordSource, RunFile
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
-    bounds_from_rest,
+    bounds_from_noise_floor,
     datasets,
     decimate,
     detrend,
@@ -60,8 +60,8 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run = _with_method(run, records)
     estimated, samples = _bounded(run, records)
     if run.channel is not None:
-        responses = [frf.channel(*run.channel) for frf in [*estimated, *responses]]
-        samples = [record.channel(*run.channel) for record in samples]
+        responses = [frf.entry(*run.channel) for frf in [*estimated, *responses]]
+        samples = [record.entry(*run.channel) for record in samples]
     else:
         responses = [*estimated, *responses]
     data = Measured(tuple(responses), tuple(samples))
@@ -167,7 +167,7 @@ def _with_method(run: RunFile, records: list) -> RunFile:
 def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list[TimeRecord]]:
     """The response of the records that are used for one, and the samples of the others; bounds from rest where there is one."""
     rest = next((made[0] for use, made in records if use == "rest"), None)
-    noise = None if rest is None else bounds_from_rest(rest, factor=run.estimate.rest_factor)
+    noise = None if rest is None else bounds_from_noise_floor(rest, factor=run.estimate.rest_factor)
     excited = [record for use, made in records if use == "response" for record in made]
     estimated = []
     if excited:

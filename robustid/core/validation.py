@@ -12,7 +12,7 @@ import numpy as np
 from robustid.errors import InputError, InputTypeError
 
 
-class Channel(NamedTuple):
+class Signal(NamedTuple):
     """Name and unit of one input or output signal; ``str()`` gives ``name [unit]``."""
 
     name: str
@@ -127,7 +127,7 @@ def as_count(name: str, value: Any, *, least: int = 0) -> int:
 
 
 def as_bound(value: Any, shape: tuple[int, ...], axis: str, *, infinite: bool = False) -> np.ndarray | None:
-    """Broadcast a bound (scalar, per sample, or per sample and channel) to `shape`, positive everywhere."""
+    """Broadcast a bound (scalar, per sample, or per sample and signal) to `shape`, positive everywhere."""
     if value is None:
         return None
     bound = as_array("bound", value, finite=not infinite)
@@ -147,26 +147,26 @@ def as_bound(value: Any, shape: tuple[int, ...], axis: str, *, infinite: bool = 
     return freeze(np.broadcast_to(bound, shape))
 
 
-def as_channels(name: str, value: Any, count: int, letter: str) -> tuple[Channel, ...]:
-    """Channel names and units: strings, ``"name [unit]"``, or (name, unit) pairs."""
+def as_signals(name: str, value: Any, count: int, letter: str) -> tuple[Signal, ...]:
+    """Signal names and units: strings, ``"name [unit]"``, or (name, unit) pairs."""
     if value is None:
-        return tuple(Channel(f"{letter}{i + 1}" if count > 1 else letter) for i in range(count))
-    if isinstance(value, str | Channel):
+        return tuple(Signal(f"{letter}{i + 1}" if count > 1 else letter) for i in range(count))
+    if isinstance(value, str | Signal):
         value = [value]
     if not isinstance(value, Sequence) or len(value) != count:
-        raise InputError(f"`{name}` must name {count} channel{'s' * (count != 1)}; got {_brief(value)}")
-    return tuple(_channel(name, item) for item in value)
+        raise InputError(f"`{name}` must name {count} signal{'s' * (count != 1)}; got {_brief(value)}")
+    return tuple(_signal(name, item) for item in value)
 
 
-def _channel(name: str, item: Any) -> Channel:
+def _signal(name: str, item: Any) -> Signal:
     if isinstance(item, str):
         text = item.strip()
         if text.endswith("]") and "[" in text:
             label, unit = text[:-1].rsplit("[", 1)
-            return Channel(label.strip(), unit.strip())
-        return Channel(text)
+            return Signal(label.strip(), unit.strip())
+        return Signal(text)
     if isinstance(item, Sequence) and len(item) == 2 and all(isinstance(part, str) for part in item):
-        return Channel(*item)
+        return Signal(*item)
     raise InputTypeError(f'`{name}` must hold names such as "current [A]" or pairs (name, unit); got {_brief(item)}')
 
 

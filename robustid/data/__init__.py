@@ -3,7 +3,7 @@
 from robustid.data.ellipses import bound_ratio, tilted
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
-from robustid.data.estimate.rest import RestNoise, bounds_from_rest
+from robustid.data.estimate.rest import NoiseFloor, bounds_from_noise_floor
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io import datasets
@@ -22,12 +22,12 @@ __all__ = [
     "DelayedModel",
     "Excitation",
     "FrequencyResponse",
-    "RestNoise",
+    "NoiseFloor",
     "SimulatedExperiment",
     "TangentialResponse",
     "TimeRecord",
     "bound_ratio",
-    "bounds_from_rest",
+    "bounds_from_noise_floor",
     "datasets",
     "decimate",
     "detrend",

@@ -177,7 +177,7 @@ class BoundedResponse(Lines):
         if self.values.shape[1:] != (1, 1):
             raise InputError(
                 f"`with_ellipses` takes one channel at a time; this response has {len(self.outputs)} outputs and"
-                f" {len(self.inputs)} inputs. Pick one entry with .channel(output, input)"
+                f" {len(self.inputs)} inputs. Pick one entry with .entry(output, input)"
             )
         bound, tilt = ellipse_of(covariance, self.omega.size, as_positive("deviations", deviations))
         plain = self.with_bound(bound, note or self.note)

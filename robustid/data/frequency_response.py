@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import as_array, as_bound, as_channels, as_float, as_positive, freeze
+from robustid.core import as_array, as_bound, as_float, as_positive, as_signals, freeze
 from robustid.data.bounded_response import BoundedResponse
 from robustid.data.ellipses import as_tilt
 from robustid.data.joint_bounds import as_ellipsoid, as_joint, largest_combination
@@ -17,8 +17,8 @@ from robustid.data.lines import (
     as_lines,
     as_note,
     as_probability,
-    channel_index,
     check_measured,
+    signal_index,
 )
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
@@ -58,7 +58,7 @@ class FrequencyResponse(BoundedResponse):
     dt : float, optional
         Sample time in s; None for continuous time.
     inputs, outputs : sequence of str or (name, unit), optional
-        Channel names and units; ``"current [A]"`` is split.
+        Signal names and units; ``"current [A]"`` is split.
     note : str, optional
         Where the bound comes from, for reports.
     bound_kind : {"hard", "rest", "statistical"}
@@ -138,8 +138,8 @@ class FrequencyResponse(BoundedResponse):
             ellipsoid=None if ellipsoid is None else freeze(ellipsoid[order]),
             covariance=None if covariance is None else freeze(covariance[order]),
             dt=dt,
-            inputs=as_channels("inputs", self.inputs, nu, "u"),
-            outputs=as_channels("outputs", self.outputs, ny, "y"),
+            inputs=as_signals("inputs", self.inputs, nu, "u"),
+            outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
             bound_kind=as_bound_kind(self.bound_kind),
             probability=None if self.probability is None else as_probability(self.probability),
@@ -157,9 +157,9 @@ class FrequencyResponse(BoundedResponse):
         parts += [f"dt={self.dt:.6g} s"] if self.dt is not None else []
         return f"<FrequencyResponse: {', '.join(parts)}>"
 
-    def channel(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
+    def entry(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
         """One entry of the matrix, by index or channel name, still with shape (F, 1, 1), and its own bound."""
-        i, j = channel_index("output", output, self.outputs), channel_index("input", input, self.inputs)
+        i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
         pick = (slice(None), slice(i, i + 1), slice(j, j + 1))
         flat = j * len(self.outputs) + i
         if np.all(self.missing[pick]):

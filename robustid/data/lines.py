@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from robustid.core import Channel, Frozen, as_array, as_bound, as_float, as_positive
+from robustid.core import Frozen, Signal, as_array, as_bound, as_float, as_positive
 from robustid.errors import InputError, InputTypeError
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
@@ -68,7 +68,7 @@ class Lines(Frozen):
         whole = int(np.sum(~self.missing.any(axis=(1, 2))))
         raise InputError(
             f"{what} needs every entry at every line; {int(np.sum(self.missing))} of {self.values.size} are missing, the first"
-            f" at {self.freq_hz[k]:.6g} Hz in entry ({i}, {j}). Pick one entry by .channel(output, input), or the {whole} complete"
+            f" at {self.freq_hz[k]:.6g} Hz in entry ({i}, {j}). Pick one entry by .entry(output, input), or the {whole} complete"
             " lines by .select(~data.missing.any(axis=(1, 2)))"
         )
 
@@ -150,7 +150,7 @@ def as_note(note: Any) -> str:
     return note
 
 
-def channel_index(name: str, wanted: int | str, channels: tuple[Channel, ...]) -> int:
+def signal_index(name: str, wanted: int | str, channels: tuple[Signal, ...]) -> int:
     """Index of a channel given by number or by name."""
     if isinstance(wanted, str):
         names = [c.name for c in channels]

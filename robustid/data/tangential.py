@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import as_array, as_bound, as_channels, freeze
+from robustid.core import as_array, as_bound, as_signals, freeze
 from robustid.data.ellipses import bound_ratio
 from robustid.data.lines import Lines, as_bound_kind, as_lines, as_note, as_probability, check_measured
 from robustid.errors import InputError
@@ -103,8 +103,8 @@ class TangentialResponse(Lines):
             left=freeze(left[order]),
             bound=None if bound is None else freeze(bound[order]),
             dt=dt,
-            inputs=as_channels("inputs", self.inputs, right.shape[1], "u"),
-            outputs=as_channels("outputs", self.outputs, left.shape[2], "y"),
+            inputs=as_signals("inputs", self.inputs, right.shape[1], "u"),
+            outputs=as_signals("outputs", self.outputs, left.shape[2], "y"),
             note=as_note(self.note),
             bound_kind=as_bound_kind(self.bound_kind),
             probability=None if self.probability is None else as_probability(self.probability),

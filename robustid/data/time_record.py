@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_bound, as_channels, as_float, as_positive, freeze
-from robustid.data.lines import as_bound_kind, channel_index
+from robustid.core import Frozen, as_array, as_bound, as_float, as_positive, as_signals, freeze
+from robustid.data.lines import as_bound_kind, signal_index
 from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")
@@ -42,7 +42,7 @@ class TimeRecord(Frozen):
     past_input_bound : float, optional
         For ``initial="free"``: a bound on |u| before the record; default max |u| of the record.
     inputs, outputs : sequence of str or (name, unit), optional
-        Channel names and units.
+        Signal names and units.
     note : str, optional
         Where the bound comes from, for reports.
     bound_kind : {"hard", "rest", "statistical"}
@@ -96,8 +96,8 @@ class TimeRecord(Frozen):
             reference=None if reference is None else freeze(reference),
             past_input_bound=past,
             bound_kind=as_bound_kind(self.bound_kind),
-            inputs=as_channels("inputs", self.inputs, u.shape[1], "u"),
-            outputs=as_channels("outputs", self.outputs, y.shape[1], "y"),
+            inputs=as_signals("inputs", self.inputs, u.shape[1], "u"),
+            outputs=as_signals("outputs", self.outputs, y.shape[1], "y"),
         )
 
     def __repr__(self) -> str:
@@ -110,9 +110,9 @@ class TimeRecord(Frozen):
         """Sample instants in s, (T,), from 0."""
         return self.dt * np.arange(self.u.shape[0])
 
-    def channel(self, output: int | str = 0, input: int | str = 0) -> TimeRecord:
+    def entry(self, output: int | str = 0, input: int | str = 0) -> TimeRecord:
         """One output and one input of the record, by index or name; the other inputs must be zero."""
-        i, j = channel_index("output", output, self.outputs), channel_index("input", input, self.inputs)
+        i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
         others = np.delete(self.u, j, axis=1)
         if np.any(others):
             raise InputError(

@@ -209,5 +209,5 @@ def check_one_channel(problem: MixedProblem, what: str) -> None:
     if not problem.entries.single:
         raise InputError(
             f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
-            " Identify an entry by itself, from frf.channel(output, input), and take that"
+            " Identify an entry by itself, from frf.entry(output, input), and take that"
         )

@@ -348,10 +348,10 @@ def _check(item: Any, problem: MixedProblem) -> None:
     if len(item.inputs) != 1 or len(item.outputs) != 1:
         raise InputError(
             f"`new_data` must have one input and one output; got {len(item.outputs)} outputs and {len(item.inputs)} inputs."
-            " Pick one entry with .channel(output, input)"
+            " Pick one entry with .entry(output, input)"
         )
     new = item.outputs[0], item.inputs[0]
-    for role, ours, theirs in zip(("output", "input"), problem.channel, new, strict=True):
+    for role, ours, theirs in zip(("output", "input"), problem.signals, new, strict=True):
         if ours.unit and theirs.unit and ours.unit != theirs.unit:
             raise InputError(
                 f"`new_data` has its {role} in [{theirs.unit}], the identification in [{ours.unit}]; convert it"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import as_basis
-from robustid.core import Channel, Frozen, as_array, freeze
+from robustid.core import Frozen, Signal, as_array, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.channels import check_channels, check_excitation
@@ -116,17 +116,17 @@ class MixedProblem(Frozen):
         return sum(int(np.isfinite(item.bound).sum()) for item in (*self.frequency, *self.time))
 
     @property
-    def outputs(self) -> tuple[Channel, ...]:
+    def outputs(self) -> tuple[Signal, ...]:
         """The outputs, names and units."""
         return (*self.frequency, *self.time)[0].outputs
 
     @property
-    def inputs(self) -> tuple[Channel, ...]:
+    def inputs(self) -> tuple[Signal, ...]:
         """The inputs, names and units."""
         return (*self.frequency, *self.time)[0].inputs
 
     @property
-    def channel(self) -> tuple[Channel, Channel]:
+    def signals(self) -> tuple[Signal, Signal]:
         """The first output and the first input: all there are of one channel."""
         return self.outputs[0], self.inputs[0]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Channel, as_channels
+from robustid.core import Signal, as_signals
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Check
@@ -107,14 +107,14 @@ class FitView:
         return self.values.shape[2]
 
     @property
-    def outputs(self) -> tuple[Channel, ...]:
+    def outputs(self) -> tuple[Signal, ...]:
         """Names and units."""
-        return as_channels("outputs", None if self.data is None else self.data.outputs, self.ny, "y")
+        return as_signals("outputs", None if self.data is None else self.data.outputs, self.ny, "y")
 
     @property
-    def inputs(self) -> tuple[Channel, ...]:
+    def inputs(self) -> tuple[Signal, ...]:
         """Names and units."""
-        return as_channels("inputs", None if self.data is None else self.data.inputs, self.nu, "u")
+        return as_signals("inputs", None if self.data is None else self.data.inputs, self.nu, "u")
 
     def entry(self, output: int, input: int) -> str:
         """Name of an entry, "displacement [mm] / force [N]"."""

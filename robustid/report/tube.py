@@ -21,7 +21,7 @@ def chart(tube: ResponseTube) -> Chart:
     Between the samples that were bounded the distance of each end from the model is interpolated.
     """
     problem = tube.identification.problem
-    output, input_ = problem.channel
+    output, input_ = problem.signals
     amount = f"1 {input_.unit}".rstrip()
     titles = {
         "step": f"Step response: {input_.name} rises by {amount} at 0 s",
@@ -84,7 +84,7 @@ def _measured(tube: ResponseTube) -> list[Layer]:
 def sentence(tube: ResponseTube) -> str:
     """The guarantee in plain words."""
     problem = tube.identification.problem
-    input_ = problem.channel[1]
+    input_ = problem.signals[1]
     amount = f"1 {input_.unit}".rstrip()
     signals = {
         "step": f"a step of {input_.name} by {amount}",
@@ -127,4 +127,4 @@ def verdict(tube: ResponseTube) -> Verdict:
 
 
 def _with_unit(text: str, tube: ResponseTube) -> str:
-    return f"{text} {tube.identification.problem.channel[0].unit}".rstrip()
+    return f"{text} {tube.identification.problem.signals[0].unit}".rstrip()

@@ -106,7 +106,7 @@ def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
     result = rid.run(path, "out")
     total = [dataclasses.replace(r, y=r.y.sum(axis=1), outputs=["left + right [m]"]) for r in (record, rest)]
     excited = total[0].window(0.5, past="periodic")
-    noise = rid.bounds_from_rest(total[1], factor=2.0)
+    noise = rid.bounds_from_noise_floor(total[1], factor=2.0)
     expected = noise.bound_response(rid.estimate_frf(excited, period=50), excited, period=50)
     (found,) = result.identification.problem.frequency
     np.testing.assert_allclose(found.values, expected.values, rtol=1e-12)
@@ -122,8 +122,8 @@ def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
 @pytest.mark.usefixtures("unreduced")
 def test_samples_without_bound_take_that_of_the_rest(folder):
     record, rest = plant_records()
-    rid.save("record.npz", record.channel(0))
-    rid.save("rest.npz", rest.channel(0))
+    rid.save("record.npz", record.entry(0))
+    rid.save("rest.npz", rest.entry(0))
     sources = [{"file": "record.npz", "use": "samples", "stop": 0.2}, {"file": "rest.npz", "use": "rest"}]
     change = {"record": sources, "modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]},
               "prior": {"gain_bound": 0.5, "decay_rate": 1.05}}  # fmt: skip
@@ -132,7 +132,7 @@ def test_samples_without_bound_take_that_of_the_rest(folder):
     sources[0] |= {"past": "unknown"}
     result = rid.run(ask(folder, change, QUICK), "out")
     (time,) = result.identification.problem.time
-    noise = rid.bounds_from_rest(rest.channel(0))
+    noise = rid.bounds_from_noise_floor(rest.entry(0))
     np.testing.assert_allclose(time.bound, noise.level[0])
     np.testing.assert_allclose(time.y[:, 0], record.y[:20, 0] - noise.mean[0])
 

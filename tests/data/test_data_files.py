@@ -20,7 +20,7 @@ from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_re
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
-@pytest.mark.parametrize("make", [full_frf, full_record, lambda: full_frf().channel(1, 2)])
+@pytest.mark.parametrize("make", [full_frf, full_record, lambda: full_frf().entry(1, 2)])
 def test_round_trip_is_exact(tmp_path, make, suffix):
     data, path = make(), tmp_path / f"data{suffix}"
     save(path, data)

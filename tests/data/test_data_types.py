@@ -69,7 +69,7 @@ def two_by_two(**options):
         ([1.0], [1], {"bound": np.inf}, InputError, "`bound` is infinite everywhere: nothing was measured"),
         ([1.0, 2.0], [1, 1], {"bound": [1, 1, 1]}, InputError, r"`bound` must be a scalar or have shape"),
         ([1.0], [1], {"covariance": [1.0]}, InputError, r"`covariance` must have shape .* = \(1, 1, 1\)"),
-        ([1.0], [1], {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 channel;"),
+        ([1.0], [1], {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 signal;"),
         ([1.0], [1], {"outputs": [3]}, InputTypeError, "`outputs` must hold names"),
         ([1.0], [1], {"note": 3}, InputTypeError, "`note` must be text; got int"),
     ],
@@ -105,7 +105,7 @@ def test_bound_per_line_spreads_over_entries():
 
 def test_channel_picks_value_bound_covariance_and_names():
     frf = mimo()
-    entry = frf.channel("y", 1)
+    entry = frf.entry("y", 1)
     assert entry.values.shape == (3, 1, 1)
     np.testing.assert_array_equal(entry.values[:, 0, 0], frf.values[:, 1, 1])
     np.testing.assert_array_equal(entry.bound[:, 0, 0], frf.bound[:, 1, 1])
@@ -113,7 +113,7 @@ def test_channel_picks_value_bound_covariance_and_names():
     np.testing.assert_array_equal(entry.covariance[:, 0, 0], frf.covariance[:, 3, 3])
     assert [str(c) for c in entry.inputs + entry.outputs] == ["b [V]", "y [rad]"]
     assert (entry.dt, entry.note) == (0.1, "made up")
-    np.testing.assert_array_equal(frf.channel(-1, -2).values, entry.values)
+    np.testing.assert_array_equal(frf.entry(-1, -2).values, entry.values)
 
 
 @pytest.mark.parametrize(
@@ -128,9 +128,9 @@ def test_channel_picks_value_bound_covariance_and_names():
 )
 def test_channel_refuses(output, error, sentence):
     with pytest.raises(error, match=sentence):
-        mimo().channel(output, 0)
+        mimo().entry(output, 0)
     with pytest.raises(error, match=sentence):
-        two_by_two().channel(output, 0)
+        two_by_two().entry(output, 0)
 
 
 @pytest.mark.parametrize("lines", [[0, 2], [True, False, True], slice(None, None, 2), np.array([2, 0])])
@@ -228,7 +228,7 @@ ONES = np.ones(4)
         (ONES, ONES, {"initial": "unknown"}, InputError, "`initial` must be one of .* got 'unknown'"),
         (ONES, ONES, {"reference": np.ones(3)}, InputError, "`reference` must have T = 4 samples; got 3"),
         (ONES, ONES, {"past_input_bound": -1}, InputError, "`past_input_bound` must be >= 0; got -1"),
-        (ONES, ONES, {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 channel"),
+        (ONES, ONES, {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 signal"),
         (ONES, ONES, {"note": None}, InputTypeError, "`note` must be text; got NoneType"),
     ],
 )
@@ -246,13 +246,13 @@ def test_time_record_makes_columns_and_a_time_axis():
 
 def test_time_record_channel():
     record = two_by_two()
-    one = record.channel("y", "a")
+    one = record.entry("y", "a")
     np.testing.assert_array_equal(one.y[:, 0], record.y[:, 1])
     np.testing.assert_array_equal(one.u[:, 0], record.u[:, 0])
     np.testing.assert_array_equal(one.bound[:, 0], record.bound[:, 1])
     assert (one.inputs[0].name, one.outputs[0].name) == ("a", "y")
     with pytest.raises(InputError, match="`input` = 'b': the other inputs of the record are not zero"):
-        record.channel("y", "b")
+        record.entry("y", "b")
 
 
 # --- both

@@ -79,7 +79,7 @@ def test_responses_keep_their_ellipses(tmp_path):
     assert np.array_equal(frf.tilt, tilt[order])
     assert np.array_equal(frf.select([0, 2]).tilt, tilt[order][[0, 2]])
     assert np.array_equal(frf.band(0, 0.4).tilt, tilt[order][:2])
-    assert np.array_equal(frf.channel(1, 2).tilt, tilt[order][:, 1:2, 2:])
+    assert np.array_equal(frf.entry(1, 2).tilt, tilt[order][:, 1:2, 2:])
     assert np.array_equal(frf.with_bound(2.0).tilt, tilt[order])
     assert "tilt" in repr(frf)
     for again in (copy.deepcopy(frf), pickle.loads(pickle.dumps(frf))):

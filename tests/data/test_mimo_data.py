@@ -150,7 +150,7 @@ def test_parts_keep_the_meaning(joint, missing):
     turn = np.exp(1j * frf.omega * 0.003)[:, None, None]
     early = frf.without_delay(0.003)
     np.testing.assert_allclose(early.ratio(error * turn), frf.ratio(error), rtol=1e-12)
-    one = frf.channel("place 2", 1)
+    one = frf.entry("place 2", 1)
     assert (one.joint, one.ellipsoid) == ("entry", None)
     np.testing.assert_array_equal(one.bound, frf.bound[:, 2:, 1:])
     np.testing.assert_array_equal(one.missing, frf.missing[:, 2:, 1:])
@@ -235,7 +235,7 @@ def test_what_needs_every_entry_says_so():
     with pytest.raises(InputError, match=r"`radius` must be positive"):
         rid.FrequencyResponse(**TWO).with_column_bound(-1)
     with pytest.raises(InputError, match=r"'y2'.* was measured at no line"):
-        rid.FrequencyResponse(**TWO, bound=[[[1], [np.inf]]]).channel(1, 0)
+        rid.FrequencyResponse(**TWO, bound=[[[1], [np.inf]]]).entry(1, 0)
 
 
 # --- those who read it --------------------------------------------------------------------------------------------------
@@ -296,7 +296,7 @@ def test_bounds_from_rest_are_of_entries():
     u = np.tile(rng.standard_normal(100), 4)
     y = np.stack([2 * u, -u], axis=1) + 0.01 * rng.standard_normal((400, 2))
     record = rid.TimeRecord(u, y, dt=DT, initial="periodic")
-    noise = rid.bounds_from_rest(rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT))
+    noise = rid.bounds_from_noise_floor(rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT))
     frf = rid.estimate_frf(record, period=100)
     expected = noise.bound_response(frf, record, period=100)
     assert expected.joint == "entry"

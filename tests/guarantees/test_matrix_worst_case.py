@@ -173,7 +173,7 @@ def test_coupling_the_channels_of_a_diagonal_plant_costs_nothing():
     problem = dataclasses.replace(problem, frequency=frf)
     together = value_sets_at(consistent_set(rid.identify(problem)), 2.4, 6, 1e-5)
     for found in together:
-        one = rid.MixedProblem(frequency=frf.channel(*found.entry), prior=problem.prior)
+        one = rid.MixedProblem(frequency=frf.entry(*found.entry), prior=problem.prior)
         (alone,) = value_sets_at(consistent_set(rid.identify(one)), 2.4, 6, 1e-5)
         assert np.all(found.support <= alone.support + 1e-4 * np.abs(alone.support).max())
 

@@ -320,7 +320,7 @@ def test_control_objects_work_at_once():
     result = rid.identify(flexible())
     assert isinstance(result.model, control.StateSpace)
     assert result.model.dt == 0.01
-    assert result.model.input_labels == [result.problem.channel[1].name]
+    assert result.model.input_labels == [result.problem.signals[1].name]
     response = control.frequency_response(result.model, result.problem.frequency[0].omega)
     assert np.abs(response.complex - result.problem.frequency[0].values[:, 0, 0]).max() <= 0.03 * (1 + 1e-6)
 
@@ -329,7 +329,7 @@ def test_channel_names_that_control_refuses_are_cleaned():
     frf = rid.FrequencyResponse([1.0], [0.5], bound=0.1, dt=0.1, inputs="ref. current [A]", outputs="x")
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
     assert result.model.input_labels == ["ref_ current"]
-    assert str(result.problem.channel[1]) == "ref. current [A]"
+    assert str(result.problem.signals[1]) == "ref. current [A]"
 
 
 def test_summary_says_what_was_found_and_assumed():

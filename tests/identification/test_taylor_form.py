@@ -289,7 +289,7 @@ def mirror_entry():
         rid.TimeRecord(*(a[..., k] - a[..., k].mean(axis=0) for a in (u, 1e6 * y)), dt=1 / 6400, initial="periodic")
         for k in range(u.shape[2])
     ]
-    return rid.estimate_frf(records).channel(0, 0)
+    return rid.estimate_frf(records).entry(0, 0)
 
 
 @pytest.mark.realdata

@@ -126,7 +126,7 @@ def test_singular_values_stay_within_their_bound(frf):
     assert "mixed units" in frf_charts.singular_chart(view).panels[0].y.label
     one = FrequencyResponse([1.0], np.ones((1, 2, 2)), inputs=["a [V]", "b [V]"], outputs=["x [m]", "y [m]"])
     assert frf_charts.singular_chart(FrfView(one)).panels[0].y.label == "singular value [m/V]"
-    assert [chart.name for chart in frf_charts.overview_charts(FrfView(frf.channel(0, 0)))] == ["coherence"]
+    assert [chart.name for chart in frf_charts.overview_charts(FrfView(frf.entry(0, 0)))] == ["coherence"]
 
 
 def test_coherence_of_every_output(frf):
@@ -210,7 +210,7 @@ def test_page(frf, records, tmp_path):
         go.Figure(figure)  # refuses unknown or malformed properties
     titles = [figures["entry-0-1-0"]["layout"][axis]["title"]["text"] for axis in ("xaxis", "yaxis", "yaxis2")]
     assert titles == ["frequency [Hz]", "magnitude [mm/Nm]", "phase [°]"]
-    bare = render_report(frf.channel(0, 0))
+    bare = render_report(frf.entry(0, 0))
     assert "Spectra of the records" not in bare
     assert list(specs(bare)) == ["entry-0-0-0", "coherence-0"]
 
@@ -234,7 +234,7 @@ def test_matplotlib_figure(frf, records):
     shown = [axes for axes in ragged.axes if axes.get_visible()]
     # Nothing stands below the last entry of the second column: it has the axis.
     assert [axes.get_xlabel() for axes in shown[-3:]] == ["", "frequency [Hz]", "frequency [Hz]"]
-    assert len(plot_frf(frf.channel(0, 0)).axes) == 3
+    assert len(plot_frf(frf.entry(0, 0)).axes) == 3
 
 
 def test_labels_of_narrow_columns_do_not_overlap():

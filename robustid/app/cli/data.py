@@ -138,7 +138,7 @@ def _channel(data: Any, wanted: str | None, name: str) -> tuple[str, Any]:
     if (outputs, inputs) == (1, 1):
         return words, data
     words += f" (channel {row},{column} of {size}; without --channel the whole matrix)"
-    return words, data.channel(row, column)
+    return words, data.entry(row, column)
 
 
 def part(data: Any, options: Options) -> Any:

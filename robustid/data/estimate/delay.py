@@ -66,7 +66,7 @@ def estimate_delay(
     Parameters
     ----------
     frf : FrequencyResponse
-        With one delay for all entries; take `frf.channel` where they differ. Weighted by its covariance, else relatively.
+        With one delay for all entries; take `frf.entry` where they differ. Weighted by its covariance, else relatively.
     order : int, optional
         Number of poles. Default: the shortest description (MDL) among 1 to 16.
     longest : float, s, optional

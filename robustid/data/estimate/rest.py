@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Channel, Frozen, as_array, as_count, as_float, freeze
+from robustid.core import Frozen, Signal, as_array, as_count, as_float, freeze
 from robustid.data.estimate.frf import checked_records
 from robustid.data.estimate.periodic import by_block, dft, inverse_spectra
 from robustid.data.frequency_response import FrequencyResponse
@@ -22,8 +22,8 @@ _ON_LINE = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RestNoise(Frozen):
-    """What the outputs did without excitation, ready to bound what they did with it; from `bounds_from_rest`.
+class NoiseFloor(Frozen):
+    """What the outputs did without excitation, ready to bound what they did with it; from `bounds_from_noise_floor`.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class RestNoise(Frozen):
     dt : float, s
     input_size : (nu,) array
         Largest deviation of the input from its mean: how much at rest it was.
-    outputs : tuple of Channel
+    outputs : tuple of Signal
     """
 
     deviation: np.ndarray
@@ -46,7 +46,7 @@ class RestNoise(Frozen):
     factor: float
     dt: float
     input_size: np.ndarray
-    outputs: tuple[Channel, ...]
+    outputs: tuple[Signal, ...]
 
     def __post_init__(self) -> None:
         for name in ("deviation", "mean", "level", "input_size"):
@@ -69,7 +69,7 @@ class RestNoise(Frozen):
         Examples
         --------
         >>> import robustid as rid
-        >>> noise = rid.bounds_from_rest(rid.TimeRecord([0, 0, 0, 0], [5.1, 4.9, 5.0, 5.0], dt=0.1))
+        >>> noise = rid.bounds_from_noise_floor(rid.TimeRecord([0, 0, 0, 0], [5.1, 4.9, 5.0, 5.0], dt=0.1))
         >>> record = noise.bound_record(rid.TimeRecord([1, 1], [5.5, 6.0], dt=0.1))
         >>> record.y.ravel().round(9).tolist(), record.bound.ravel().round(9).tolist(), record.bound_kind
         ([0.5, 1.0], [0.15, 0.15], 'rest')
@@ -183,7 +183,7 @@ class RestNoise(Frozen):
             )
 
 
-def bounds_from_rest(rest: TimeRecord, *, factor: float = 1.5) -> RestNoise:
+def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFloor:
     """Noise levels of the outputs from a record without excitation, as bounds for records and frequency responses.
 
     Parameters
@@ -197,7 +197,7 @@ def bounds_from_rest(rest: TimeRecord, *, factor: float = 1.5) -> RestNoise:
 
     Returns
     -------
-    RestNoise
+    NoiseFloor
         Whose `bound_record` and `bound_response` give data with ``bound_kind="rest"``. A bound of your own always wins:
         ``with_bound``.
 
@@ -209,7 +209,7 @@ def bounds_from_rest(rest: TimeRecord, *, factor: float = 1.5) -> RestNoise:
     Notes
     -----
     Such a bound says what was seen, with a margin; it is not a proof. Without assuming a distribution, exchangeable noise
-    stays within the largest of T samples for N further ones with probability T/(T + N) (`RestNoise.probability`).
+    stays within the largest of T samples for N further ones with probability T/(T + N) (`NoiseFloor.probability`).
     Drift, friction and what the excitation itself disturbs are not seen at rest. As in `inanc2001`, section III, where
     the output without driving signal gave the noise levels in time and frequency.
 
@@ -220,7 +220,7 @@ def bounds_from_rest(rest: TimeRecord, *, factor: float = 1.5) -> RestNoise:
     >>> rest = rid.TimeRecord(np.zeros(400), 0.1 * rng.standard_normal(400), dt=0.01)
     >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 4)
     >>> record = rid.TimeRecord(u, 2 * u + 0.1 * rng.standard_normal(200), dt=0.01, initial="periodic")
-    >>> noise = rid.bounds_from_rest(rest)
+    >>> noise = rid.bounds_from_noise_floor(rest)
     >>> frf = noise.bound_response(rid.estimate_frf(record, period=50), record, period=50)
     >>> frf.bound_kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     ('rest', True)
@@ -241,7 +241,7 @@ def bounds_from_rest(rest: TimeRecord, *, factor: float = 1.5) -> RestNoise:
         raise InputError(
             f"`rest`: output {name} is exactly constant: it bounds nothing; give the bound by `with_bound`"
         )
-    return RestNoise(
+    return NoiseFloor(
         deviation, y.mean(axis=0), level, factor, rest.dt, np.abs(u - u.mean(axis=0)).max(axis=0), rest.outputs
     )
 

@@ -64,7 +64,7 @@ def load(
         Unit of a frequency axis whose name doesn't say it; "rad/s" is taken for names such as ``omega`` only, and a
         column ``frequency`` without a unit is refused. A contradiction with the name is refused too.
     inputs, outputs : sequence of str or (name, unit), optional
-        Channel names and units; default for time signals: the column names.
+        Signal names and units; default for time signals: the column names.
     initial : {"rest", "free", "periodic"}, optional
         State before a time record (see `TimeRecord`); default "rest", or what `save` stored.
 
