@@ -1,7 +1,7 @@
 """Matrix fractions: fit_mfd against vector fitting and Loewner interpolation, cost of a step, other bases.
 
 Run: OPENBLAS_NUM_THREADS=1 python benchmarks/matrix_fractions.py [--seeds 5] [--large] [--plot PATH]. Every seed is a
-random structure with rank-one modes (tests/mfd_systems.py) on 1000 logarithmic lines from 4 to 1200 Hz. Peers where
+random structure with rank-one modes (tests/support/mfd_systems.py) on 1000 logarithmic lines from 4 to 1200 Hz. Peers where
 they are installed: scikit-rf and pyMOR, each at those of its settings that have the lowest median error to the truth.
 """
 
@@ -17,13 +17,12 @@ import numpy as np
 import scipy.linalg
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-from mfd_systems import noisy, random_modal_system, relative_error
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "examples"))
+from shared.polynomial_bases import BASES, conditioning, sk_in_basis
 
 import robustid as rid
-from robustid.mfd import Weight, fit_mfd
-from robustid.mfd.comparison import BASES, conditioning, sk_in_basis
-from robustid.mfd.iteration import fit_fraction
-from robustid.mfd.problem import FractionProblem
+from robustid.mfd import FractionProblem, Weight, fit_fraction, fit_mfd
+from support.mfd_systems import noisy, random_modal_system, relative_error
 
 try:
     import skrf

@@ -43,13 +43,12 @@ import control
 import numpy as np
 import scipy.linalg
 from matplotlib.figure import Figure
+from shared.polynomial_bases import sk_in_basis
 from wafer_stage import errors, experiment, modal
 
 import robustid as rid
 from robustid.advice import suggest_kautz
-from robustid.mfd.comparison import sk_in_basis
-from robustid.mfd.iteration import fit_fraction
-from robustid.mfd.problem import FractionProblem
+from robustid.mfd import FractionProblem, fit_fraction
 from robustid.report import plot_fit
 
 BASES = {"monomial": "monomial", "scaled monomial": "scaled", "data-dependent orthonormal": "orthonormal"}

@@ -4,21 +4,27 @@ from robustid.mfd.constraints import RollOff, StaticGain, Zero, ZeroEntries
 from robustid.mfd.covariance import FitCovariance, fit_covariance
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
-from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
 from robustid.mfd.modal import ModalForm, continuous, curve_points, modal_form, resolvent
 from robustid.mfd.modes import ModeRow, mode_table
+from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.order import suggest_order
 from robustid.mfd.order_sweep import OrderSweep
+from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.steps import into_form, retract, sk_step
 from robustid.mfd.subspace import subspace_estimate
+from robustid.mfd.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 
 __all__ = [
     "FitCovariance",
     "FitStatus",
     "FitStep",
+    "FractionProblem",
     "MatrixFraction",
     "ModalForm",
     "ModeRow",
+    "NodeFraction",
     "OrderSweep",
     "RigidBody",
     "RollOff",
@@ -29,10 +35,16 @@ __all__ = [
     "continuous",
     "curve_points",
     "fit_covariance",
+    "fit_fraction",
     "fit_mfd",
+    "into_form",
     "modal_form",
     "mode_table",
+    "orthonormal_polynomials",
+    "polynomial_nodes",
     "resolvent",
+    "retract",
+    "sk_step",
     "subspace_estimate",
     "suggest_order",
 ]

@@ -15,15 +15,18 @@ from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
-from robustid.mfd.first_model import first_model
 from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.restart import EXTRA, strongest, suspicious
 from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
+
+# Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
+_CORRELATED = 5.0
+_NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -185,7 +188,7 @@ def fit_mfd(
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
     best = attempt(problem, data, first_model(problem, data, start, form, rigid_body), settings)
-    if restart and suspicious(best):
+    if restart and _suspicious(best):
         other = _second(problem, data, settings)
         if (
             other is not None
@@ -217,3 +220,16 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Atte
         return None
     model = strongest(found, data, problem.feedthrough)
     return None if model is None else attempt(problem, data, model, settings)
+
+
+def _suspicious(ended: Attempt) -> bool:
+    """Whether the residual still has a shape over frequency: a mode missed by a poor start, or an order too small."""
+    fit = ended.fit
+    residual = fit.problem.residual(fit.fraction.response)
+    size = float(np.linalg.norm(residual)) ** 2
+    if size <= (_NOTHING_LEFT * float(np.linalg.norm(fit.problem.weight.apply(fit.problem.values)))) ** 2:
+        return False
+    if not fit.status.converged:
+        return True
+    correlation = float(np.real(np.vdot(residual[1:], residual[:-1]))) / size
+    return correlation * np.sqrt(2 * np.count_nonzero(residual)) > _CORRELATED

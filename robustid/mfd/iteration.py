@@ -13,9 +13,15 @@ from robustid.core import Frozen
 from robustid.errors import InputError
 from robustid.mfd.instrumental import iv_step
 from robustid.mfd.node_fraction import Held, NodeFraction, right_divide
-from robustid.mfd.normalisation import minimum_norm_step, relaxed_step
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.steps import Direction, gauss_newton_direction, retract, sk_step
+from robustid.mfd.steps import (
+    Direction,
+    gauss_newton_direction,
+    minimum_norm_step,
+    relaxed_step,
+    retract,
+    sk_step,
+)
 
 _SK = {"sk": sk_step, "sk-relaxed": relaxed_step, "sk-minimum-norm": minimum_norm_step}
 METHODS = (*_SK, "iv", "gn", "lm")

@@ -10,10 +10,9 @@ import scipy.linalg
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.errors import InputError
-from robustid.mfd.constraints import Condition, orthonormal_rows
+from robustid.mfd.conditions import Condition, RigidModes, orthonormal_rows
 from robustid.mfd.criterion import Weight
 from robustid.mfd.node_fraction import Held, NodeFraction, staircase
-from robustid.mfd.rigid_modes import RigidModes
 from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 
 # A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.

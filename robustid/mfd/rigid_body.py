@@ -10,9 +10,9 @@ import scipy.linalg
 from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
 from robustid.mfd.chains import StateMatrices, chain, response, sorted_schur
+from robustid.mfd.conditions import RigidModes
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.rigid_modes import RigidModes
 from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, fit_outputs, reflected
 from robustid.mfd.steps import into_form
 

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.mfd.rational_basis import band, real_rows, triangle
-
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
 _BOUNDARY = 1e-9
 
@@ -87,3 +85,19 @@ def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:
                 block *= min(1 / radius, 1 - boundary) / radius
         j += size
     return A
+
+
+def band(points: np.ndarray, domain: str) -> np.ndarray:
+    """The frequencies of the lines, rad/s or rad/sample, without zero and Nyquist."""
+    frequency = np.abs(np.imag(points)) if domain == "s" else np.abs(np.angle(points))
+    return frequency[(frequency > 0) & ((domain == "s") | (frequency < np.pi * (1 - 1e-9)))]
+
+
+def triangle(matrix: np.ndarray) -> np.ndarray:
+    """R of the QR factorisation."""
+    return np.asarray(np.linalg.qr(matrix, mode="r"))
+
+
+def real_rows(matrix: np.ndarray) -> np.ndarray:
+    """Real parts over imaginary parts: the real inner product of complex columns."""
+    return np.concatenate([np.real(matrix), np.imag(matrix)])

@@ -10,8 +10,7 @@ import scipy.linalg
 
 from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError
-from robustid.mfd.rational_basis import band, pole_choices, rational_krylov, real_rows, triangle
-from robustid.mfd.state_fit import Samples, fit_inputs, output_rows, reflected
+from robustid.mfd.state_fit import Samples, band, fit_inputs, output_rows, real_rows, reflected, triangle
 
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
@@ -237,3 +236,47 @@ def _as_weight(weight: np.ndarray | None, values: np.ndarray) -> np.ndarray:
     if np.any(array < 0) or not np.any(array):
         raise InputError(f"`weight` must be >= 0 and not all zero; got a smallest value of {array.min():g}")
     return np.array(np.broadcast_to(array, values.shape))
+
+
+def pole_choices(points: np.ndarray, count: int, domain: str) -> list[np.ndarray]:
+    """Ways of spreading `count` real poles over the band, falling (measured better than rising)."""
+    lines = band(points, domain)
+    low, high = np.min(lines), np.max(lines)
+    log, lin = np.geomspace(high, low, count), np.linspace(high, low, count)
+    choices = [log, np.sqrt(log * lin), lin, np.full(count, np.sqrt(low * high))]
+    if domain == "s":
+        return choices
+    bilinear = [np.tan(choice / 2) for choice in choices]  # to the real pole whose Cayley map has the same frequency
+    return [(1 - pole) / (1 + pole) for pole in bilinear]
+
+
+def rational_krylov(
+    points: np.ndarray, weight: np.ndarray, poles: np.ndarray, domain: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rational functions f (F, i), orthonormal under the weight, and S, T (i, i-1) with xi * f S = f T.
+
+    Real inner product Re sum_k weight_k^2 conj(f_k) g_k; the first function is constant. Each new one starts as an
+    all-pass times the last, (pole + s)/(pole - s) with pole > 0 or (z - pole)/(1 - pole z) with |pole| < 1: it has the
+    modulus of the last one on every line, and its pole lies where the last one, like a Szegő polynomial, has no zero,
+    so that no step can be lost. f(A) exists for stable A.
+    """
+    count = len(poles) + 1
+    Q = np.zeros((len(points), count), dtype=complex)
+    S, T = np.zeros((2, count, count - 1))
+    Q[:, 0] = weight / np.linalg.norm(weight)
+    for j, pole in enumerate(poles):
+        numerator, denominator = (pole + points, pole - points) if domain == "s" else (points - pole, 1 - pole * points)
+        v = numerator / denominator * Q[:, j]
+        h = np.zeros(count)
+        for _ in range(2):  # twice is enough
+            step = (v.conj() @ Q[:, : j + 1]).real
+            v -= Q[:, : j + 1] @ step
+            h[: j + 1] += step
+        h[j + 1] = np.linalg.norm(v)
+        Q[:, j + 1] = v / h[j + 1]
+        e = np.eye(count)[j]
+        if domain == "s":  # (pole - s) f h = (pole + s) f e
+            S[:, j], T[:, j] = h + e, pole * (h - e)
+        else:  # (1 - pole z) f h = (z - pole) f e
+            S[:, j], T[:, j] = e + pole * h, h + pole * e
+    return Q / weight[:, None], S, T

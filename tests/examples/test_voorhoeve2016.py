@@ -10,9 +10,7 @@ import scipy.linalg
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.mfd import RollOff
-from robustid.mfd.iteration import fit_fraction
-from robustid.mfd.steps import into_form
+from robustid.mfd import RollOff, fit_fraction, into_form
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Where a fit begins: a subspace estimate, a model that was given, or poles."""
+"""Where a fit begins: a subspace estimate, a model that was given, poles, or the strongest modes of a richer fit."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from robustid.core import as_array
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import StateMatrices, response
 from robustid.mfd.iteration import fit_fraction
-from robustid.mfd.model import realise
+from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
-from robustid.mfd.state_fit import Samples
+from robustid.mfd.state_fit import Samples, fit_inputs
 from robustid.mfd.subspace import subspace_estimate
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
+EXTRA = 2  # states that the richer fit has more
 
 
 def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
@@ -83,3 +84,55 @@ def first_model(
     if start.isdtime(strict=True) != (problem.dt is not None):
         raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
     return StateMatrices(A, B, C, D)
+
+
+def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMatrices | None:
+    """A model with the poles of a fit but the EXTRA weakest, by what each adds to the weighted response.
+
+    None where the weakest poles can't be taken away without splitting a pair.
+    """
+    A, B, C, _ = found.matrices
+    flexible = len(A) - 2 * found.rigid_count
+    poles, V = np.linalg.eig(A[:flexible, :flexible])
+    left, right = C[:, :flexible] @ V, np.linalg.solve(V, B[:flexible].astype(complex))
+    lines = np.abs(data.points[:, None] - poles) ** -2
+    strength = np.sqrt(
+        np.einsum("kij,km,im,mj->m", data.weight**2, lines, np.abs(left) ** 2, np.abs(right) ** 2, optimize=True)
+    )
+    units = [(strength[k], [k]) for k in np.flatnonzero(np.imag(poles) == 0)]
+    pairs = [(2 * strength[k], [int(k), _conjugate(poles, int(k))]) for k in np.flatnonzero(np.imag(poles) > 0)]
+    reals: list[Any] = sorted(units, key=lambda unit: unit[0])[:EXTRA]
+    choices: list[Any] = (
+        [(sum(size for size, _ in reals), [k for _, ks in reals for k in ks])] if len(reals) == EXTRA else []
+    )
+    if pairs:
+        choices.append(min(pairs, key=lambda pair: pair[0]))
+    if not choices:
+        return None
+    dropped = min(choices, key=lambda choice: choice[0])[1]
+    kept = [k for k in range(flexible) if k not in dropped]
+    T, outputs = _real_modal(poles[kept], left[:, kept])
+    rest = A[flexible:, flexible:]
+    A = np.block([[T, np.zeros((len(T), len(rest)))], [np.zeros((len(rest), len(T))), rest]])
+    C = np.hstack([outputs, C[:, flexible:]])
+    B, D, _ = fit_inputs(data, A, C, feedthrough)
+    return StateMatrices(A, B, C, D)
+
+
+def _conjugate(poles: np.ndarray, k: int) -> int:
+    return int(np.argmin(np.abs(poles - poles[k].conj())))
+
+
+def _real_modal(poles: np.ndarray, outputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Real blocks and the outputs that belong to them, for poles that come in pairs."""
+    T, C = np.zeros((len(poles), len(poles))), np.zeros(outputs.shape)
+    at = 0
+    for pole, shape in zip(poles, outputs.T, strict=True):
+        if pole.imag == 0:
+            T[at, at], C[:, at] = pole.real, shape.real
+            at += 1
+        elif pole.imag > 0:
+            T[at : at + 2, at : at + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+            C[:, at], C[:, at + 1] = shape.real, shape.imag
+            at += 2
+    return T, C

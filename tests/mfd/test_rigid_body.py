@@ -10,8 +10,8 @@ import scipy.signal
 
 import robustid as rid
 from robustid.mfd import RigidBody, StaticGain, Weight, fit_mfd
+from robustid.mfd.conditions import RigidModes
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.rigid_modes import RigidModes
 from robustid.mfd.steps import sk_step
 from robustid.mfd.vector_polynomials import polynomial_nodes
 from support.mfd_systems import noisy, relative_error

@@ -1,13 +1,45 @@
-"""Rigid-body modes as linear conditions on a fraction, with directions that may be refined."""
+"""Linear conditions on the coefficients of a fraction, and rigid-body modes, which are such conditions."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from robustid.core import Frozen, freeze
-from robustid.mfd.constraints import Condition
+from robustid.mfd.vector_polynomials import VectorPolynomials
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Condition(Frozen):
+    """``sum_t left_t X^(derivative)(point) right_t = 0`` on X = [D; N], point in the unit of the nodes.
+
+    Every linear constraint on coefficients that the library knows has this form; at infinity X stands for its
+    coefficients of the highest degrees that are free. It says what the coordinates in the orthonormal basis must
+    satisfy; their null space is orthonormal again, so that the condition number stays one.
+    """
+
+    point: complex
+    terms: tuple[tuple[np.ndarray, np.ndarray], ...]  # left (a, nu + ny), right (nu, c)
+    derivative: int = 0
+
+    def __post_init__(self) -> None:
+        self._set(terms=tuple((freeze(left), freeze(right)) for left, right in self.terms))
+
+    def on(self, basis: VectorPolynomials, column: int | None = None) -> np.ndarray:
+        """The equations (m, n), real, on coordinates in a basis for vec X, or for one `column` of X."""
+        return self._rows(basis.derivatives(self.point, self.derivative + 1), column)
+
+    def of(self, basis: VectorPolynomials, polynomial: Sequence[np.ndarray], column: int | None = None) -> np.ndarray:
+        """What a polynomial (arguments of `VectorPolynomials.evaluate`) leaves of the equations, (m,)."""
+        values = basis.derivatives_of(self.point, self.derivative + 1, polynomial)
+        return self._rows(values[..., None], column)[:, 0]
+
+    def _rows(self, derivatives: np.ndarray, column: int | None) -> np.ndarray:
+        maps = (np.kron(right.T if column is None else right[column][:, None], left) for left, right in self.terms)
+        both = sum(maps) @ derivatives[self.derivative]
+        return np.concatenate([both.real, both.imag]) if np.imag(self.point) else both.real
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,3 +98,11 @@ class RigidModes(Frozen):
         else:
             out[rest] = change.reshape(self.count, rest.size).T
         return out
+
+
+def orthonormal_rows(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the row space: what these equations forbid. Every equation in its own unit."""
+    size = np.linalg.norm(rows, axis=1)
+    rows = rows[size > 0] / size[size > 0, None]
+    _, values, Vt = np.linalg.svd(rows, full_matrices=False)
+    return Vt[values > 1e-12 * values.max(initial=0.0)]

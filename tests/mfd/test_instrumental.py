@@ -7,8 +7,7 @@ import pytest
 
 from robustid.errors import InputError
 from robustid.mfd import Weight
-from robustid.mfd.biorthonormal_polynomials import BreakdownError, biorthonormal_polynomials
-from robustid.mfd.instrumental import instrumental_pair, iv_step
+from robustid.mfd.instrumental import BreakdownError, biorthonormal_polynomials, instrumental_pair, iv_step
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.krylov_blocks import stacked
 from robustid.mfd.problem import FractionProblem

@@ -10,9 +10,8 @@ import robustid as rid
 from robustid.mfd import Weight, fit_mfd
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.node_fraction import Held
-from robustid.mfd.normalisation import minimum_norm_step, relaxed_step
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.steps import column_step, gauss_newton_direction, retract, sk_step
+from robustid.mfd.steps import column_step, gauss_newton_direction, minimum_norm_step, relaxed_step, retract, sk_step
 from robustid.mfd.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 from support.mfd_systems import noisy, random_modal_system, relative_error
 

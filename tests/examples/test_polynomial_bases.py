@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.mfd import Weight
-from robustid.mfd.comparison import BASES, conditioning, sk_in_basis
-from robustid.mfd.problem import FractionProblem
-from robustid.mfd.steps import retract, sk_step
+from robustid.mfd import FractionProblem, Weight, retract, sk_step
+from support.example_runs import load
 from support.mfd_systems import noisy, random_modal_system
 
+bases = load("shared/polynomial_bases")
+BASES, conditioning, sk_in_basis = bases.BASES, bases.conditioning, bases.sk_in_basis
 OTHERS = BASES[:3]
 
 

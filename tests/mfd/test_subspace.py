@@ -8,8 +8,8 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.data.io import datasets
-from robustid.mfd.rational_basis import pole_choices, rational_krylov, real_rows
-from robustid.mfd.subspace import subspace_estimate
+from robustid.mfd.state_fit import real_rows
+from robustid.mfd.subspace import pole_choices, rational_krylov, subspace_estimate
 from support.mfd_systems import noisy, random_modal_system, relative_error
 
 DT = 1 / 4000  # s; Nyquist at 2 kHz, the modes lie between 5 Hz and 1 kHz

@@ -1,17 +1,15 @@
-"""Sanathanan-Koerner steps in other bases than the data-dependent one, to show what that one is for."""
+"""Sanathanan-Koerner steps in other bases than the data-dependent one, to show what that one is for.
+
+No user of the library needs them: `voorhoeve2016.py` and the benchmark `matrix_fractions.py` do.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
 
-from robustid.core import as_count
-from robustid.errors import InputError
-from robustid.mfd.krylov_blocks import stacked
-from robustid.mfd.node_fraction import NodeFraction
-from robustid.mfd.problem import FractionProblem
-from robustid.mfd.steps import sk_step
-from robustid.mfd.vector_polynomials import orthonormal_polynomials, polynomial_nodes
+import robustid as rid
+from robustid.mfd import FractionProblem, NodeFraction, orthonormal_polynomials, polynomial_nodes, sk_step
 
 (_gejsv,) = scipy.linalg.get_lapack_funcs(("gejsv",), dtype=np.float64)
 BASES = ("monomial", "scaled", "scalar", "orthonormal")
@@ -69,7 +67,7 @@ def sk_in_basis(problem: FractionProblem, denominators: np.ndarray, basis: str) 
     [11, 1, 1, 0]
     """
     if basis not in BASES:
-        raise InputError(f"`basis` must be one of {', '.join(map(repr, BASES))}; got {basis!r}")
+        raise rid.InputError(f"`basis` must be one of {', '.join(map(repr, BASES))}; got {basis!r}")
     if basis == "orthonormal":
         return sk_step(problem, denominators)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -126,7 +124,9 @@ def conditioning(problem: FractionProblem, denominators: np.ndarray, *, steps: i
     >>> bool(np.all(conditioning(problem, np.ones((40, 1, 1)), steps=3, basis="orthonormal") < 1 + 1e-12))
     True
     """
-    out = np.full(as_count("steps", steps, least=1), np.nan)
+    if steps < 1:
+        raise rid.InputError(f"`steps` must be at least 1; got {steps}")
+    out = np.full(steps, np.nan)
     for k in range(out.size):
         try:
             fraction, out[k] = sk_in_basis(problem, denominators, basis)
@@ -162,7 +162,13 @@ def _regression(
     blocks = [columns[:, :, i, None] * functions[:, None, : top + 1] for i, top in enumerate(problem.limits)]
     top = problem.limits + 1
     leading = problem.leading * factors[top] * functions[:, top]
-    return stacked(np.concatenate(blocks, axis=2)), stacked(np.einsum("kri,ki->kr", columns, leading))
+    return _stacked(np.concatenate(blocks, axis=2)), _stacked(np.einsum("kri,ki->kr", columns, leading))
+
+
+def _stacked(vector: np.ndarray) -> np.ndarray:
+    """(F, r, ...) complex as (2*F*r, ...) real: real parts above imaginary parts."""
+    flat = vector.reshape(vector.shape[0] * vector.shape[1], *vector.shape[2:])
+    return np.concatenate([np.real(flat), np.imag(flat)])
 
 
 def _polynomials(problem: FractionProblem, functions: np.ndarray, factors: np.ndarray, c: np.ndarray) -> NodeFraction:
