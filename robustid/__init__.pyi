@@ -7,6 +7,8 @@ from .advice import suggest_kautz as suggest_kautz
 from .advice import suggest_next as suggest_next
 from .advice import suggest_prior as suggest_prior
 from .advice import suggest_scaling as suggest_scaling
+from .app.files import load as load
+from .app.files import save as save
 from .app.pipeline import IdentifiedReduced as IdentifiedReduced
 from .app.pipeline import identify_reduced as identify_reduced
 from .app.pipeline import run as run
@@ -27,12 +29,9 @@ from .data import detrend as detrend
 from .data import estimate_delay as estimate_delay
 from .data import estimate_frf as estimate_frf
 from .data import flexible_structure as flexible_structure
-from .data import load as load
-from .data import load_excitation as load_excitation
 from .data import multisine as multisine
 from .data import record_problems as record_problems
 from .data import sample_time as sample_time
-from .data import save as save
 from .data import with_delay as with_delay
 from .errors import DatasetNotFoundError as DatasetNotFoundError
 from .errors import FileFormatError as FileFormatError
@@ -50,8 +49,6 @@ from .guarantees import UncertaintyWeight as UncertaintyWeight
 from .guarantees import WorstCaseError as WorstCaseError
 from .guarantees import diameter as diameter
 from .guarantees import guaranteed_margin as guaranteed_margin
-from .guarantees import load_pole_band as load_pole_band
-from .guarantees import load_worst_case_error as load_worst_case_error
 from .guarantees import refute as refute
 from .guarantees import response_tube as response_tube
 from .guarantees import uncertainty_weight as uncertainty_weight
@@ -61,7 +58,6 @@ from .identification import Identification as Identification
 from .identification import MixedProblem as MixedProblem
 from .identification import Prior as Prior
 from .identification import identify as identify
-from .identification import load_identification as load_identification
 from .identification import validate as validate
 from .mfd import MatrixFraction as MatrixFraction
 from .mfd import OrderSweep as OrderSweep

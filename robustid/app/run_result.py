@@ -8,21 +8,14 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robustid.app.files import load_result
 from robustid.app.run_file import RunFile, read_run_file
-from robustid.core import Frozen, atomic_write
-from robustid.data import FrequencyResponse, save
+from robustid.core import Frozen, atomic_write, digest, paths, save, text_array
+from robustid.data import FrequencyResponse
 from robustid.data.io import save_model
 from robustid.errors import InputError, Status
 from robustid.guarantees import PoleBand, WorstCaseError
-from robustid.identification import (
-    Identification,
-    MixedProblem,
-    describe_problem,
-    digest,
-    load_identification,
-    paths,
-    text_array,
-)
+from robustid.identification import Identification, MixedProblem, describe_problem
 from robustid.reduction import Reduction
 
 if TYPE_CHECKING:
@@ -175,7 +168,7 @@ class Store:
         """The one that was finished before, of exactly this problem."""
         if self.folder is None or not self.resume or not paths(self.folder / "identification")[1].is_file():
             return None
-        found = load_identification(self.folder / "identification")
+        found = load_result(self.folder / "identification", "identification")
         return found if found.objective == objective and _digest(found.problem) == _digest(problem) else None
 
     def identified(self, result: Identification) -> None:

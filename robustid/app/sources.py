@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.app.run_file import DELAY_NOTE, RecordSource, RunFile
+from robustid.core import digest
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -22,7 +23,6 @@ from robustid.data import (
     load,
 )
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.identification import digest
 
 Say = Callable[[str], None]
 

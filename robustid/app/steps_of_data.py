@@ -175,7 +175,7 @@ def _error_words(error: WorstCaseError) -> str:
         f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
         f" (largest at {place}), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the response."
     )
-    circle = error.__dict__.get("circle")
+    circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
 

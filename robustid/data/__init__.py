@@ -1,5 +1,6 @@
 """What was measured: records and responses with bounds on their errors; files, data sets, estimation."""
 
+from robustid.core import save
 from robustid.data.ellipses import bound_ratio, tilted
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
@@ -8,7 +9,7 @@ from robustid.data.excitation import Excitation, multisine
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
-from robustid.data.io.files import load, save
+from robustid.data.io.files import load
 from robustid.data.joint_bounds import stacked
 from robustid.data.prepare import decimate, detrend, record_problems, sample_time
 from robustid.data.simulated import SimulatedExperiment, flexible_structure

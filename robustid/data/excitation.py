@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze, save
 from robustid.data.crest import low_crest_phases, random_phases, synthesise
 from robustid.data.estimate.excited_lines import chosen_lines, given_lines
 from robustid.errors import InputError
@@ -97,10 +97,8 @@ class Excitation(Frozen):
         return np.tile(self.u[experiment], (self.periods, 1))
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write ``.csv`` (columns time, u1_exp1, u2_exp1, ..., all periods) or ``.npz``; see `load_excitation`."""
-        from robustid.data.io.excitation_files import write
-
-        write(path, self)
+        """Write ``.csv`` (columns time, u1_exp1, u2_exp1, ..., all periods) or ``.npz``; `robustid.load` reads both."""
+        save(path, self)
 
 
 def multisine(

@@ -1,5 +1,6 @@
-"""What is guaranteed about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
+"""Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
+from robustid.guarantees import storage  # noqa: F401 - registers the results that can be saved
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import check_one_channel
@@ -10,7 +11,6 @@ from robustid.guarantees.pole_band import PoleBand, worst_case_over_poles
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.small_gain import GuaranteedMargin, MarginStatus, guaranteed_margin
-from robustid.guarantees.storage import FORMAT, FORMAT_POLES, load_pole_band, load_worst_case_error
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
@@ -18,8 +18,6 @@ from robustid.guarantees.worst_case import LEAST, MOST, WorstCaseError, worst_ca
 
 __all__ = [
     "AMPLITUDE",
-    "FORMAT",
-    "FORMAT_POLES",
     "LEAST",
     "MOST",
     "CircleBound",
@@ -42,8 +40,6 @@ __all__ = [
     "diameter",
     "entry_weights",
     "guaranteed_margin",
-    "load_pole_band",
-    "load_worst_case_error",
     "magnitude_weight",
     "norm_of_bounds",
     "refute",

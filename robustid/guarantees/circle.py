@@ -1,19 +1,25 @@
-"""From bounds at frequencies to a bound on the whole unit circle."""
+"""From bounds of an error at frequencies to a bound on the whole unit circle, by adaptive refinement."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, freeze, responses
+from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.value_set import ValueSet, norm_of_bounds, schur_bound
-from robustid.identification import Identification, Prior, parametric_states
+from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
+from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, largest_errors, norm_of_bounds, schur_bound
+from robustid.identification import Identification
 
-StateSpace = tuple[np.ndarray, np.ndarray, np.ndarray]  # A, B, C
+_COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
+_ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -60,73 +66,137 @@ class CircleBound(Frozen):
         return float((self.edges[cell] + self.edges[cell + 1]) / 2)
 
 
-@dataclasses.dataclass(frozen=True)
-class Curvature:
-    """Bounds of the second derivative of the entries of E = F - model along the circle, for every consistent F.
+class Remembered:
+    """The smallest bound on the circle that has been computed for a result: the only part of it that changes."""
 
-    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart.
+    def __init__(self, bound: CircleBound | None = None) -> None:
+        self.bound = bound
 
-    * |d^2 G/d theta^2| <= K rho/(rho-1)^2: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n! (1 - |g|^2) /
-      ((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 = -(z G' + z^2 G'').
-    * the P_i from their state space, times the half-widths of the certified intervals;
-      Of several channels this holds for the singular values of G divided by its scaling, hence for their entries;
-    * the rest, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
-      bound of G serves for it too.
+    def take(self, bound: CircleBound) -> None:
+        """Remember a bound, unless one at most as large is known."""
+        if self.bound is None or bound.largest < self.bound.largest:
+            self.bound = bound
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModelError:
+    """F - model over all consistent F: its bounds at frequencies and between them, from value sets.
+
+    Attributes
+    ----------
+    identification : Identification
+    model : control.StateSpace
+    parameters : ParameterIntervals
+    lowest : float, rad/s
+        Where the circle begins if the plant has an integrator and there are no lines.
     """
 
-    prior: Prior
-    known: StateSpace
-    basis: StateSpace | None
-    reach: np.ndarray
-    inside: bool
+    identification: Identification
+    model: Any
+    parameters: ParameterIntervals
+    lowest: float
 
-    def largest(self, low: float, high: float) -> np.ndarray:
-        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
-        K, rho = self.prior.gain_bound, self.prior.decay_rate
-        known = second_derivative(*self.known, low, high)
-        ball = self.prior.scales(*known.shape) * (K * rho / (rho - 1) ** 2 * (1 + 1e-6))
-        total = ball + (np.minimum(known, ball) if self.inside else known)
-        if self.basis is not None:
-            sizes = second_derivative(*self.basis, low, high)[:, 0]
-            for size, reach in zip(sizes, self.reach, strict=True):
-                total = total + np.where(reach > 0, size, 0.0) * reach
-        return total
+    @functools.cached_property
+    def curvature(self) -> Curvature:
+        """Bounds of its second derivative along the circle."""
+        return curvature_of(self.model, self.identification, self.parameters)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of the circle, rad/s: from 0, or from the first line where the plant has an integrator."""
+        problem = self.identification.problem
+        top, basis = np.pi / problem.dt, problem.parametric
+        if basis is None or not basis.has_integrator:
+            return 0.0, top
+        return float(min((f.omega.min() for f in problem.frequency), default=self.lowest)), top
+
+    def at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
+        """Bounds at frequencies, from the value sets of their entries."""
+        omega = np.array(list(sets))
+        nominal = responses(self.model, omega * self.identification.problem.dt)
+        limits = norms_of_class(self.identification, self.parameters, nominal, omega)
+        return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
+
+    def arrays_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Bounds of the entries (F, ny, nu), and the bound and an attained value of the largest singular value (F,)."""
+        found = self.at(sets)
+        sigma = np.array([(e.sigma_upper, e.sigma_lower) for e in found])
+        return np.array([e.upper for e in found]), sigma[:, 0], sigma[:, 1]
 
 
-def second_derivative(A: np.ndarray, B: np.ndarray, C: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B).
+def refine(
+    error: ModelError,
+    consistent: ConsistentSet,
+    values: Sequence[ValueSet],
+    before: CircleBound | None,
+    settings: tuple[int, float],
+    rtol: float,
+    everywhere: bool,
+    spread: tuple[Spread, Progress | None, Folder | None],
+) -> CircleBound:
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
 
-    Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
-    |z - middle| <= d, R = (zI - A)^-1 at the middle.
+    `values` and those of a bound `before` are used again; `settings` are the directions and the gap of a fine value set.
+    New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
+    matter.
     """
-    n = A.shape[0]
-    if not n:
-        return np.zeros((C.shape[0], B.shape[1]))
-    z, half = np.exp(1j * (low + high) / 2), (high - low) / 2
-    R = np.linalg.inv(z * np.eye(n) - A)
-    size = float(np.linalg.norm(R, 2))
-    if half * size >= 0.5:
-        return np.full((C.shape[0], B.shape[1]), np.inf)
-    state = R @ B
-    first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
-    middle = np.abs(z * first + z**2 * second)
-    grown = 1 / (1 - half * size)
-    rows, columns = np.linalg.norm(C @ R, axis=1)[:, None], np.linalg.norm(state, axis=0)
-    # R(z) = R (I + (z - middle) R)^-1, hence |C R(z)^k B| <= |C R| |R B| |R|^(k-2) grown^k.
-    powers = [rows * columns * size ** (k - 2) * grown**k for k in (2, 3, 4)]
-    third = powers[0] + 3 * 2 * powers[1] + 6 * powers[2]
-    return (middle + half * third) * (1 + 1e-9)
+    dt, (bottom, top) = error.identification.problem.dt, error.range
+    known = by_frequency(before.values if before is not None else ())
+    known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= top}
+    fine = {w for w, sets in known.items() if sets[0].directions.size in (2, settings[0])}
+    limits: dict[tuple[float, float], np.ndarray] = {}
+    coarse, sharp = [w for w in (bottom, top) if w not in known], []
+    for _ in range(_ROUNDS):
+        for wanted, how in ((coarse, _COARSE), (sharp, settings)):
+            found = value_sets(consistent, np.array(wanted), *how, *spread)
+            known |= by_frequency(found)
+        fine |= set(sharp)
+        edges = np.array(sorted(known))
+        entries, upper, lower = error.arrays_at({w: known[w] for w in edges.tolist()})
+        sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
+        ends = np.maximum(sure[:-1], sure[1:])
+        peak = ends if everywhere else np.full(ends.size, sure.max())
+        arcs = list(itertools.pairwise(edges.tolist()))
+        limits |= {arc: error.curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
+        bends = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
+        bounds = np.maximum(entries[:-1], entries[1:]) + bends
+        bend, bound = norm_of_bounds(bends), _norms(bounds, upper, bends)
+        open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
+        sets = tuple(one for w in edges.tolist() for one in known[w])
+        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0, sets, bounds)
+        coarse, sharp = [], []
+        for k in open_arcs:
+            rough = [
+                w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak[k]
+            ]
+            if bend[k] <= 0.5 * rtol * peak[k] and rough:
+                sharp += rough
+            else:
+                coarse.append(float(sum(arcs[k]) / 2))
+        sharp = sorted(set(sharp))
+        if result.converged or edges.size + len(coarse) > _LARGEST:
+            break
+    return result
 
 
-def known_part(model: Any, identification: Identification) -> StateSpace:
-    """State space (A, B, C) of q'P - model, each scaled by itself so that norms are not dominated by bad units."""
-    A, B, C = _scaled(np.asarray(model.A), np.asarray(model.B), -np.asarray(model.C))
-    problem = identification.problem
-    if problem.parametric is None or not problem.parametric.states:
-        return A, B, C
-    residues = identification.parameters.reshape(-1, *model.D.shape)
-    a, b, c, _ = parametric_states(problem, residues)
-    return np.asarray(scipy.linalg.block_diag(A, a)), np.vstack([B, b]), np.hstack([C, c])
+def supported(error: ModelError, circle: CircleBound) -> bool:
+    """Return whether the value sets at its edges, whose certificates are claims of their own, give the bounds that it states."""
+    sets = by_frequency(circle.values)
+    omega = np.array(list(sets))
+    if not np.array_equal(omega, circle.edges) or error.range != (omega[0], omega[-1]):
+        return False
+    dt, curvature = error.identification.problem.dt, error.curvature
+    entries, upper, _ = error.arrays_at(sets)
+    arcs = itertools.pairwise(circle.edges.tolist())
+    bends = np.array([curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8 for a, b in arcs])
+    bounds = np.maximum(entries[:-1], entries[1:]) + bends
+    norms = _norms(bounds, upper, bends)
+    return all(bool(np.all(a <= b * (1 + 1e-9))) for a, b in ((bounds, circle.entries), (norms, circle.bound)))
+
+
+def _norms(bounds: np.ndarray, upper: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """Of the largest singular value on every arc, (C,): from the bounds of the entries, or from those of itself at the ends."""
+    return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
 
 
 def norms_of_class(
@@ -143,18 +213,3 @@ def norms_of_class(
         rounding = rounding + np.linalg.norm(outside, axis=(1, 2))
     ball = problem.prior.gain_bound * schur_bound(problem.prior.scales(p, q))
     return (ball + np.linalg.norm(known, 2, axis=(1, 2)) + norm_of_bounds(loose) + 1e-9 * rounding) * (1 + 1e-9)
-
-
-def interpolant_part(identification: Identification) -> StateSpace:
-    """The same of its own model, whose parametric part is q'P exactly, its states the last ones."""
-    model, basis = identification.model, identification.problem.parametric
-    n = model.nstates - (0 if basis is None else basis.states * min(model.D.shape))
-    return _scaled(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
-
-
-def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> StateSpace:
-    """A similar realisation with diagonal scaling by powers of two."""
-    if not A.shape[0]:
-        return A, B, C
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-    return np.asarray(balanced), B / scale[:, None], C * scale

@@ -6,12 +6,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from robustid.core import Arrays, part
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.value_set import ValueSet, directions_at
 from robustid.identification import SupportCertificate
 from robustid.identification.formulation import SINGLE, Entries
-
-Arrays = dict[str, np.ndarray]
 
 
 def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
@@ -118,8 +117,3 @@ def unpack_values(
         proved = omega, angles[k], arrays["support"][at], attained, slack, certificates[at]
         found.append(ValueSet(*proved, entry, matrices))
     return found
-
-
-def part(arrays: Arrays, prefix: str) -> Arrays:
-    """The arrays whose names begin so, without it."""
-    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_count, as_positive, freeze, response, threads_for, worker_pool
+from robustid.core import Frozen, as_count, as_positive, freeze, response, save, threads_for, worker_pool
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.claims import SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, check_one_channel, set_of
@@ -117,10 +117,8 @@ class PoleBand(Frozen):
         return bool(np.all(above) and np.all(self.magnitude[:, 0] <= magnitude[:, 0] * _AGAIN))
 
     def save(self, path: Folder) -> None:
-        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
-        from robustid.guarantees.storage import save_pole_band
-
-        save_pole_band(self, path)
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle. See `robustid.load`."""
+        save(path, self)
 
     @property
     def next_line(self) -> float:

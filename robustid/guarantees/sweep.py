@@ -14,12 +14,12 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from robustid.core import Workers, atomic_write, threads_for
+from robustid.core import Workers, atomic_write, digest, read_arrays, text_array, threads_for
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
 from robustid.guarantees.value_set import ValueSet, value_sets_at
-from robustid.identification import describe_problem, digest, text_array
+from robustid.identification import describe_problem
 
 _log = logging.getLogger("robustid")
 
@@ -129,8 +129,7 @@ class _Store:
         return found
 
     def _read(self, path: pathlib.Path, omega: float) -> Sets:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(path)
         if not np.array_equal(arrays.pop("identity"), self._bound(omega)):
             raise ValueError("it is of other data or settings")
         return tuple(unpack_values(arrays, self._dt, self._entries, self._settings[0]))

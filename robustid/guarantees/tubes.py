@@ -12,8 +12,8 @@ import numpy as np
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze, simulate
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.circle import known_part
 from robustid.guarantees.consistent_set import Extreme, check_one_channel
+from robustid.guarantees.curvature import known_part
 from robustid.guarantees.horizon import Outputs, consistent_outputs
 from robustid.guarantees.impulse_tail import tail_bounds
 from robustid.guarantees.nominal import as_nominal

@@ -10,16 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_count, as_positive, freeze, responses, threads_for
+from robustid.core import Frozen, as_count, as_positive, freeze, responses, save, threads_for
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.circle import CircleBound, norms_of_class
+from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
 from robustid.guarantees.claims import SupportClaim, which
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.refinement import refine, supported
 from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
-from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, largest_errors, value_set_claims
+from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification
 
@@ -53,6 +52,7 @@ class WorstCaseError(Frozen):
     parameters: ParameterIntervals
     directions: int
     gap: float
+    _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
     @functools.cached_property
     def omega(self) -> np.ndarray:
@@ -64,12 +64,6 @@ class WorstCaseError(Frozen):
         """Response of the model at them, (F,) complex; of several channels (F, ny, nu)."""
         return freeze(self._of_channels(self._nominal))
 
-    @property
-    def is_own(self) -> bool:
-        """Whether the nominal is the model of the identification (or a copy of it)."""
-        one, two = self.model, self.identification.model
-        return all(np.array_equal(getattr(one, part), getattr(two, part)) for part in "ABCD")
-
     @functools.cached_property
     def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
         return by_frequency(self.values)
@@ -80,14 +74,11 @@ class WorstCaseError(Frozen):
 
     @functools.cached_property
     def _errors(self) -> tuple[Errors, ...]:
-        return self.errors_at(self._sets_at)
+        return self._around.at(self._sets_at)
 
-    def errors_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
-        """Bounds of F - model at frequencies, from the value sets of their entries."""
-        omega = np.array(list(sets))
-        nominal = responses(self.model, omega * self.identification.problem.dt)
-        limits = norms_of_class(self.identification, self.parameters, nominal, omega)
-        return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
+    @functools.cached_property
+    def _around(self) -> ModelError:
+        return ModelError(self.identification, self.model, self.parameters, float(self.omega.min()))
 
     def _of_channels(self, array: np.ndarray) -> np.ndarray:
         """(F, ny, nu, ...), without the axes of the channels where there is one."""
@@ -141,10 +132,21 @@ class WorstCaseError(Frozen):
         """Guaranteed range of the phase in rad, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
         return freeze(self._of_channels(self._of_entries("phase")))
 
-    @functools.cached_property
+    @property
     def circle(self) -> CircleBound:
         """The bound on the whole circle, to 5 %: more frequencies are evaluated where it needs them (once; it may take minutes)."""
-        return self.on_circle()
+        return self.on_circle() if self.known_circle is None else self.known_circle
+
+    @property
+    def known_circle(self) -> CircleBound | None:
+        """The smallest bound on the circle that `on_circle` has found so far; None as long as there is none."""
+        return self._circle.bound
+
+    def with_circle(self, circle: CircleBound) -> WorstCaseError:
+        """Return the same result with a bound on the circle that is known from elsewhere, a file for instance."""
+        result = dataclasses.replace(self)
+        result._circle.take(circle)
+        return result
 
     @property
     def hinf(self) -> float:
@@ -158,12 +160,12 @@ class WorstCaseError(Frozen):
 
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
-        with threads_for(self._consistent.data.sarason.pair.order):
+        with threads_for(self.consistent_set.data.sarason.pair.order):
             return all(claim.verify() for claim in self.claims()) and self.circle_supported
 
     def claims(self) -> Iterator[SupportClaim]:
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
-        consistent = self._consistent
+        consistent = self.consistent_set
         yield from parameter_claims(consistent, self.parameters)
         for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
             yield from value_set_claims(consistent, *sets)
@@ -176,16 +178,16 @@ class WorstCaseError(Frozen):
     @property
     def circle_supported(self) -> bool:
         """Whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
-        circle = self.__dict__.get("circle")
-        return circle is None or supported(self, circle)
+        return self.known_circle is None or supported(self._around, self.known_circle)
 
     def _sets(self) -> Iterator[ValueSet]:
-        circle, mine = self.__dict__.get("circle"), set(map(id, self.values))
+        circle, mine = self.known_circle, set(map(id, self.values))
         yield from self.values
         yield from (v for v in (circle.values if circle is not None else ()) if id(v) not in mine)
 
     @functools.cached_property
-    def _consistent(self) -> ConsistentSet:
+    def consistent_set(self) -> ConsistentSet:
+        """All consistent systems, as a convex set."""
         return consistent_set(self.identification)
 
     def with_model(self, model: Any) -> WorstCaseError:
@@ -220,11 +222,12 @@ class WorstCaseError(Frozen):
         -------
         CircleBound
         """
-        rtol = as_positive("rtol", rtol)
-        with threads_for(self._consistent.data.sarason.pair.order):
-            found = refine(self, rtol, everywhere, executor, progress, resume)
-        if "circle" not in self.__dict__ or found.largest < self.__dict__["circle"].largest:
-            self.__dict__["circle"] = found  # for `hinf` and `save`, from now on
+        rtol, consistent = as_positive("rtol", rtol), self.consistent_set
+        known = self.values, self.known_circle
+        settings, spread = (self.directions, self.gap), (executor, progress, resume)
+        with threads_for(consistent.data.sarason.pair.order):
+            found = refine(self._around, consistent, *known, settings, rtol, everywhere, spread)
+        self._circle.take(found)  # for `hinf` and `save`, from now on
         return found
 
     def weight(
@@ -255,15 +258,13 @@ class WorstCaseError(Frozen):
 
     def limiting_sample(self, index: int) -> int:
         """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
-        rows = self._consistent.data.rows
+        rows = self.consistent_set.data.rows
         sets = self._sets_at[float(self.omega[index])]
         return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
 
     def save(self, path: Folder) -> None:
-        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle."""
-        from robustid.guarantees.storage import save_worst_case_error
-
-        save_worst_case_error(self, path)
+        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle. See `robustid.load`."""
+        save(path, self)
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"

@@ -14,14 +14,13 @@ from robustid.identification.forms import (
     taylor_length,
 )
 from robustid.identification.interpolant import interpolants
-from robustid.identification.loading import load_identification, read, rebuild, usable
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.prior import Prior, prior_fields
 from robustid.identification.problem import MixedProblem, excited_lines
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
 from robustid.identification.result import Identification
-from robustid.identification.storage import describe, describe_problem, digest, paths, text_array, write
+from robustid.identification.storage import describe_problem
 from robustid.identification.support_certificate import Functional, SupportCertificate, certify_support
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
 from robustid.identification.verification import Check
@@ -45,30 +44,21 @@ __all__ = [
     "Validation",
     "certify_support",
     "check_model",
-    "describe",
     "describe_poles",
     "describe_problem",
-    "digest",
     "entry_name",
     "excited_lines",
     "identify",
     "interpolants",
     "largest_ratio",
-    "load_identification",
     "model_residuals",
     "parametric_states",
-    "paths",
     "pose",
     "prior_fields",
     "prove_margin",
-    "read",
-    "rebuild",
     "sections_of",
     "taylor_length",
-    "text_array",
-    "usable",
     "validate",
     "verify_margin_exactly",
     "verify_support_exactly",
-    "write",
 ]

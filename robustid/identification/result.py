@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import Sections
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, freeze, save
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.identification.certificate import MarginCertificate
@@ -22,7 +22,6 @@ from robustid.identification.prior import Prior, prior_fields
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, entry_name
 from robustid.identification.solver.conic import Candidate
-from robustid.identification.storage import save_identification
 from robustid.identification.verification import Verification
 
 _MODES = 12  # listed in a summary
@@ -356,8 +355,8 @@ class Identification(Frozen):
         ]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle."""
-        save_identification(self, path)
+        """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle. `robustid.load` reads them."""
+        save(path, self)
 
 
 def _largest_response(item: Any, scales: np.ndarray) -> float:

@@ -1,36 +1,29 @@
-"""Saving an identification: numbers in .npz, the rest in readable .json; never pickle."""
+"""What is saved of an identification, and how it is made from that again: numbers and text, every claim verified anew."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
-import os
-import pathlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from robustid._version import __version__
-from robustid.bases import Sections
-from robustid.core import atomic_write
-from robustid.errors import InputError
-from robustid.identification.prior import prior_fields
+from robustid.bases import ParametricBasis, Sections
+from robustid.core import Arrays, Record, digest, keep, text_array
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.identification.certificate import MarginCertificate
+from robustid.identification.forms import Claim, level_of, pose
+from robustid.identification.model import nominal_model
+from robustid.identification.prior import Prior, prior_fields
 from robustid.identification.problem import MixedProblem
+from robustid.identification.result import Identification
+from robustid.identification.solver.conic import Candidate
+from robustid.identification.verification import verify
 
-if TYPE_CHECKING:
-    from robustid.identification.result import Identification
-
-FORMAT = "robustid identification 1"
-
-
-def save_identification(result: Identification, path: str | os.PathLike[str]) -> None:
-    """Write `path`.npz and `path`.json, both or none."""
-    write(path, *describe(result))
+_CLASSES = {cls.__name__: cls for cls in (FrequencyResponse, TangentialResponse, TimeRecord)}
 
 
-def describe(result: Identification) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is written of a result: text and numbers."""
+def pack(result: Identification) -> tuple[Record, Arrays]:
+    """Text and numbers of a result."""
     arrays, problem = describe_problem(result.problem)
     arrays |= {
         "result/coefficients": result.coefficients,
@@ -41,8 +34,6 @@ def describe(result: Identification) -> tuple[dict[str, Any], dict[str, np.ndarr
         "certificate/ball": result.certificate.ball,
     }
     record = {
-        "format": FORMAT,
-        "version": __version__,
         "status": result.status.name,
         "meaning": result.status.value,
         "objective": result.objective,
@@ -62,59 +53,16 @@ def describe(result: Identification) -> tuple[dict[str, Any], dict[str, np.ndarr
     return record, arrays
 
 
-def write(path: str | os.PathLike[str], record: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    """Write `path`.npz and `path`.json, bound to each other by a digest; whatever happens, what was there before or both.
-
-    Raises
-    ------
-    InputError
-        The files can't be written.
-    """
-    numbers, text = paths(path)
-    record = record | {"digest": digest(arrays)}
-    try:
-        with atomic_write(numbers, "wb") as binary, atomic_write(text, "w") as file:
-            np.savez_compressed(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-            json.dump(record, file, indent=1)
-            for stream in (binary, file):  # a full disk is to show itself before anything is replaced
-                stream.flush()
-    except OSError as error:
-        raise InputError(f"`path` = {str(path)!r} can't be written: {error.strerror}") from error
-
-
-def paths(path: str | os.PathLike[str]) -> tuple[pathlib.Path, pathlib.Path]:
-    """The .npz and the .json file of a saved result."""
-    base = pathlib.Path(path)
-    if base.suffix in (".npz", ".json"):
-        base = base.with_suffix("")
-    return base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")
-
-
-def digest(arrays: dict[str, np.ndarray]) -> str:
-    """SHA-256 of all arrays: what binds the two files together."""
-    total = hashlib.sha256()
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        total.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        total.update(array.tobytes())
-    return total.hexdigest()
-
-
 def _describe_sections(sections: Sections | None) -> dict[str, Any] | None:
     if sections is None:
         return None
     return {"zeros": [[a.real, a.imag] for a in sections.zeros], "repeats": sections.repeats}
 
 
-def text_array(text: Any) -> np.ndarray:
-    """Text of any structure as an array, for digests."""
-    return np.frombuffer(json.dumps(text, sort_keys=True).encode(), np.uint8)
-
-
-def describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """What is written of a problem: numbers and text."""
-    arrays: dict[str, np.ndarray] = {}
-    text: dict[str, Any] = {
+def describe_problem(problem: MixedProblem) -> tuple[Arrays, Record]:
+    """Numbers and text of a problem."""
+    arrays: Arrays = {}
+    text: Record = {
         "prior": prior_fields(problem.prior),
         "frequency": [],
         "time": [],
@@ -139,3 +87,69 @@ def describe_problem(problem: MixedProblem) -> tuple[dict[str, np.ndarray], dict
     if problem.parameter_bounds is not None:
         arrays["parameter_bounds"] = problem.parameter_bounds
     return arrays, text
+
+
+def unpack(record: Record, arrays: Arrays) -> Identification:
+    """The identification that was packed so; every claim is verified again."""
+    if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
+        raise ValueError("the problem was edited (its digest differs)")
+    problem = _read_problem(arrays, record["problem"])
+    prior = Prior(**record["prior_of_model"])
+    sections = _read_sections(record["sections"])
+    if sections is not None and sections.order * problem.entries.count != arrays["result/coefficients"].size:
+        raise ValueError("its sections do not belong to its coefficients")
+    data, posed = pose(problem, sections).data, pose(dataclasses.replace(problem, prior=prior), sections)
+    x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
+    certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
+    point = (arrays["claim/x"], arrays["claim/p"])
+    claim = Claim(record["margin"], record["accuracy"], *point, certificate, record["solver"])
+    if record["status"] != claim.status.name or record["margin_lower"] != certificate.value:
+        raise ValueError("its status or margin contradicts its own certificate")
+    center = Candidate(x, p, certificate.samples, certificate.ball, claim.solver)
+    level = level_of(record["objective"], claim.margin, claim.accuracy)
+    nominal = nominal_model(posed, center, level)
+    return Identification(
+        problem=problem,
+        objective=record["objective"],
+        claim=claim,
+        prior=prior,
+        coefficients=x,
+        scaled_parameters=p,
+        sections=sections,
+        model=nominal.model,
+        verification=verify(posed, center, nominal, claim, data, level),
+        timing=record["timing_s"],
+        notes=tuple(record["notes"]),
+    )
+
+
+def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
+    experiments: dict[str, list] = {}
+    for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
+        experiments[kind] = []
+        for i, described in enumerate(text[kind]):
+            prefix = f"{kind}{i}/"
+            fields = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+            described, name = dict(described), described.get("class", cls.__name__)
+            described.pop("class", None)
+            experiments[kind].append(_CLASSES[name](**fields, **described))
+    basis = None
+    if text["parametric"] is not None:
+        matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}
+        basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
+    prior = Prior(**text["prior"])
+    return MixedProblem(
+        frequency=experiments["frequency"],
+        time=experiments["time"],
+        prior=prior,
+        parametric=basis,
+        parameter_bounds=arrays.get("parameter_bounds"),
+        symmetric=text.get("symmetric", False),
+    )
+
+
+def _read_sections(text: dict[str, Any] | None) -> Sections | None:
+    return None if text is None else Sections(tuple(complex(*a) for a in text["zeros"]), text["repeats"])
+
+
+keep(Identification, "identification", pack=pack, unpack=unpack)

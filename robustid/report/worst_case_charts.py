@@ -142,7 +142,7 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
         for w, high, low in zip(error.omega, upper, lower, strict=True)
     )
     layers = []
-    if (circle := error.__dict__.get("circle")) is not None:  # what has been computed; nothing is computed here
+    if (circle := error.known_circle) is not None:  # what has been computed; nothing is computed here
         edges = np.maximum(np.repeat(circle.edges, 2)[1:-1] / HZ, left)
         own = entry is not None and not identification.problem.entries.single
         bounds = np.repeat(circle.entries[place] if own else circle.bound, 2)

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.core import describe, digest
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import WorstCaseError
-from robustid.identification import Identification, describe, digest
+from robustid.identification import Identification
 from robustid.report.facts import CAUTION, Verdict, transfer, unit
 from robustid.report.style import number
 from robustid.report.worst_case_charts import bounded_model
@@ -121,7 +122,7 @@ def _further(identification: Identification) -> str:
 
 def circle_words(error: WorstCaseError) -> str:
     """The bound on the whole circle, where it has been computed; it takes long, and isn't computed here."""
-    circle = error.__dict__.get("circle")
+    circle = error.known_circle
     if circle is None:
         return (
             "Nothing is claimed here: the bounds hold at the frequencies. A bound that holds on the whole circle was not"

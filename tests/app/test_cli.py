@@ -34,7 +34,7 @@ def test_identify_reduce_and_report_on_files(files, capsys, monkeypatch):
     code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"], capsys, monkeypatch)
     assert code == 0
     assert "onsistent" in out
-    result = rid.load_identification("first")
+    result = rid.load("first")
     assert result.consistent
     assert "<html" in (files / "first.html").read_text(encoding="utf-8")
     code, out, _ = run(["reduce", "first", "-o", "small.mat"], capsys, monkeypatch)
@@ -57,7 +57,7 @@ def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, capsys, mo
     assert code == 3
     assert "nconsistent" in out
     assert "margin" in out.lower()
-    assert not rid.load_identification(files / "result").consistent
+    assert not rid.load(files / "result").consistent
 
 
 def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch):
@@ -68,14 +68,14 @@ def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch)
     options = ["--frequency-unit", "Hz", "--dt", "0.01", "--frequency-bound", "0.03", "--no-reduce"]
     code, _, err = run(["identify", "--frequency", "odd.csv", *fields, *options, *CLASS], capsys, monkeypatch)
     assert code == 0, err
-    assert np.allclose(rid.load_identification("result").problem.frequency[0].omega, frf.omega)
+    assert np.allclose(rid.load("result").problem.frequency[0].omega, frf.omega)
 
 
 def test_the_form_is_an_option(files, capsys, monkeypatch):
     lines = ["identify", "--frequency", "frf.csv", "--no-reduce"]
     code, _, err = run([*lines, *CLASS, "--form", "sections", "--accuracy", "1e-3"], capsys, monkeypatch)
     assert code == 0, err
-    result = rid.load_identification("result")
+    result = rid.load("result")
     assert result.verification.passed
     assert result.sections.degree > 1
     code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"], capsys, monkeypatch)
@@ -249,7 +249,7 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
     arguments = ["--frequency", "frf.csv", "--band", "2:10", "--time", "step.csv", "--first", "7", *LINES]
     code, _, err = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
     assert code == 0, err
-    result = rid.load_identification("result")
+    result = rid.load("result")
     data = rid.flexible_structure(seed=0)
     np.testing.assert_allclose(result.problem.frequency[0].values, data.frequency.band(2, 10).values)
     np.testing.assert_array_equal(result.problem.time[0].y, data.time.y[:7])
@@ -261,7 +261,7 @@ def test_two_channels_are_picked_as_asked(foreign, capsys, monkeypatch):
     code, _, _ = run(["identify", "--frequency", "two.npz", "--channel", "1,0", *LINES, *SHORT], capsys, monkeypatch)
     assert code in (0, 3)
     value = rid.flexible_structure(seed=0).frequency.values
-    np.testing.assert_allclose(rid.load_identification("result").problem.frequency[0].values, 3 * value)
+    np.testing.assert_allclose(rid.load("result").problem.frequency[0].values, 3 * value)
 
 
 def test_reduce_wants_a_name_that_it_can_write(files, capsys, monkeypatch):
@@ -284,7 +284,7 @@ def test_a_folder_that_can_not_be_written_to_is_refused_first(files, capsys, mon
 def test_choices_are_kept_and_an_empty_class_is_warned_of_at_the_end(files, capsys, monkeypatch):
     code, out, _ = run(["identify", "--frequency", "frf.csv", "--mode", "none", "--no-reduce"], capsys, monkeypatch)
     assert code == 0
-    result = rid.load_identification("result")
+    result = rid.load("result")
     assert any("K" in note for note in result.notes)
     assert "Chosen by the program from these data" in out
     assert "Consistent, but the class says little" in out

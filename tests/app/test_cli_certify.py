@@ -45,7 +45,7 @@ def test_bounds_are_computed_saved_and_verified(files, run):
     assert (code, err) == (0, "")
     assert "every consistent system is within" in out
     assert "written: band.npz, band.json" in out
-    saved = rid.load_worst_case_error("band")
+    saved = rid.load("band")
     assert saved.omega.tolist() == [60.0, 110.0]
     assert f"{saved.upper.max():.4g}" in out
     for extra in ([], ["--exact"]):
@@ -63,7 +63,7 @@ def test_bounds_are_computed_saved_and_verified(files, run):
 def test_the_circle_is_bounded_where_asked(files, run):
     code, out, _ = run("bounds", "good", "--points", "3", "--directions", "4", "--rtol", "0.5", "--circle")
     assert code == 0
-    saved = rid.load_worst_case_error("bounds")
+    saved = rid.load("bounds")
     assert saved.omega.size == 3
     assert f"<= {saved.hinf:.4g} at every frequency" in out
     code, out, _ = run("verify", "bounds")
@@ -87,7 +87,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run):
     assert "written: bounds.npz, bounds.json" in out
     assert "written: bounds-poles.npz, bounds-poles.json" in out
     assert list((files / "part" / "cell-1").glob("values-*.npz"))
-    band = rid.load_pole_band("bounds-poles")
+    band = rid.load("bounds-poles")
     assert f"within {band.upper.max():.4g} of the model" in out
     before = (files / "bounds-poles.npz").read_bytes()
     (files / "bounds.npz").unlink()
@@ -123,7 +123,7 @@ def test_consistency_and_refutation_are_verified(files, run):
     assert code == 0
     assert "reached by a system of the class" in out
     code, out, _ = run("verify", "refuted")
-    result = rid.load_identification("refuted")
+    result = rid.load("refuted")
     assert code == 0
     assert f"no system of the class keeps every |residual| below {result.margin_lower:.6g} times its bound" in out
 
@@ -210,6 +210,6 @@ def test_an_interrupted_run_goes_on_from_its_folder(files, run):
     assert not os.path.exists("bounds.npz")
     code, out, _ = run(*arguments, "1")
     assert code == 0
-    assert rid.load_worst_case_error("bounds").omega.size == 24
+    assert rid.load("bounds").omega.size == 24
     assert len(list((files / "part").iterdir())) == 24
     assert {p: p.stat().st_mtime_ns for p in done} == done

@@ -25,7 +25,7 @@ def test_writes_what_the_library_designs_and_says_what_to_do(capsys, monkeypatch
         [*COMMAND, *options, "--amplitude", "0.5", "--amplitude", "2", "-o", "[x].csv"], capsys, monkeypatch
     )
     assert code == 0, err
-    play = rid.load_excitation("[x].csv")
+    play = rid.load("[x].csv")
     same = rid.multisine(
         band_hz=(1, 20), dt=0.01, period=100, inputs=2, realisations=2, spacing="odd", amplitude=[0.5, 2], seed=3
     )
@@ -38,7 +38,7 @@ def test_writes_what_the_library_designs_and_says_what_to_do(capsys, monkeypatch
         f"to {play.crest_factors[:, 1].max():.3f}",
         "written: [x].csv",
         "Next: play every experiment, record",
-        "rid.load_excitation('[x].csv')",
+        "rid.load('[x].csv')",
     ):
         assert words in out
 
@@ -47,7 +47,7 @@ def test_plain_random_phases_with_rms(capsys, monkeypatch):
     code, out, err = run([*COMMAND, "--rms", "3", "--no-minimise-crest", "-o", "play.npz"], capsys, monkeypatch)
     assert code == 0, err
     assert "in a loop" in out
-    np.testing.assert_allclose(rid.load_excitation("play.npz").rms, 3, rtol=1e-12)
+    np.testing.assert_allclose(rid.load("play.npz").rms, 3, rtol=1e-12)
 
 
 def test_nothing_is_overwritten_unless_forced(folder, capsys, monkeypatch):
@@ -56,7 +56,7 @@ def test_nothing_is_overwritten_unless_forced(folder, capsys, monkeypatch):
     assert (code, (folder / "play.csv").read_text()) == (2, "precious")
     assert "play.csv exists; choose another name, or pass --force" in err
     assert run([*COMMAND, "--force"], capsys, monkeypatch)[0] == 0
-    assert rid.load_excitation("play.csv").period == 100
+    assert rid.load("play.csv").period == 100
 
 
 @pytest.mark.parametrize(

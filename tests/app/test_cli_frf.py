@@ -64,7 +64,7 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys,
     code, out, err = run(arguments, capsys, monkeypatch)
     assert code == 0, err
     records = [rid.load(f"run{k}.csv") for k in (1, 2)]
-    play = rid.load_excitation("play.csv")
+    play = rid.load("play.csv")
     wanted = estimate_frf(records, period=PERIOD, lines=play.lines)
     found = rid.load("g.npz")
     same(found, wanted)

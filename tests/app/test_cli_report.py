@@ -57,7 +57,7 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path):
         assert heading in page.text
     assert "Not proved" not in page.text
     upper = next(t for t in page.figures["guarantee-0"]["data"] if t["name"] == "guaranteed error")["y"]
-    np.testing.assert_array_equal(upper, rid.load_worst_case_error(tmp_path / "bounds").upper.ravel())
+    np.testing.assert_array_equal(upper, rid.load(tmp_path / "bounds").upper.ravel())
     assert "at every sample until 0.02 s" in page.text
 
 

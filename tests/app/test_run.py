@@ -77,8 +77,8 @@ def test_the_steps_are_those_done_by_hand(folder):
     assert result.choices == ()  # nothing was left to the program
     assert not any("not for the box" in finding for finding in result.findings)
     assert max(r.ratio.max() for r in model_residuals(problem, result.model)) <= 1 + 1e-5
-    assert rid.load_identification("out/identification").margin == by_hand.margin
-    assert rid.load_worst_case_error("out/worst_case").upper.max() == error.upper.max()
+    assert rid.load("out/identification").margin == by_hand.margin
+    assert rid.load("out/worst_case").upper.max() == error.upper.max()
 
 
 def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, capsys, monkeypatch):
@@ -86,7 +86,7 @@ def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, ca
     ask(folder, DATA, wrong, SHORT)
     code, out, _ = command(["ask.toml", "-o", "out"], capsys, monkeypatch)
     assert code == 3
-    result = rid.load_identification("out/identification")
+    result = rid.load("out/identification")
     assert not result.consistent
     assert np.array_equal(result.problem.frequency[0].bound, rid.load("frf.csv").bound)
     assert "The data contradict the class" in out

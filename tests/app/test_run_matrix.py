@@ -135,7 +135,7 @@ def test_commands_take_the_whole_matrix(folder, capsys, monkeypatch):
     code, out, err = command(["identify", "--frequency", "two.npz", *modes], capsys, monkeypatch)
     assert code in (0, 3), err
     assert "all of 2 outputs and 2 inputs" in out
-    found = rid.load_identification("result")
+    found = rid.load("result")
     np.testing.assert_array_equal(found.problem.frequency[0].values, frf.values)
     assert found.model.D.shape == (2, 2)
 

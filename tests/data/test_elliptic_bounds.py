@@ -369,7 +369,7 @@ def test_validation_and_reduction_use_the_ellipses(tmp_path):
     assert rid.validate(shifted, alone).ratio == pytest.approx(0.75)
     assert rid.validate(shifted, dataclasses.replace(alone, tilt=[0.5])).outside == 1
     result.save(tmp_path / "result")
-    again = rid.load_identification(tmp_path / "result")
+    again = rid.load(tmp_path / "result")
     assert np.array_equal(again.problem.frequency[0].tilt, frf.tilt)
     assert again.verification.passed
     assert experiments(result)[0].bound.startswith("ellipses, half-axes")

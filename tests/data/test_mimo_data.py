@@ -307,7 +307,7 @@ def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
     frf = dataclasses.replace(rid.flexible_structure().frequency, joint="column")
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
     result.save(tmp_path / "result")
-    same(rid.load_identification(tmp_path / "result").problem.frequency[0], frf)
+    same(rid.load(tmp_path / "result").problem.frequency[0], frf)
 
 
 def test_a_weight_of_one_s_own():

@@ -44,9 +44,9 @@ def same(error, expected):
 def test_what_workers_get_survives_its_packing(result, form):
     posed = rid.identify(result.problem, form=form)
     found = rid.worst_case_error(posed, omega=[60.0], directions=3)
-    copy = pickle.loads(pickle.dumps(found._consistent))
-    assert type(copy.data.sarason) is type(found._consistent.data.sarason)
-    assert np.array_equal(copy.data.sarason.pair.A, found._consistent.data.sarason.pair.A)
+    copy = pickle.loads(pickle.dumps(found.consistent_set))
+    assert type(copy.data.sarason) is type(found.consistent_set.data.sarason)
+    assert np.array_equal(copy.data.sarason.pair.A, found.consistent_set.data.sarason.pair.A)
 
 
 def test_any_executor_gives_the_same(result, expected):

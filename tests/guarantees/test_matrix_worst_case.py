@@ -269,9 +269,8 @@ def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
     assert error.claim_count == len(list(error.claims()))
     assert error.certified
     for part in ("bound", "entries"):
-        forged = dataclasses.replace(error)
-        forged.__dict__["circle"] = dataclasses.replace(circle, **{part: 0.9 * getattr(circle, part)})
-        assert not forged.certified
+        forged = dataclasses.replace(circle, **{part: 0.9 * getattr(circle, part)})
+        assert not error.with_circle(forged).certified
 
 
 @pytest.mark.slow
@@ -298,7 +297,7 @@ def test_another_nominal_needs_no_solver_and_its_channels(error):
 
 def test_what_is_stored_comes_back_and_forgeries_of_any_entry_fail(error, tmp_path):
     error.save(tmp_path / "bounds")
-    again = rid.load_worst_case_error(tmp_path / "bounds")
+    again = rid.load(tmp_path / "bounds")
     for name in ("upper", "lower", "sigma_upper", "sigma_lower", "phase"):
         assert np.array_equal(getattr(again, name), getattr(error, name))
     assert again.certified

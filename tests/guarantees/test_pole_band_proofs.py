@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import load_saved
 from robustid.guarantees import PoleCell
 from support.forging import forge, lower
 
@@ -63,12 +64,12 @@ def same(band, again):
 
 
 def test_round_trip_is_exact_and_verifies_again(computed, saved):
-    again = rid.load_pole_band(saved.with_suffix(".json"))
+    again = rid.load(saved.with_suffix(".json"))
     same(computed, again)
     assert again.certified
     assert again.claim_count == computed.claim_count
     with pytest.raises(rid.FileFormatError, match="not a saved worst-case error"):
-        rid.load_worst_case_error(saved)
+        load_saved(saved, "worst-case error")
 
 
 def test_another_nominal_survives(tmp_path):
@@ -76,7 +77,7 @@ def test_another_nominal_survives(tmp_path):
     small = rid.balanced_truncation(result.model, order=4).model
     band = banded(model=small)
     band.save(tmp_path / "band")
-    again = rid.load_pole_band(tmp_path / "band")
+    again = rid.load(tmp_path / "band")
     same(band, again)
     assert again.certified
     assert np.array_equal(again.model.A, small.A)
@@ -212,7 +213,7 @@ FORGERIES = {
 def test_a_forgery_is_refused_or_does_not_verify(saved, name):
     forge(saved, FORGERIES[name])
     with contextlib.suppress(rid.FileFormatError):
-        assert not rid.load_pole_band(saved).verify()
+        assert not rid.load(saved).verify()
 
 
 @pytest.mark.parametrize("change", [{"kept": 0}, {"kept": 1}, {"refuted": 0}, {"delay": 0}, {"kept": 99}])
@@ -220,7 +221,7 @@ def test_forged_text_is_refused_or_does_not_verify(saved, change):
     text = saved.with_suffix(".json")
     text.write_text(json.dumps(json.loads(text.read_text()) | change))
     with contextlib.suppress(rid.FileFormatError):
-        assert not rid.load_pole_band(saved).verify()
+        assert not rid.load(saved).verify()
 
 
 def test_numbers_are_bound_to_their_text(saved):
@@ -228,7 +229,7 @@ def test_numbers_are_bound_to_their_text(saved):
         arrays = {name: archive[name] for name in archive.files}
     np.savez(saved.with_suffix(".npz"), **arrays | {"band/upper": 2 * arrays["band/upper"]})
     with pytest.raises(rid.FileFormatError, match="digest"):
-        rid.load_pole_band(saved)
+        rid.load(saved)
 
 
 def test_halves_of_halves_cover_the_box_and_nothing_less_does():

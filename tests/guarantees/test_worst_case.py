@@ -9,8 +9,8 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.core.simulation import response
-from robustid.guarantees.circle import second_derivative
 from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees.curvature import second_derivative
 from robustid.guarantees.value_set import value_set, value_set_claims
 from robustid.identification.model import nominal_model
 from robustid.identification.solver.conic import Candidate
@@ -183,7 +183,7 @@ def test_any_stable_nominal_and_no_new_solution():
 
 def members(error, count=4):
     """Consistent systems at the extremes of the set."""
-    consistent = error._consistent
+    consistent = error.consistent_set
     rng = np.random.default_rng(0)
     n, m = consistent.data.sarason.pair.order, consistent.data.rows.P.shape[1]
     for _ in range(count):
@@ -207,7 +207,7 @@ def circle_holds(seed, case, coefficients, points):
     assert np.all(np.abs(truth.response(omega * problem.dt) - nominal) <= bound)
     for x, p in members(error):
         point = Candidate(x, p, np.zeros(0), np.zeros((0, 0)), "")
-        member = nominal_model(error._consistent.posed, point, 1.0).model
+        member = nominal_model(error.consistent_set.posed, point, 1.0).model
         away = np.abs(response(member, omega * problem.dt) - nominal)
         assert np.all(away <= bound)
         worst = max(worst, away.max())
@@ -256,7 +256,7 @@ def small_error():
 
 def test_every_certificate_verifies_and_forged_ones_do_not():
     error = small_error()
-    consistent, found = error._consistent, error.values[0]
+    consistent, found = error.consistent_set, error.values[0]
     assert all(claim.verify() for claim in value_set_claims(consistent, found))
     lower = rid.certify.ValueSet(
         found.omega, found.directions, found.support - 1e-6, found.points, found.slack, found.certificates

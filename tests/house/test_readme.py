@@ -39,12 +39,12 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
     assert names["result"].warnings == ()
     assert names["small"].order < names["result"].order
     assert "consistent" in capsys.readouterr().out
-    assert rid.load_identification("result").consistent
+    assert rid.load("result").consistent
     assert "<html" in Path("report.html").read_text(encoding="utf-8")
     exec(compile(python_blocks()[1], "README.md", "exec"), names)
     assert names["error"].certified
     assert np.all(names["tube"].lower <= names["tube"].upper)
-    assert rid.load_worst_case_error("bounds").certified
+    assert rid.load("bounds").certified
     commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
     assert [words[1] for words in commands] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
     for words in commands:
@@ -77,7 +77,7 @@ def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, 
     commands = [shlex.split(line) for line in block("sh", "<!-- from signals -->\n").splitlines()]
     assert [words[1] for words in commands] == ["excite", "frf"]
     run(commands[0], capsys, monkeypatch)
-    play, rng = rid.load_excitation("play.csv"), np.random.default_rng(0)
+    play, rng = rid.load("play.csv"), np.random.default_rng(0)
     for k, u in enumerate(play.u):
         u = np.tile(u, (play.periods, 1))
         y = u @ [[1.0, 2.0], [0.5, -1.0]] + 0.01 * rng.standard_normal(u.shape)

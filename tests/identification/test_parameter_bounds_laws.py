@@ -118,7 +118,7 @@ def test_storage_summary_and_advice(tmp_path):
         what == "Intervals" and name in words and "is at the end" in words for what, words in assumptions(result)
     )
     result.save(tmp_path / "result")
-    again = rid.load_identification(tmp_path / "result")
+    again = rid.load(tmp_path / "result")
     assert np.array_equal(again.problem.parameter_bounds, problem.parameter_bounds)
     assert again.verification.passed
     assert again.active_intervals == result.active_intervals

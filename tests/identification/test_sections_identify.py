@@ -164,7 +164,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     some = rid.MixedProblem(frequency=problem.frequency[0].select(slice(None, None, 8)), prior=problem.prior)
     assert rid.identify(some, form="orthonormal").margin_lower <= result.margin + 1e-9
     result.save(tmp_path / "sections")
-    again = rid.load_identification(tmp_path / "sections")
+    again = rid.load(tmp_path / "sections")
     assert again.sections == result.sections
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert np.array_equal(again.model.A, result.model.A)
@@ -174,7 +174,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     record["sections"]["repeats"] += 1
     text.write_text(json.dumps(record))
     with pytest.raises(rid.FileFormatError, match="its sections do not belong to its coefficients"):
-        rid.load_identification(tmp_path / "sections")
+        rid.load(tmp_path / "sections")
 
 
 def test_objectives_and_other_solutions():

@@ -20,7 +20,7 @@ def saved(tmp_path):
 def test_round_trip_is_exact_and_verified_again(case, tmp_path):
     result = rid.identify(random_problem(2, case, 12), objective="gain")
     result.save(tmp_path / "a.b")
-    again = rid.load_identification(tmp_path / "a.b")
+    again = rid.load(tmp_path / "a.b")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.b.json", "a.b.npz"]
     assert np.array_equal(again.coefficients, result.coefficients)
     assert np.array_equal(again.parameters, result.parameters)
@@ -38,7 +38,7 @@ def test_channel_names_units_and_notes_survive(tmp_path):
     frf = rid.FrequencyResponse([1.0], [0.5], bound=0.1, dt=0.1, inputs="force [N]", outputs="x [m]", note="by hand")
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.1)
     rid.identify(rid.MixedProblem(frequency=frf, prior=prior)).save(tmp_path / "r")
-    again = rid.load_identification(tmp_path / "r.json").problem.frequency[0]
+    again = rid.load(tmp_path / "r.json").problem.frequency[0]
     assert str(again.inputs[0]) == "force [N]"
     assert again.note == "by hand"
 
@@ -49,10 +49,10 @@ def test_truncated_or_missing_files_are_named(saved, suffix):
     target = path.with_suffix(suffix)
     target.write_bytes(target.read_bytes()[:100])
     with pytest.raises(rid.FileFormatError, match="result"):
-        rid.load_identification(path)
+        rid.load(path)
     target.unlink()
     with pytest.raises(rid.FileFormatError, match="missing"):
-        rid.load_identification(path)
+        rid.load(path)
 
 
 def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
@@ -60,7 +60,7 @@ def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
     rid.identify(random_problem(9, "parametric", 14)).save(tmp_path / "other")
     path.with_suffix(".npz").write_bytes((tmp_path / "other.npz").read_bytes())
     with pytest.raises(rid.FileFormatError, match="digest"):
-        rid.load_identification(path)
+        rid.load(path)
 
 
 def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
@@ -70,14 +70,14 @@ def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
     record["certificate"]["value"] = record["margin"]
     record["margin_lower"] = record["margin"]
     text.write_text(json.dumps(record))
-    assert not rid.load_identification(path).verification.passed
+    assert not rid.load(path).verification.passed
 
 
 def test_a_pickle_inside_is_refused(saved):
     _, path = saved
     np.savez(path.with_suffix(".npz"), evil=np.array([{"a": 1}], dtype=object))
     with pytest.raises(rid.FileFormatError):
-        rid.load_identification(path)
+        rid.load(path)
 
 
 def test_an_unwritable_place_leaves_nothing_behind(saved, tmp_path):
@@ -114,13 +114,13 @@ def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
     text = path.with_suffix(".json")
     text.write_text(json.dumps(json.loads(text.read_text()) | edit))
     with contextlib.suppress(rid.FileFormatError):
-        assert not rid.load_identification(path).verification.passed
+        assert not rid.load(path).verification.passed
 
 
 @pytest.mark.parametrize("name", ["result/coefficients", "certificate/samples", "claim/p"])
 @pytest.mark.parametrize("damage", ["short", "nan"])
 def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
-    from robustid.identification.storage import digest
+    from robustid.core import digest
 
     _, path = saved
     with np.load(path.with_suffix(".npz")) as archive:
@@ -130,7 +130,7 @@ def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
     text = path.with_suffix(".json")
     text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
     try:
-        again = rid.load_identification(path)
+        again = rid.load(path)
     except rid.FileFormatError:
         return
     assert not again.verification.passed

@@ -249,7 +249,7 @@ def test_objectives_agree_between_the_forms():
 def test_a_taylor_result_comes_back_from_its_file(tmp_path):
     result = rid.identify(posed_problem("mixed", 1), form="taylor", accuracy=ACCURACY)
     result.save(tmp_path / "taylor")
-    again = rid.load_identification(tmp_path / "taylor")
+    again = rid.load(tmp_path / "taylor")
     assert again.verification.passed
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert again.length == result.length
@@ -321,4 +321,4 @@ def test_all_measured_lines_in_one_command(tmp_path, capsys, monkeypatch):
     assert code == 0
     assert "FAILS" not in out
     assert (tmp_path / "mirror.html").stat().st_size > 1e5
-    assert rid.load_identification("result").verification.passed
+    assert rid.load("result").verification.passed

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from robustid.identification.storage import digest
+from robustid.core import digest
 
 
 def forge(path, change):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import pathlib
 from collections.abc import Callable, Iterator
@@ -69,14 +68,14 @@ def bounds(
     Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
     program, 130 interrupted.
     """
-    from robustid.identification import load_identification
+    from robustid.app.files import load_result
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     written, written_poles = terminal.result_files(output), terminal.result_files(_beside(output))
     terminal.check_outputs([*written, *(written_poles if poles else ())], sources(source), force)
     console = terminal.console()
-    identification = load_identification(source)
+    identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
     spread = {"executor": _processes(identification, asked, directions, workers), "resume": resume}
     with in_words(_OPTIONS), _resumable(console, resume):
@@ -190,17 +189,17 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.guarantees import FORMAT, FORMAT_POLES, load_pole_band, load_worst_case_error
-    from robustid.identification import load_identification
+    from robustid.app.files import load_result
+    from robustid.guarantees import PoleBand, WorstCaseError
 
-    console, form = terminal.console(), saved_format(source)
+    console = terminal.console()
     with in_words(_OPTIONS):
-        if form in (FORMAT, FORMAT_POLES):
-            result = (load_worst_case_error if form == FORMAT else load_pole_band)(source)
-            failed = _identification_failures(console, result.identification, exact)
-            failed += (_bound_failures if form == FORMAT else _band_failures)(console, result, exact)
-        else:
-            failed = _identification_failures(console, load_identification(source), exact)
+        result = load_result(source)
+        failed = _identification_failures(console, getattr(result, "identification", result), exact)
+        if isinstance(result, WorstCaseError):
+            failed += _bound_failures(console, result, exact)
+        elif isinstance(result, PoleBand):
+            failed += _band_failures(console, result, exact)
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
     _say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", _ASSUMED)
     for name in failed:
@@ -216,16 +215,6 @@ def _say(console: Any, *texts: str) -> None:
     """Plain text, as it stands."""
     for text in texts:
         console.print(plain(text), highlight=False, soft_wrap=True)
-
-
-def saved_format(source: Path) -> str | None:
-    """What the text beside the numbers says it is; None where it can't be read."""
-    from robustid.identification import paths
-
-    try:
-        return json.loads(paths(source)[1].read_text(encoding="utf-8"))["format"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
 
 
 def _identification_failures(console: Any, result: Any, exact: bool) -> list[str]:
@@ -258,7 +247,7 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
     _say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)
-    if "circle" in error.__dict__:
+    if error.known_circle is not None:
         _say(console, _on_circle(error))
         if not error.circle_supported:
             failed.append("bound on the circle, from its ends of arcs")

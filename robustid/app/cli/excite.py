@@ -138,6 +138,6 @@ def _next(play: Any, output: Path) -> list[str]:
         " Then, with the records in order:",
         f"  robustid frf RECORD ... --lines {shlex.quote(str(output))} -o frf.npz",
         "or in Python:",
-        f"  play = rid.load_excitation({str(output)!r})",
+        f"  play = rid.load({str(output)!r})",
         "  frf = rid.estimate_frf(records, period=play.period, lines=play.lines)",
     ]

@@ -126,6 +126,7 @@ def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
 
 def _load_identification(path: Path) -> Any:
     """The saved identification at `path`; None where the file is a plain model."""
-    from robustid.identification import load_identification, paths
+    from robustid.app.files import load_result
+    from robustid.core import paths
 
-    return load_identification(path) if paths(path)[1].exists() else None
+    return load_result(path, "identification") if paths(path)[1].exists() else None

@@ -40,14 +40,14 @@ def report(
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
-    from robustid.identification import load_identification
+    from robustid.app.files import load_result
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in sources(name)]
     terminal.check_outputs([output], inputs, force)
     console = terminal.console()
-    result = load_identification(source)
+    result = load_result(source, "identification")
     shown = _bounds(bounds or [], result)
     reduction = None
     if reduce:
@@ -67,17 +67,17 @@ def report(
 
 def _bounds(files: list[Path], result: Any) -> dict[str, Any]:
     """What was saved of the identification, by the argument of `write_report` that takes it."""
-    from robustid.app.cli.certify import saved_format
-    from robustid.guarantees import FORMAT_POLES, load_pole_band, load_worst_case_error
+    from robustid.app.files import load_result
+    from robustid.guarantees import PoleBand
     from robustid.report import same
 
     found: dict[str, Any] = {}
     for file in files:
-        over_poles = saved_format(file) == FORMAT_POLES
-        name, load = ("over_poles", load_pole_band) if over_poles else ("worst_case", load_worst_case_error)
+        bound = load_result(file, "worst-case error", "band over poles")
+        name = "over_poles" if isinstance(bound, PoleBand) else "worst_case"
         if name in found:
             raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
-        found[name] = load(file)
+        found[name] = bound
         if not same(found[name].identification, result):
             raise InputError(f"--bounds {file} is about another identification than the one reported")
     return found

@@ -111,6 +111,6 @@ def in_words(words: dict[str, str]) -> Iterator[None]:
 
 def sources(path: Path) -> list[Path]:
     """The files that may be read for `path`."""
-    from robustid.identification import paths
+    from robustid.core import paths
 
     return [path, *paths(path)]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_array, atomic_write
+from robustid.core import as_array, atomic_write, written_by
 from robustid.data.excitation import Excitation
 from robustid.data.io.readers import read_table
 from robustid.data.io.table import Table
@@ -76,7 +76,18 @@ def load_excitation(path: str | os.PathLike) -> Excitation:
     >>> again.period, again.lines, bool((again.u == play.u).all())
     (100, array([1, 2, 5]), True)
     """
-    table = read_table(path)
+    return excitation_of(read_table(path))
+
+
+def is_excitation(table: Table) -> bool:
+    """Return whether a file holds an excitation: by its first line, or the names of its arrays."""
+    if set(table.columns) == {"u", "lines", *_FACTS}:
+        return True
+    return any(name.endswith("_exp1") for name in table.columns) and _first_line(table).startswith(_MARK)
+
+
+def excitation_of(table: Table) -> Excitation:
+    """The excitation that a file holds; see `load_excitation`."""
     build = _from_arrays if isinstance(table.columns.get("u"), np.ndarray) else _from_columns
     try:
         return build(table)
@@ -93,8 +104,7 @@ def _from_arrays(table: Table) -> Excitation:
 
 
 def _from_columns(table: Table) -> Excitation:
-    with table.path.open(encoding="utf-8-sig", errors="replace") as file:
-        head = file.readline()
+    head = _first_line(table)
     if not head.startswith(_MARK):
         raise FileFormatError("its first line doesn't describe one")
     facts = json.loads(head[len(_MARK) :])
@@ -112,6 +122,11 @@ def _from_columns(table: Table) -> Excitation:
     return Excitation(u, **{name: facts[name] for name in (*_FACTS, "lines")})
 
 
+def _first_line(table: Table) -> str:
+    with table.path.open(encoding="utf-8-sig", errors="replace") as file:
+        return file.readline()
+
+
 def _numbers(table: Table, name: str) -> np.ndarray:
     if isinstance(value := table.columns[name], FileFormatError):
         raise value
@@ -120,3 +135,6 @@ def _numbers(table: Table, name: str) -> np.ndarray:
 
 def _names(experiments: int, inputs: int) -> list[str]:
     return [f"u{i + 1}_exp{e + 1}" for e in range(experiments) for i in range(inputs)]
+
+
+written_by(Excitation, write)

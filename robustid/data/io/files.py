@@ -1,4 +1,4 @@
-"""Measurements from and to files: text, .npz (never pickle), .mat, .h5, universal files, Touchstone."""
+"""Measurements, excitations and models from files, and measurements to files: text, .npz (never pickle), .mat, .h5 and others."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from robustid.core import written_by
 from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.io.excitation_files import excitation_of, is_excitation
+from robustid.data.io.model_files import is_model, model_of
 from robustid.data.io.readers import read_table
 from robustid.data.io.roles import NAMES, Lookup, as_frequency, as_time, frequency_axis, time_step
 from robustid.data.io.saved import CLASSES, WRITERS, unpack
 from robustid.data.io.structures import from_structure
 from robustid.data.io.table import Table
-from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
@@ -30,56 +32,22 @@ def load(
     inputs: Any = None,
     outputs: Any = None,
     initial: str | None = None,
-) -> FrequencyResponse | TangentialResponse | TimeRecord:
-    r"""Read a measured frequency response or time record from a file.
+) -> Any:
+    r"""Read measurements, an excitation or a model from a file; see `robustid.load`, which opens saved results too.
 
     Parameters
     ----------
-    path : str or path
-        ``.csv``, ``.tsv``, ``.txt`` (first line: column names; lines that start with ``#`` are skipped),
-        ``.npz`` (pickled objects are refused), ``.mat`` (v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers
-        such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
-        and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
-        extra ``robustid[touchstone]``). Contents decide before the ending.
-    kind : {"frequency", "time"}, optional
-        What the file holds; default: by the roles in `fields`, else by the names in the file.
-    fields : mapping, optional
-        Role to name in the file. Frequency: ``omega`` or ``freq_hz``; ``values`` (complex), or ``real`` and
-        ``imag``, or ``magnitude``/``magnitude_db`` and ``phase_deg``/``phase_rad``; ``bound``. Time:
-        ``time``, ``u``, ``y``, ``reference``, ``bound``. Both: ``dt``. Fields of MATLAB structures have dots
-        (``"data.u"``). Several channels: a list of names for a time signal; for a frequency role a list of
-        rows (one an output) of names (one an input). Roles left out are looked for under usual names, upper
-        or lower case, with or without a unit: ``frequency [Hz]``, ``f (kHz)``, ``omega [rad/s]``, ``magnitude [dB]``,
-        ``phase [deg]``, ``time_ms``. Units of axes are converted; one that isn't known or isn't certain (``frequency``,
-        ``phase`` alone) is refused. Structures with the fields of MATLAB's ``idfrd`` and ``frd`` (ResponseData, Frequency,
-        FrequencyUnit, Ts, TimeUnit, CovarianceData, names) or ``iddata`` (OutputData, InputData, Ts) need no roles; covariances
-        between different entries, of which ``idfrd`` says nothing, are zero then.
-    dt : float, optional
-        Sample time in s. Without it, a time record takes it from its ``time`` column, which must be uniform
-        to 1e-6 of a step, and ``.npz`` and ``.mat`` files may hold it as a number named ``dt``, ``Ts`` or ``T``;
-        with it, neither is read.
-    bound : scalar or array, optional
-        Bound on the errors; goes before a ``bound`` in the file.
-    frequency_unit : {"rad/s", "Hz"}, optional
-        Unit of a frequency axis whose name doesn't say it; "rad/s" is taken for names such as ``omega`` only, and a
-        column ``frequency`` without a unit is refused. A contradiction with the name is refused too.
-    inputs, outputs : sequence of str or (name, unit), optional
-        Signal names and units; default for time signals: the column names.
-    initial : {"rest", "free", "periodic"}, optional
-        State before a time record (see `TimeRecord`); default "rest", or what `save` stored.
+    path, kind, fields, dt, bound, frequency_unit, inputs, outputs, initial
+        As there.
 
     Returns
     -------
-    FrequencyResponse or TimeRecord, or a TangentialResponse that `save` wrote
-        Row and column vectors of MATLAB become (N,). Other axes are taken as they are: time or frequency
-        first.
+    FrequencyResponse, TimeRecord, a TangentialResponse that `save` wrote, Excitation or control.StateSpace
 
     Raises
     ------
-    InputError
-        A name isn't in the file (the sentence lists those that are), the time isn't uniform, wrong shapes.
-    FileFormatError
-        A broken or foreign file, text where numbers are needed.
+    InputError, FileFormatError
+        As there.
 
     Examples
     --------
@@ -92,8 +60,8 @@ def load(
     >>> record.dt, record.y.ravel()
     (0.01, array([0.  , 0.5 , 0.75]))
     """
-    if kind not in (None, "frequency", "time"):
-        raise InputError(f'`kind` must be "frequency", "time" or None; got {kind!r}')
+    if kind not in (None, "frequency", "time", "model"):
+        raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
     if frequency_unit is not None and str(frequency_unit).lower() not in ("rad/s", "hz"):
         raise InputError(f'`frequency_unit` must be "rad/s" or "Hz"; got {frequency_unit!r}')
     if fields is not None and not isinstance(fields, Mapping):
@@ -103,9 +71,25 @@ def load(
     given = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial}
     options = {name: value for name, value in given.items() if value is not None}
     table = read_table(path)
+    if kind == "model" or (kind is None and table.meta is None and not fields and _is_model(table)):
+        _refuse([name for name in options if name != "dt"], "a model")
+        return model_of(table, dt)
+    if kind is None and not fields and is_excitation(table):
+        _refuse(list(options), "an excitation")
+        return excitation_of(table)
     if table.meta is not None and not fields:
         return _loaded(lambda: unpack(table, kind, options), table)
     return _loaded(lambda: _assigned(table, kind, dict(fields or {}), frequency_unit, options), table)
+
+
+def _is_model(table: Table) -> bool:
+    """A model, and no measurements beside its matrices."""
+    return is_model(table) and Lookup(table, {}).looks() is None
+
+
+def _refuse(names: list[str], what: str) -> None:
+    if names:
+        raise InputError(f"`{names[0]}` is about measurements, and the file holds {what}; leave `{names[0]}` out")
 
 
 def _assigned(
@@ -151,45 +135,16 @@ def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None)
     return Origin(None if fields else lookup.looks(), unit_known, step, source)
 
 
-def save(path: str | os.PathLike, data: FrequencyResponse | TangentialResponse | TimeRecord) -> None:
-    """Write a frequency response, time record or tangential response, so that `load` gives back exactly the same.
-
-    Parameters
-    ----------
-    path : str or path
-        ``.npz``; ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or
-        ``.mat`` (v5): plain arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names
-        of the channels. The file appears whole or not at all.
-    data : FrequencyResponse, TangentialResponse or TimeRecord
-        What to write, with its bounds and their meaning, covariance, channel names and note.
-
-    Raises
-    ------
-    InputError
-        Another ending, or a folder that doesn't exist.
-    InputTypeError
-        Other data.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from robustid.data import FrequencyResponse, load, save
-    >>> frf = FrequencyResponse([1.0, 2.0], [0.1 + 0.2j, 0.3j], bound=0.01, dt=0.1)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save(pathlib.Path(folder) / "frf.csv", frf)
-    ...     again = load(pathlib.Path(folder) / "frf.csv")
-    >>> bool((again.values == frf.values).all())
-    True
-    """
-    kind = next((name for name, cls in CLASSES.items() if isinstance(data, cls)), None)
-    if kind is None:
-        raise InputTypeError(
-            f"`data` must be a FrequencyResponse, TangentialResponse or TimeRecord; got {type(data).__name__}"
-        )
+def _write(path: str | os.PathLike, data: Any) -> None:
+    """Write measurements in the format that the ending of the path names."""
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
         raise InputError(f"`path` must end in {', '.join(WRITERS)}; got {str(path)!r}")
-    WRITERS[suffix](path, data, kind)
+    WRITERS[suffix](path, data, next(name for name, cls in CLASSES.items() if isinstance(data, cls)))
+
+
+for _class in CLASSES.values():
+    written_by(_class, _write)
 
 
 def _loaded(build: Any, table: Table) -> Any:

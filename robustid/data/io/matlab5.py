@@ -25,6 +25,7 @@ _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _OPAQUE = 1, 2, 3, 4, 5, 17
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
+_LARGEST_SPARSE = 10**7  # entries, zeros counted
 
 
 def read_matlab5(path: Path) -> Table:
@@ -125,6 +126,8 @@ def _matrix(parts: _Elements) -> tuple[str, Any]:
     shape = tuple(parts.numbers().tolist())
     name = parts.text()
     count = math.prod(shape)
+    if kind == _SPARSE and len(shape) == 2:
+        return name, _sparse(parts, (shape[0], shape[1]), bool(flags & _COMPLEX))
     if min(shape, default=0) < 0 or count > 16 * len(parts.data) + 16:
         raise ValueError(f"an array declares the shape {shape} and has {len(parts.data)} bytes")
     if kind in _CLASSES:
@@ -157,6 +160,24 @@ def _numeric(parts: _Elements, shape: tuple[int, ...], kind: str, is_complex: bo
     return values
 
 
+def _sparse(parts: _Elements, shape: tuple[int, int], is_complex: bool) -> np.ndarray:
+    """A sparse matrix, written out: rows of its entries, where each column begins, values."""
+    if min(shape) < 0 or math.prod(shape) > _LARGEST_SPARSE:
+        raise ValueError(f"a sparse matrix of shape {shape} is too large to be written out")
+    rows, starts, values = parts.numbers(), parts.numbers(), parts.numbers().astype(float)
+    counts = np.diff(starts)
+    if starts.size != shape[1] + 1 or starts[0] != 0 or np.any(counts < 0) or starts[-1] > min(rows.size, values.size):
+        raise ValueError("a sparse matrix has columns that do not fit together")
+    used = slice(0, int(starts[-1]))
+    if np.any(rows[used] < 0) or np.any(rows[used] >= shape[0]):
+        raise ValueError("a sparse matrix has entries outside of it")
+    if is_complex:
+        values = values + 1j * parts.numbers().astype(float)
+    full = np.zeros(shape, values.dtype)
+    full[rows[used], np.repeat(np.arange(shape[1]), counts)] = values[used]
+    return full
+
+
 def _store(name: str, value: Any, table: Table) -> None:
     if isinstance(value, dict):
         for field, item in value.items():
@@ -165,5 +186,5 @@ def _store(name: str, value: Any, table: Table) -> None:
         table.objects[name] = str(value)
     elif isinstance(value, list) and value:
         table.texts[name] = value
-    elif isinstance(value, np.ndarray) and value.size:
-        table.columns[name] = value
+    elif isinstance(value, np.ndarray):
+        (table.columns if value.size else table.empty)[name] = value

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_array, as_float, atomic_write
 from robustid.data.io.readers import read_table
-from robustid.data.io.table import said
+from robustid.data.io.table import Table
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
@@ -43,12 +43,27 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> Any:
     FileFormatError
         The file is missing, foreign, or lacks a matrix; or its matrices aren't finite numbers of sizes that belong together.
     """
-    import control
-
     path = pathlib.Path(path)
     if not path.is_file():
         raise FileFormatError(f"`path`: there is no file {path}")
-    numbers = _numbers(path)
+    if path.suffix.lower() not in (".npz", ".mat"):
+        raise FileFormatError(
+            f"{path.name} must be a model in .npz or .mat, with matrices A, B, C and, optionally, D and dt"
+        )
+    return model_of(read_table(path), dt)
+
+
+def is_model(table: Table) -> bool:
+    """Return whether a file holds the matrices of a model, by its names."""
+    numbers = _numbers(table)
+    return all(isinstance(numbers.get(name), np.ndarray) and numbers[name].ndim == 2 for name in "ABC")
+
+
+def model_of(table: Table, dt: float | None = None) -> Any:
+    """The `control.StateSpace` whose matrices a file holds; see `load_model`."""
+    import control
+
+    path, numbers = table.path, _numbers(table)
     missing = [name for name in "ABC" if name not in numbers]
     if missing:
         names = ", ".join(sorted(numbers)) or "nothing"
@@ -68,28 +83,14 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> Any:
     return control.ss(A, B, C, D, _step(path, numbers) if dt is None else dt)
 
 
-def _numbers(path: pathlib.Path) -> dict[str, Any]:
-    """The named matrices of a file."""
-    import scipy.io
-
-    if path.suffix.lower() not in (".npz", ".mat"):
-        raise FileFormatError(
-            f"{path.name} must be a model in .npz or .mat, with matrices A, B, C and, optionally, D and dt"
-        )
-    if path.suffix.lower() == ".mat":
-        try:
-            content = scipy.io.loadmat(str(path))
-            return {name: value for name, value in content.items() if not name.startswith("__")}
-        except NotImplementedError:  # v7.3
-            pass
-        except Exception as error:  # scipy has many for damaged bytes
-            raise FileFormatError(f"{path.name} can't be read as .mat ({said(error)}); is the file damaged?") from None
-    return dict(read_table(path).columns)
+def _numbers(table: Table) -> dict[str, Any]:
+    """The named matrices of a file, those without entries too: a static gain has no states."""
+    return {**table.columns, **table.empty}
 
 
 def _matrix(path: pathlib.Path, name: str, value: Any) -> np.ndarray:
     try:
-        return as_array(name, value.toarray() if hasattr(value, "toarray") else value, ndim=2)
+        return as_array(name, value, ndim=2)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import saved_kind
 from robustid.data.io.exchange import read_touchstone, read_universal
 from robustid.data.io.matlab import read_hdf5, read_matlab4
 from robustid.data.io.matlab5 import read_matlab5
@@ -19,11 +20,6 @@ from robustid.data.io.text import read_text
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 FORMAT = 1
-_SAVED = {
-    "identification": "load_identification",
-    "worst-case error": "load_worst_case_error",
-    "band over poles": "load_pole_band",
-}
 TEXTS = {".csv", ".tsv", ".txt"}
 
 
@@ -44,10 +40,8 @@ def read_table(path: Any) -> Table:
         raise InputError(f"`path` = {str(path)!r} can't be read: {said(error)}") from None
     if not head:
         raise FileFormatError(f"{path.name} is empty (0 bytes); write or copy the file again")
-    if (kind := _saved_result(path)) is not None:
-        raise FileFormatError(
-            f"{path.name} belongs to a saved {kind}, not to measurements; read it with {_SAVED[kind]}"
-        )
+    if (kind := saved_kind(path)) is not None:
+        raise FileFormatError(f"{path.name} belongs to a saved {kind}, not to measurements; open it with robustid.load")
     try:
         table = _reader(path, head)(path)
     except MemoryError:
@@ -58,18 +52,6 @@ def read_table(path: Any) -> Table:
     if not table.columns:
         raise FileFormatError(f"{path.name} holds no numeric arrays; store plain vectors or matrices{export(table)}")
     return dataclasses.replace(table, meta=_checked(path, meta) if meta else None)
-
-
-def _saved_result(path: Path) -> str | None:
-    """What was saved here where it wasn't data: numbers in .npz and the rest beside them, in .json, which says what it is."""
-    if path.suffix not in (".npz", ".json"):
-        return None
-    try:
-        said = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))["format"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    found = re.fullmatch(r"robustid ([a-z -]+) \d+", str(said))
-    return found[1] if found and found[1] in _SAVED else None
 
 
 def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:

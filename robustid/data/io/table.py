@@ -28,9 +28,9 @@ class Table:
     meta: Any = None  # the description that `save` leaves
     texts: dict[str, list[str]] = dataclasses.field(default_factory=dict)
     objects: dict[str, str] = dataclasses.field(default_factory=dict)  # name and class of what can't be read
-    facts: dict[str, dict[str, Any]] = dataclasses.field(
-        default_factory=dict
-    )  # arguments that the file states, by kind
+    # Arguments that the file states, by kind.
+    facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # arrays without entries, of their shape
 
 
 def check_growth(path: Path, name: str, declared: int, stored: int) -> None:

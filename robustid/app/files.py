@@ -1,0 +1,168 @@
+"""robustid.load() and robustid.save(): whatever the library writes, and what users have measured, through one door."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from robustid import core
+from robustid.errors import InputError
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    kind: str | None = None,
+    fields: Mapping[str, Any] | None = None,
+    dt: float | None = None,
+    bound: Any = None,
+    frequency_unit: str | None = None,
+    inputs: Any = None,
+    outputs: Any = None,
+    initial: str | None = None,
+) -> Any:
+    r"""Open a file: a saved result, an excitation, a model, or measurements from anywhere.
+
+    Results are rebuilt from their numbers, and every claim of an identification is verified again; `certified` and `verify`
+    evaluate the certificates of bounds again. What was attained is read as it was found: certificates are there of the bounds.
+
+    Parameters
+    ----------
+    path : str or path
+        * NAME, NAME.npz or NAME.json of an `Identification`, a `WorstCaseError` or a `WorstCaseOverPoles` that was saved;
+        * ``.csv`` or ``.npz`` of an `Excitation`;
+        * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model;
+        * measurements: ``.csv``, ``.tsv``, ``.txt`` (first line: column names; lines that start with ``#`` are skipped),
+          ``.npz`` (pickled objects are refused), ``.mat`` (v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers
+          such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
+          and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
+          extra ``robustid[touchstone]``). Contents decide before the ending.
+    kind : {"frequency", "time", "model"}, optional
+        What the file holds; default: by what was saved, by the roles in `fields`, else by the names in the file.
+    fields : mapping, optional
+        Role to name in the file. Frequency: ``omega`` or ``freq_hz``; ``values`` (complex), or ``real`` and
+        ``imag``, or ``magnitude``/``magnitude_db`` and ``phase_deg``/``phase_rad``; ``bound``. Time:
+        ``time``, ``u``, ``y``, ``reference``, ``bound``. Both: ``dt``. Fields of MATLAB structures have dots
+        (``"data.u"``). MIMO: a list of names for a time signal; for a frequency role a list of
+        rows (one an output) of names (one an input). Roles left out are looked for under usual names, upper
+        or lower case, with or without a unit: ``frequency [Hz]``, ``f (kHz)``, ``omega [rad/s]``, ``magnitude [dB]``,
+        ``phase [deg]``, ``time_ms``. Units of axes are converted; one that isn't known or isn't certain (``frequency``,
+        ``phase`` alone) is refused. Structures with the fields of MATLAB's ``idfrd`` and ``frd`` (ResponseData, Frequency,
+        FrequencyUnit, Ts, TimeUnit, CovarianceData, names) or ``iddata`` (OutputData, InputData, Ts) need no roles; covariances
+        between different entries, of which ``idfrd`` says nothing, are zero then.
+    dt : float, optional
+        Sample time in s. Without it, a time record takes it from its ``time`` column, which must be uniform
+        to 1e-6 of a step, and ``.npz`` and ``.mat`` files may hold it as a number named ``dt``, ``Ts`` or ``T``;
+        with it, neither is read. Of a model: 0 for continuous time.
+    bound : scalar or array, optional
+        Bound on the errors; goes before a ``bound`` in the file.
+    frequency_unit : {"rad/s", "Hz"}, optional
+        Unit of a frequency axis whose name doesn't say it; "rad/s" is taken for names such as ``omega`` only, and a
+        column ``frequency`` without a unit is refused. A contradiction with the name is refused too.
+    inputs, outputs : sequence of str or (name, unit), optional
+        Names and units of the signals; default for time records: the column names.
+    initial : {"rest", "free", "periodic"}, optional
+        State before a time record (see `TimeRecord`); default "rest", or what `save` stored.
+
+    Returns
+    -------
+    Identification, WorstCaseError, WorstCaseOverPoles, Excitation, control.StateSpace, FrequencyResponse, TangentialResponse or
+    TimeRecord
+        Row and column vectors of MATLAB become (N,). Other axes of measurements are taken as they are: time or frequency
+        first.
+
+    Raises
+    ------
+    InputError
+        No such file; a name isn't in the file (the sentence lists those that are), the time isn't uniform, wrong shapes; an
+        argument about measurements for a file that holds something else.
+    FileFormatError
+        A broken, edited or foreign file, files that do not belong together, text where numbers are needed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.eye(1, 2)[0], [0.5, 0.25], dt=1.0, bound=1e-3)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
+    >>> error = rid.worst_case_error(result, omega=[0.0, 1.0])
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     folder = pathlib.Path(name)
+    ...     error.save(folder / "bounds")
+    ...     again = rid.load(folder / "bounds")
+    ...     _ = (folder / "step.csv").write_text("time,u,y\n0,1,0\n0.01,1,0.5\n0.02,1,0.75\n")
+    ...     step = rid.load(folder / "step.csv", bound=0.01)
+    >>> again.certified, bool(np.all(again.upper == error.upper))
+    (True, True)
+    >>> step.dt, step.y.ravel()
+    (0.01, array([0.  , 0.5 , 0.75]))
+    """
+    from robustid import data
+
+    options = {
+        "kind": kind,
+        "fields": fields,
+        "dt": dt,
+        "bound": bound,
+        "frequency_unit": frequency_unit,
+        "inputs": inputs,
+        "outputs": outputs,
+        "initial": initial,
+    }
+    if core.saved_kind(path) is None:
+        return data.load(path, **options)
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"`{name}` is about measurements, and {path} is a saved result; leave `{name}` out")
+    return load_result(path)
+
+
+def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
+    """Load a saved result of one of these kinds ("identification", "worst-case error", "band over poles"); default: of any."""
+    from robustid import guarantees  # noqa: F401 - with it come all rooms that have results to load
+
+    return core.load_saved(path, *kinds)
+
+
+def save(path: str | os.PathLike[str], thing: Any) -> None:
+    """Write a result, an excitation, a model or measurements, so that `load` gives back exactly the same.
+
+    Every file appears whole or not at all; nothing is pickled.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a result NAME, for NAME.npz (numbers) and NAME.json (everything else, readable), both or none. Of measurements ``.npz``;
+        ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or ``.mat`` (v5): plain
+        arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names of the signals. Of an
+        excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
+    thing : object
+        Identification, WorstCaseError, WorstCaseOverPoles, Excitation, control.StateSpace, FrequencyResponse, TangentialResponse or
+        TimeRecord; of measurements with their bounds and what these mean, covariance, names of the signals and note.
+
+    Raises
+    ------
+    InputError
+        Another ending, a folder that doesn't exist, a full disk.
+    InputTypeError
+        Another object.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, robustid as rid
+    >>> frf = rid.FrequencyResponse([1.0, 2.0], [0.1 + 0.2j, 0.3j], bound=0.01, dt=0.1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rid.save(pathlib.Path(folder) / "frf.csv", frf)
+    ...     again = rid.load(pathlib.Path(folder) / "frf.csv")
+    >>> bool((again.values == frf.values).all())
+    True
+    """
+    if type(thing).__module__.startswith("control."):
+        import control
+
+        from robustid.data.io import save_model
+
+        if isinstance(thing, control.StateSpace):
+            save_model(thing, path)
+            return
+    core.save(path, thing)

@@ -1,0 +1,115 @@
+"""How much the error of a model can bend along the circle between two frequencies: bounds of its second derivative."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from robustid.guarantees.parameters import ParameterIntervals
+from robustid.identification import Identification, Prior, parametric_states
+
+StateSpace = tuple[np.ndarray, np.ndarray, np.ndarray]  # A, B, C
+
+
+@dataclasses.dataclass(frozen=True)
+class Curvature:
+    """Bounds of the second derivative of the entries of E = F - model along the circle, for every consistent F.
+
+    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart.
+
+    * |d^2 G/d theta^2| <= K rho/(rho-1)^2: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n! (1 - |g|^2) /
+      ((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 = -(z G' + z^2 G'').
+    * the P_i from their state space, times the half-widths of the certified intervals;
+      Of several channels this holds for the singular values of G divided by its scaling, hence for their entries;
+    * the rest, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
+      bound of G serves for it too.
+    """
+
+    prior: Prior
+    known: StateSpace
+    basis: StateSpace | None
+    reach: np.ndarray
+    inside: bool
+
+    def largest(self, low: float, high: float) -> np.ndarray:
+        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
+        K, rho = self.prior.gain_bound, self.prior.decay_rate
+        known = second_derivative(*self.known, low, high)
+        ball = self.prior.scales(*known.shape) * (K * rho / (rho - 1) ** 2 * (1 + 1e-6))
+        total = ball + (np.minimum(known, ball) if self.inside else known)
+        if self.basis is not None:
+            sizes = second_derivative(*self.basis, low, high)[:, 0]
+            for size, reach in zip(sizes, self.reach, strict=True):
+                total = total + np.where(reach > 0, size, 0.0) * reach
+        return total
+
+
+def curvature_of(model: Any, identification: Identification, parameters: ParameterIntervals) -> Curvature:
+    """Curvature of F - model, with intervals of the parameters."""
+    basis, own = identification.problem.parametric, is_own(model, identification)
+    parts = interpolant_part(identification) if own else known_part(model, identification)
+    reach = parameters.reach(identification.parameters)
+    functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
+    # A reduced interpolant is near the ball, not in it.
+    inside = own and identification.sections is None
+    shape = len(identification.problem.outputs), len(identification.problem.inputs)
+    return Curvature(identification.problem.prior, parts, functions, reach.reshape(-1, *shape), inside)
+
+
+def is_own(model: Any, identification: Identification) -> bool:
+    """Return whether a nominal is the model of the identification (or a copy of it)."""
+    return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
+
+
+def second_derivative(A: np.ndarray, B: np.ndarray, C: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B).
+
+    Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
+    |z - middle| <= d, R = (zI - A)^-1 at the middle.
+    """
+    n = A.shape[0]
+    if not n:
+        return np.zeros((C.shape[0], B.shape[1]))
+    z, half = np.exp(1j * (low + high) / 2), (high - low) / 2
+    R = np.linalg.inv(z * np.eye(n) - A)
+    size = float(np.linalg.norm(R, 2))
+    if half * size >= 0.5:
+        return np.full((C.shape[0], B.shape[1]), np.inf)
+    state = R @ B
+    first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
+    middle = np.abs(z * first + z**2 * second)
+    grown = 1 / (1 - half * size)
+    rows, columns = np.linalg.norm(C @ R, axis=1)[:, None], np.linalg.norm(state, axis=0)
+    # R(z) = R (I + (z - middle) R)^-1, hence |C R(z)^k B| <= |C R| |R B| |R|^(k-2) grown^k.
+    powers = [rows * columns * size ** (k - 2) * grown**k for k in (2, 3, 4)]
+    third = powers[0] + 3 * 2 * powers[1] + 6 * powers[2]
+    return (middle + half * third) * (1 + 1e-9)
+
+
+def known_part(model: Any, identification: Identification) -> StateSpace:
+    """State space (A, B, C) of q'P - model, each scaled by itself so that norms are not dominated by bad units."""
+    A, B, C = _scaled(np.asarray(model.A), np.asarray(model.B), -np.asarray(model.C))
+    problem = identification.problem
+    if problem.parametric is None or not problem.parametric.states:
+        return A, B, C
+    residues = identification.parameters.reshape(-1, *model.D.shape)
+    a, b, c, _ = parametric_states(problem, residues)
+    return np.asarray(scipy.linalg.block_diag(A, a)), np.vstack([B, b]), np.hstack([C, c])
+
+
+def interpolant_part(identification: Identification) -> StateSpace:
+    """The same of its own model, whose parametric part is q'P exactly, its states the last ones."""
+    model, basis = identification.model, identification.problem.parametric
+    n = model.nstates - (0 if basis is None else basis.states * min(model.D.shape))
+    return _scaled(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
+
+
+def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> StateSpace:
+    """A similar realisation with diagonal scaling by powers of two."""
+    if not A.shape[0]:
+        return A, B, C
+    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    return np.asarray(balanced), B / scale[:, None], C * scale
