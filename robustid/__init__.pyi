@@ -42,15 +42,15 @@ from .errors import RobustIdError as RobustIdError
 from .errors import SizeError as SizeError
 from .errors import SolverError as SolverError
 from .errors import Status as Status
-from .guarantees import PoleBand as PoleBand
 from .guarantees import Refutation as Refutation
 from .guarantees import ResponseTube as ResponseTube
 from .guarantees import UncertaintyWeight as UncertaintyWeight
 from .guarantees import WorstCaseError as WorstCaseError
+from .guarantees import WorstCaseOverPoles as WorstCaseOverPoles
 from .guarantees import diameter as diameter
-from .guarantees import guaranteed_margin as guaranteed_margin
 from .guarantees import refute as refute
 from .guarantees import response_tube as response_tube
+from .guarantees import robust_stability_margin as robust_stability_margin
 from .guarantees import uncertainty_weight as uncertainty_weight
 from .guarantees import worst_case_error as worst_case_error
 from .guarantees import worst_case_over_poles as worst_case_over_poles

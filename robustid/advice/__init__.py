@@ -1,4 +1,4 @@
-"""What to choose: modes and prior from the data, what to change where the data contradict the class, what to measure next."""
+"""Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.diagnosis import Diagnosis, Trial, diagnose

@@ -58,17 +58,17 @@ class ClassCandidate(Frozen):
 
     @property
     def prior(self) -> Prior | None:
-        """Its gain bound and decay rate."""
+        """Prior of the problem: gain bound and decay rate."""
         return None if self.problem is None else self.problem.prior
 
     @property
     def mean(self) -> float:
-        """Of the error over the frequencies: what candidates are ranked by. A median would not see a single resonance."""
+        """Mean error over the frequencies, by which candidates are ranked. A median would not see a single resonance."""
         return float(np.mean(self.error))
 
     @property
     def median(self) -> float:
-        """Of the error over the frequencies."""
+        """Median error over the frequencies."""
         return float(np.median(self.error))
 
     @property
@@ -78,7 +78,7 @@ class ClassCandidate(Frozen):
 
     @property
     def covers_box(self) -> bool:
-        """Whether the error holds for all poles in a box; else for these poles only, which were given (or there are none)."""
+        """Return whether the error holds for all poles in a pole-uncertainty box; else for these poles only (given, or none)."""
         return self.modes is not None and self.pairs > 0
 
     def guaranteed(self, omega: np.ndarray) -> tuple[Identification, np.ndarray]:
@@ -128,7 +128,7 @@ class ClassSuggestion(Frozen):
 
     @property
     def problem(self) -> MixedProblem | None:
-        """That of the recommended candidate, ready for `identify`."""
+        """Problem of the recommended candidate, ready for `identify`."""
         return None if self.recommended is None else self.recommended.problem
 
     def summary(self) -> str:
@@ -146,14 +146,19 @@ class ClassSuggestion(Frozen):
                 ]
             )
         if best.covers_box and best.modes is not None:
-            lines += ["The errors hold for all poles in the box that the data leave:", best.modes.summary()]
+            lines += [
+                "The errors hold for all poles in the pole-uncertainty box that the data leave:",
+                best.modes.summary(),
+            ]
             if (open_at := self.omega[np.isinf(best.error)]).size:
                 where = ", ".join(f"{w / (2 * np.pi):.5g}" for w in open_at)
                 lines.append(f"There is no bound at {where} Hz: the poles that the lines leave there are too many.")
         elif best.pairs:
             lines.append("The errors hold for the poles that were given, as prior knowledge.")
         lines.append(f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there")
-        assumed = "number of modes, poles inside the box, amplitudes of the modes at most twice the model's"
+        assumed = (
+            "number of modes, poles inside the pole-uncertainty box, amplitudes of the modes at most twice the model's"
+        )
         return "\n".join(
             [
                 *lines,

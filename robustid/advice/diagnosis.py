@@ -1,4 +1,4 @@
-"""Why data and class contradict each other, and what each remedy would bring."""
+"""diagnose(): causes of a contradiction between data and class, and the margin that each remedy would bring."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ class Trial(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis(Frozen):
-    """What limits an identification, and what each change of the class would bring.
+    """Active constraints of an identification, and the margin that each change of the class would bring.
 
     Attributes
     ----------
     inflation : float
         The margin: the factor on all bounds with which the data are consistent.
-    limiting : tuple of (kind, experiment, rad/s or s, share)
-        Samples that carry the proof, largest first; the shares of all samples sum to one.
+    active : tuple of (kind, experiment, rad/s or s, weight)
+        Active constraints: samples with their dual weight in the proof, largest first; all weights sum to one.
     trials : tuple of Trial
     """
 
     inflation: float
-    limiting: tuple[tuple[str, int, float, float], ...]
+    active: tuple[tuple[str, int, float, float], ...]
     trials: tuple[Trial, ...]
 
     def best(self) -> Trial | None:
@@ -61,14 +61,14 @@ class Diagnosis(Frozen):
             else f"The data contradict the class: they are consistent once every bound is {self.inflation:.4g} times as large."
         )
         names = [
-            f"{at / (2 * np.pi):.5g} Hz ({100 * share:.0f} %)"
+            f"{at / (2 * np.pi):.5g} Hz ({100 * weight:.0f} %)"
             if kind == "frequency"
-            else f"{at:.5g} s ({100 * share:.0f} %)"
-            for kind, _, at, share in self.limiting[:8]
+            else f"{at:.5g} s ({100 * weight:.0f} %)"
+            for kind, _, at, weight in self.active[:8]
         ]
         lines = [head]
         if names:
-            lines.append("The samples that limit it, with their share of the proof: " + ", ".join(names) + ".")
+            lines.append("Active constraints, with their dual weight in the proof: " + ", ".join(names) + ".")
         lines.append("What other classes would bring, all else equal (margin = factor on the bounds):")
         lines += [
             f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
@@ -87,7 +87,7 @@ class Diagnosis(Frozen):
 
 
 def diagnose(identification: Identification) -> Diagnosis:
-    """Say which samples limit a result, what inflation of the bounds makes the data consistent, and what else would.
+    """Name the active constraints of a result, what inflation of the bounds makes the data consistent, and what else would.
 
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
     k a^k, which absorb errors of the poles to first order), one more pair where the frequency lines show what the others lack most,
@@ -111,7 +111,7 @@ def diagnose(identification: Identification) -> Diagnosis:
     Notes
     -----
     The margins of the trials are reached by systems of the changed classes (upper ends, not certified from below).
-    Source: shares of the proof from the dual of Theorem 1 of `inanc2001`.
+    Source: dual weights from the dual of Theorem 1 of `inanc2001`.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def diagnose(identification: Identification) -> Diagnosis:
         trials += _moved_poles(problem)
     return Diagnosis(
         inflation=identification.margin,
-        limiting=tuple(identification.conflicting_samples()),
+        active=tuple(identification.conflicting_samples()),
         trials=tuple(trials),
     )
 

@@ -86,7 +86,7 @@ def suggest_kautz(
     """Find the lightly damped modes of a frequency response and the pole positions that its bounds leave.
 
     Fits ``F(z) = sum_i z^-delay (b_i + c_i z^-1)/(1 - 2 Re a_i z^-1 + |a_i|^2 z^-2) + d_0 + d_1 z^-1 + d_2 z^-2`` in units of
-    the bounds. Given the poles, the rest is linear least squares (variable projection). One mode after another is added
+    the bounds. Given the poles, everything else is linear least squares (variable projection). One mode after another is added
     where, on a grid of poles, a pair removes most of what remains, and all poles are refined together.
 
     Parameters
@@ -100,7 +100,7 @@ def suggest_kautz(
         How many. Default: until the residuals are within the bounds, or the next mode removes less than 0.3 % of the
         sum of squares (relative to the bounds) that there was without modes and doesn't halve the residuals either.
     delay : int, samples
-        Of the pairs; default: the one of 0 to 3 that leaves the smallest rest beside the modes.
+        Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes.
     repeat : int
         Multiplicity of each pole in `basis` (see `kautz`).
 
@@ -118,7 +118,7 @@ def suggest_kautz(
     Notes
     -----
     The interval of a mode comes from a local fit: lines within five half-widths (12 at least, 60 at most), this mode, a
-    smooth rest, double pairs for the modes nearby so that errors of their poles don't matter to first order, the others
+    smooth remainder, double pairs for the modes nearby so that errors of their poles don't matter to first order, the others
     subtracted. A pole is left out only where weights w, summing to one, are found for which even the weighted
     least-squares fit has ``sum_k w_k |e_k/bound_k|^2 > level^2``, so that no fit of this kind keeps to the bounds (Lawson's
     iteration). The boundary is sought along 20 rays from the estimate: a set that isn't star-shaped can reach
@@ -143,7 +143,7 @@ def suggest_kautz(
     fixed_delay = None if delay is None else as_count("delay", delay)
     if wanted is not None and wanted > fit.room:
         raise InputError(
-            f"`modes` = {wanted}: {fit.angle.size} lines can't tell more than {fit.room} modes from a smooth rest; ask for"
+            f"`modes` = {wanted}: {fit.angle.size} lines can't tell more than {fit.room} modes from a smooth remainder; ask for"
             " fewer modes, or give more lines"
         )
     poles, reason = find_poles(fit, wanted)
@@ -170,7 +170,7 @@ def suggest_kautz(
 
 
 def further_mode(frf: FrequencyResponse, omega: np.ndarray, damping: np.ndarray) -> tuple[float, float]:
-    """Natural frequency and damping of the mode among the lines that a fit with these modes and a smooth rest lacks most."""
+    """Natural frequency and damping of the mode among the lines that a fit with these modes and a smooth remainder lacks most."""
     from scipy.optimize import least_squares
 
     data = _checked(frf, None)
@@ -208,7 +208,9 @@ def _checked(frf: Any, dt: Any) -> LineData:
         raise InputError("`frf` is zero at all lines; check the output")
     data = line_data([frf], step)
     if data.room < 1:
-        raise InputError(f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth rest")
+        raise InputError(
+            f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth remainder"
+        )
     return data
 
 

@@ -17,7 +17,7 @@ from robustid.bases import kautz
 from robustid.core import as_array, as_count, response
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
-from robustid.guarantees import PoleCell, box_of, check_one_channel
+from robustid.guarantees import PoleCell, box_of, check_siso
 from robustid.identification import MixedProblem, Prior, identify
 
 _log = logging.getLogger("robustid")
@@ -46,7 +46,8 @@ def suggest_class(
         At least one of the two, with bounds; of several responses the first proposes the modes.
     modes : (M, 2) array, rad/s and 1, optional
         Natural frequencies and damping ratios that are known: prior knowledge, so the errors are those at these poles. Default:
-        from the data (`suggest_kautz`), one mode fewer and one more, and the errors cover the box that the data leave to them.
+        from the data (`suggest_kautz`), one mode fewer and one more, and the errors cover the pole-uncertainty box that the data
+        leave to them.
     delay : int, samples
         Of the pairs; default what the data suggest, 1 where the modes are given.
 
@@ -57,15 +58,15 @@ def suggest_class(
     Raises
     ------
     InputError
-        No frequency response to take the modes from; a time record that is not from rest (the box does not cover what it does
-        to the initial state); data without bounds, or of several channels.
+        No frequency response to take the modes from; a time record with other than zero initial conditions (the box does not cover
+        what it does to the initial state); data without bounds, or MIMO data.
 
     Notes
     -----
     Never is a band at poles from the data compared: narrow bands at wrong poles pass every test of the data. Single pairs
     (``repeat = 1``) are covered by `worst_case_over_poles`. A repeated pair at the middle a0 of the box covers it by the
     expansion of 1/(1 - a z^-1) about a0: coefficients of the first `repeat` terms free, those up to the third in intervals,
-    the rest added to the bounds (`PoleCell`). Left out without an error: modes that the bounds of the lines contradict, and
+    the remainder added to the bounds (`PoleCell`). Left out without an error: modes that the bounds of the lines contradict, and
     further modes whose poles the lines do not determine.
     Source: class of `inanc2001` section II.
 
@@ -79,7 +80,7 @@ def suggest_class(
     (1, True)
     """
     data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
-    check_one_channel(data, "suggest_class")
+    check_siso(data, "suggest_class")
     wanted = None if delay is None else as_count("delay", delay)
     if modes is None:
         parts, resonances = _from_data(data, wanted)
@@ -163,8 +164,8 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.n
     for record in data.time:
         if record.initial != "rest":
             raise InputError(
-                f'`time` has a record with initial="{record.initial}": what poles in a box do to its initial state is not bounded;'
-                " leave it out here, or give the `modes` that you know"
+                f'`time` has a record with initial="{record.initial}": what poles in a pole-uncertainty box do to its initial'
+                " state is not bounded; leave it out here, or give the `modes` that you know"
             )
     frf = data.frequency[0]
     found = suggest_kautz(frf, delay=delay)
@@ -181,7 +182,7 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.n
 
 
 def _why_not(other: KautzSuggestion, found: KautzSuggestion) -> str:
-    """Why other numbers of modes than those found are left out; empty where they are worth a try."""
+    """Reason for leaving out other numbers of modes than those found; empty where they are worth a try."""
     if other.omega.size < found.omega.size and np.any(other.level > 1) and np.all(found.level <= 1):
         return f"the lines contradict so few modes: bounds times {other.level.max() / 2:.3g}"
     if other.undetermined.sum() > found.undetermined.sum():
@@ -201,7 +202,7 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
         cell = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
         relaxed = cell.relaxed(data)
     except InputError as error:  # too few samples for the terms that cover it
-        return [single._replace(note=f"the box that the data leave can't be covered: {error}")]
+        return [single._replace(note=f"the pole-uncertainty box that the data leave can't be covered: {error}")]
     if relaxed is None:
         return [single]
     ends = np.array(relaxed.parameter_bounds).reshape(pairs, -1, 2, 2)

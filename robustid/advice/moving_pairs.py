@@ -1,4 +1,4 @@
-"""Parametric bases whose Kautz pairs can move, and what a move does to the samples."""
+"""Parametric bases whose Kautz pairs can move, and the change of the samples that a move makes."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ class MovingPairs(Frozen):
         return stack_bases(made)
 
     def inside(self, poles: np.ndarray) -> np.ndarray:
-        """The same with dampings and frequencies that are possible: inside the circle, below the Nyquist frequency."""
+        """Return the poles with dampings and frequencies that are possible: inside the circle, below the Nyquist frequency."""
         damping = np.clip(poles[:, 1], np.log(_LIGHTEST), np.log(_HEAVIEST))
         turn = np.log(_HIGHEST * np.pi / self.dt) - 0.5 * np.log1p(-np.exp(2 * damping))
         return np.stack([np.minimum(poles[:, 0], turn), damping], axis=1)
 
 
 def units(problem: MixedProblem, poles: np.ndarray) -> np.ndarray:
-    """Steps over which the samples are nearly linear in the logs of frequency and damping, (M, 2).
+    """Steps over which the samples are approximately linear in the logs of frequency and damping, (M, 2).
 
     In frequency the distance of the pole from the nearest line on the circle, for records of N samples 1/N rad or the half-width:
     a damping far below what the data resolve must not make the steps tiny. In damping a factor e.
@@ -153,7 +153,7 @@ def moved_samples(pairs: MovingPairs, posed: Posed, p: np.ndarray, poles: np.nda
 
 
 def _columns(problem: MixedProblem) -> np.ndarray:
-    """The columns of the parameters at the samples; those of the rest are left out but for one."""
+    """The columns of the parameters at the samples; those of the others are left out but for one."""
     return measurement_rows(problem, Sections.shift(1)).P
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import as_count, as_positive
 from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
-from robustid.guarantees import WorstCaseError, check_one_channel, response_tube, worst_case_error
+from robustid.guarantees import WorstCaseError, check_siso, response_tube, worst_case_error
 from robustid.identification import Identification, MixedProblem
 
 _DIRECTIONS, _RTOL = 12, 0.1
@@ -20,7 +20,7 @@ _SAMPLES = 4  # of the continued record
 
 @dataclasses.dataclass(frozen=True)
 class NextMeasurement:
-    """One candidate, and what its measurement brings to the worst-case error there.
+    """One candidate, and the effect of its measurement on the worst-case error there.
 
     Errors of a frequency are those of the response; errors of a time sample those of the output, divided by the largest input.
 
@@ -48,12 +48,12 @@ class NextMeasurement:
 
     @property
     def guaranteed(self) -> float:
-        """What is removed whatever the measurement says: max(0, lower - 2 eps)."""
+        """Error that is removed whatever the measurement says: max(0, lower - 2 eps)."""
         return max(0.0, self.lower - self.remaining)
 
     @property
     def possible(self) -> float:
-        """What is removed at most: all of it, where the outcome leaves a single value; the proved bound of the error."""
+        """Error that is removed at most: all of it, where the outcome leaves a single value; the proved bound of the error."""
         return self.upper
 
     def __str__(self) -> str:
@@ -87,9 +87,9 @@ def suggest_next(
         A WorstCaseError brings its frequencies and its model; without `candidates` nothing is solved anew for frequencies.
     candidates : (F,) array, rad/s, optional
         Frequencies. Default: those of the WorstCaseError; for an Identification, the middles of the widest gaps between lines (and
-        below and above them), and the frequencies of the parametric poles. Where there is a record from rest, "more time samples"
-        is a candidate too, unless `candidates` are given: the longest record continued to twice its length, its last
-        input held, at the sample where the prediction is worst.
+        below and above them), and the frequencies of the parametric poles. Where there is a record with zero initial
+        conditions, "more time samples" is a candidate too, unless `candidates` are given: the longest record continued to twice
+        its length, its last input held, at the sample where the prediction is worst.
     bound : float, optional
         eps. Default: the median bound of the lines; without lines the median of the time bounds, each divided by the largest input
         of its record. A time sample always takes the median bound of its record.
@@ -130,7 +130,7 @@ def suggest_next(
         raise InputTypeError(
             f"`identification` must be an Identification or a WorstCaseError; got {type(identification).__name__}"
         )
-    check_one_channel(given.problem, "suggest_next")
+    check_siso(given.problem, "suggest_next")
     if not isinstance(identification, WorstCaseError):
         omega = _between(given.problem) if candidates is None else candidates
         error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL)

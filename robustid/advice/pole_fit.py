@@ -10,7 +10,7 @@ import numpy as np
 
 _log = logging.getLogger("robustid")
 
-SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth rest
+SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth remainder
 _MOST_MODES = 12
 _MOST_LINES = 1000  # for the search; the interval of a mode uses the lines around it
 # A further mode must remove this part of the sum of squares at the start, or this part of what is left.
@@ -43,7 +43,7 @@ class LineData:
 
     @property
     def room(self) -> int:
-        """How many modes (four numbers each) the lines can tell from a smooth rest, one spare equation left."""
+        """Number of modes (four numbers each) that the lines can tell from a smooth remainder, one spare equation left."""
         return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
 
     def scaled(self, columns: np.ndarray) -> np.ndarray:
@@ -55,7 +55,7 @@ class LineData:
 def pole_pair(angle: np.ndarray, pole: np.ndarray, power: int = 1) -> np.ndarray:
     """1 and z^-1 over (1 - 2 Re a z^-1 + |a|^2 z^-2)^power: the real span of a pole pair, (F, 2).
 
-    Delays need no columns: they move within the span of pair and smooth rest.
+    Delays need no columns: they move within the span of pair and smooth remainder.
     """
     back = np.exp(-1j * angle)
     turn, zeta = np.exp(pole)
@@ -70,13 +70,13 @@ def smooth_terms(angle: np.ndarray) -> np.ndarray:
 
 
 def design(data: LineData, poles: np.ndarray) -> np.ndarray:
-    """The pairs of all poles (log angle, log damping), then the smooth rest, as real rows in units of the bounds."""
+    """The pairs of all poles (log angle, log damping), then the smooth remainder, as real rows in units of the bounds."""
     columns = [pole_pair(data.angle, pole) for pole in poles] + [smooth_terms(data.angle)]
     return data.scaled(np.hstack(columns))
 
 
 def residual_rows(poles: np.ndarray, data: LineData) -> np.ndarray:
-    """What least squares leaves at these poles, in units of the bounds, as real rows: real parts of all entries first."""
+    """Residuals of least squares at these poles, in units of the bounds, as real rows: real parts of all entries first."""
     left = []
     for one in data.each:
         columns = design(one, poles.reshape(-1, 2))
@@ -104,7 +104,7 @@ def find_poles(data: LineData, wanted: int | None) -> tuple[np.ndarray, str]:
         _log.debug("%d modes: largest |residual|/bound %.3g", len(poles), largest)
         fits = f"the largest residual of the fit is {largest:.3g} times its bound"
         if wanted is None and largest <= 1:
-            return poles, f"{_count(poles)} and a smooth rest keep all lines within their bounds: {fits}"
+            return poles, f"{_count(poles)} and a smooth remainder keep all lines within their bounds: {fits}"
         if len(poles) >= most:
             why = "as many as were asked for" if len(poles) == wanted else "as many as are looked for"
             return poles, f"{_count(poles)}, {why}; {fits}"
@@ -139,7 +139,7 @@ def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
 
 
 def _gains(data: LineData, poles: np.ndarray, tried: list[np.ndarray]) -> np.ndarray:
-    """What a further pair of each pole tried removes of the sum of squares of one entry."""
+    """Reduction by a further pair, for each pole tried, of the sum of squares of one entry."""
     columns = design(data, poles)
     Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
     residual = residual_rows(poles, data)
@@ -177,14 +177,14 @@ def nearest(angle: np.ndarray, centre: float, reach: float, fewest: int) -> np.n
 
 
 def smallest_rest(data: LineData, poles: np.ndarray) -> int:
-    """The delay for which modes and smooth rest fit with the smallest rest: what is left to the gain bound."""
+    """The delay for which modes and smooth remainder fit with the smallest remainder: what is left to the gain bound."""
     if not len(poles):
         return 0
     return int(np.argmin(np.sum([_rest_sizes(one, poles) for one in data.each], axis=0)))
 
 
 def _rest_sizes(data: LineData, poles: np.ndarray) -> np.ndarray:
-    """Largest smooth rest of one entry at each delay, relative to its largest value."""
+    """Largest smooth remainder of one entry at each delay, relative to its largest value."""
     y = data.scaled(data.value[:, None])[:, 0]
     smooth, sizes = smooth_terms(data.angle), []
     for delay in _DELAYS:

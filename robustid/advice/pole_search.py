@@ -97,12 +97,12 @@ class KautzImprovement(Frozen):
 
     @property
     def margins(self) -> np.ndarray:
-        """Of the trials that the search went on from: falling."""
+        """Margins of the trials that the search went on from: falling."""
         return np.array([trial.margin for trial in self.trials if trial.kept])
 
     @property
     def moved(self) -> bool:
-        """Whether poles were moved: they are then no longer knowledge from elsewhere."""
+        """Return whether poles were moved: they are then no longer knowledge from elsewhere."""
         return bool(np.any(self.omega != self.omega_before) or np.any(self.damping != self.damping_before))
 
     def identify(self, **options: Any) -> Identification:
@@ -155,7 +155,7 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     The margin is the largest of many smooth functions: at its minimum, and in the valleys that lead there, it has kinks, where
     methods for smooth functions (BFGS) stall. So each step solves the convex problem with the pairs linearised in their
     poles, ``P(theta + d) p ~ P p + sum_i d_i dP/dtheta_i p``, for p, x and d together, d in a trust region: quadratically
-    convergent where the samples that limit the margin determine the poles. By the envelope theorem
+    convergent where the active constraints of the margin determine the poles. By the envelope theorem
     ``ds/dtheta_i = -Re <l, dP/dtheta_i p>``, with the multipliers l of the certificate. Every margin is proved from both sides.
     It ends at a local minimum: poles that are off by a tenth may need a better start.
 
@@ -334,7 +334,7 @@ def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str
 
 
 def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzSuggestion | None:
-    """What the frequency lines leave to every pole, in the order of the pairs."""
+    """Pole-uncertainty box that the frequency lines leave, in the order of the pairs."""
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines:
         return None

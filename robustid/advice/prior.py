@@ -26,7 +26,7 @@ _TAILS = (
 )
 _CEILINGS = (8.0, 8e3)
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
-_NEGLIGIBLE = 0.01  # a rest below this part of the smallest bound can't be told from none
+_NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest bound can't be told from none
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,8 +93,8 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         Measurements and parametric part. Its prior is a placeholder: neither K nor rho of it are used.
     decay_rates : (R,) array, optional
         The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the lines in rad (or
-        one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a rest that
-        decays faster than that is next to a constant, a stronger assumption than a default should make.
+        one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a non-parametric part
+        that decays faster than that is next to a constant, a stronger assumption than a default should make.
     criterion : {"slope", "error"}
         What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band relative
         to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case
@@ -142,7 +142,9 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
         _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
         if np.isinf(gains[k]):
             break  # a larger rho makes the class smaller still
-    floor = response_sizes(problem)[1]  # a rest smaller than every bound can't be seen, hence not excluded either
+    floor = response_sizes(problem)[
+        1
+    ]  # a non-parametric part smaller than every bound can't be seen, hence not excluded either
     priors = tuple(
         dataclasses.replace(problem.prior, gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho))
         if np.isfinite(gain)
@@ -215,7 +217,7 @@ def entry_sizes(problem: MixedProblem, f: Any) -> np.ndarray:
 
 
 def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
-    """What the scaling makes of every sample; of one in directions, of the largest gain in them."""
+    """Factor of the scaling for every sample; of one in directions, of the largest gain in them."""
     if isinstance(f, TangentialResponse):
         return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
     return scales
@@ -274,7 +276,11 @@ def _recommend(
             + "; check them, or widen the bounds"
         )
     if gains[k] <= floor:
-        what = "the parametric part alone" if gains[k] == 0 else f"a rest of {gains[k]:.3g}, below every bound,"
+        what = (
+            "the parametric part alone"
+            if gains[k] == 0
+            else f"a non-parametric part of {gains[k]:.3g}, below every bound,"
+        )
         reason = (
             f"{what} fits the data up to decay rate {rates[k]:.5g}: recommended"
             f" K = {prior.gain_bound:.4g} = {SAFETY:g} x the smallest error bound {floor:.4g}"
@@ -287,9 +293,9 @@ def _recommend(
         )
     if gains[k] > largest:
         reason += (
-            f". This K exceeds the largest response in the data ({largest:.3g}): the rest is neither small nor smooth, and the"
-            " class says next to nothing between the samples; a mode is missing in the parametric part, or the bounds are"
-            " too tight"
+            f". This K exceeds the largest response in the data ({largest:.3g}): the non-parametric part is neither small nor"
+            " smooth, and the class says next to nothing between the samples; a mode is missing in the parametric part, or the"
+            " bounds are too tight"
         )
     if np.isfinite(errors[k]):
         reason += f". Its guaranteed band is the narrowest: median half-width {100 * errors[k]:.3g} % of the response"

@@ -1,4 +1,4 @@
-"""Sizes of channels, so that none dominates a prior on the largest singular value."""
+"""Sizes of signals, so that none dominates a prior on the largest singular value."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem
 
-KINDS = ("channels", "outputs", "inputs", "entries")
+KINDS = ("signals", "outputs", "inputs", "entries")
 
 
-def suggest_scaling(data: Any, *, by: str = "channels") -> np.ndarray:
-    r"""The scaling of a `Prior` for several channels, from the sizes of the data.
+def suggest_scaling(data: Any, *, by: str = "signals") -> np.ndarray:
+    r"""The scaling of a `Prior` for MIMO plants, from the sizes of the data.
 
     .. math:: S_{ij} = s_i / t_j, \quad \min_{s, t} \sum_{ij} (\log m_{ij} - \log s_i + \log t_j)^2
 
@@ -25,7 +25,7 @@ def suggest_scaling(data: Any, *, by: str = "channels") -> np.ndarray:
     ----------
     data : FrequencyResponse, TimeRecord, a sequence of them, or MixedProblem
         Where no experiment measures entries, sizes are those of the signals: rms of the outputs over rms of the inputs.
-    by : {"channels", "outputs", "inputs", "entries"}
+    by : {"signals", "outputs", "inputs", "entries"}
         What gets a size of its own: every output and every input; outputs or inputs alone, with one size for the others; or
         every entry, S = m, which costs the model as many copies of its states as S has rank.
 

@@ -1,4 +1,4 @@
-"""How the guaranteed error moves with the assumptions and with the number of lines."""
+"""sensitivity(): the guaranteed error under other assumptions and with fewer lines."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
 
     Notes
     -----
-    Each variation is identified anew. The half-width is what the best nominal would err by, nearly.
+    Each variation is identified anew. The half-width is approximately the error of the best nominal.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
 def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, float]:
     """Margin, and median and largest half-width of the sets of values relative to the response; NaN where nothing fits.
 
-    Of several channels the norms of the matrices of both.
+    MIMO: the norms of the matrices of both.
     """
     try:
         result = identify(problem)

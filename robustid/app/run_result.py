@@ -14,7 +14,7 @@ from robustid.core import Frozen, atomic_write, digest, paths, save, text_array
 from robustid.data import FrequencyResponse
 from robustid.data.io import save_model
 from robustid.errors import InputError, Status
-from robustid.guarantees import PoleBand, WorstCaseError
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, MixedProblem, describe_problem
 from robustid.reduction import Reduction
 
@@ -43,7 +43,7 @@ class IdentifiedReduced(Frozen):
         The smallest model that was found inside the bounds (those times the margin, where the data contradict the class).
     worst_case, error : WorstCaseError or None
         Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent.
-    over_poles : PoleBand or None
+    over_poles : WorstCaseOverPoles or None
         With the poles anywhere in their box, around the small model.
     findings : tuple of str
         What can be said, in sentences: the contradiction and what would resolve it, samples outside their bounds, the error of
@@ -56,7 +56,7 @@ class IdentifiedReduced(Frozen):
     reduction: Reduction
     worst_case: WorstCaseError | None
     error: WorstCaseError | None
-    over_poles: PoleBand | None
+    over_poles: WorstCaseOverPoles | None
     findings: tuple[str, ...]
     run_file: RunFile
 

@@ -15,7 +15,13 @@ from robustid.app.run_steps import Say
 from robustid.app.sources import Measured
 from robustid.data import FrequencyResponse
 from robustid.errors import InconsistentDataError, InputError, Status
-from robustid.guarantees import PoleBand, WorstCaseError, default_grid, worst_case_error, worst_case_over_poles
+from robustid.guarantees import (
+    WorstCaseError,
+    WorstCaseOverPoles,
+    default_grid,
+    worst_case_error,
+    worst_case_over_poles,
+)
 from robustid.identification import Identification, MixedProblem, identify, prior_fields, validate
 from robustid.mfd import RigidBody
 from robustid.reduction import Reduction, reduce_within_bounds
@@ -181,7 +187,7 @@ def _error_words(error: WorstCaseError) -> str:
 
 def _over_poles(
     run: RunFile, result: Identification, reduction: Reduction, say: Say, store: Store, executor: Any
-) -> tuple[PoleBand | None, str]:
+) -> tuple[WorstCaseOverPoles | None, str]:
     """The same with the poles anywhere in their box."""
     modes, words = run.modes, "bounding the error over the box of the poles"
     if not modes.hz or modes.hz_interval is None:

@@ -227,5 +227,5 @@ def part(arrays: Arrays, prefix: str) -> Arrays:
 
 
 def under(prefix: str, arrays: Arrays) -> Arrays:
-    """The same arrays with names that begin so."""
+    """Return the arrays with names that begin so."""
     return {prefix + name: array for name, array in arrays.items()}

@@ -1,4 +1,4 @@
-"""One-channel models as cascades of short sections, whose magnitude is known exactly on whole arcs of the circle."""
+"""SISO models as cascades of short sections, whose magnitude is known exactly on whole arcs of the circle."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in al
 class CircleBound(Frozen):
     """|F(exp(j omega T)) - model| <= bound_i for every consistent F and every omega in [edges_i, edges_(i+1)].
 
-    Of several channels the largest singular value is at most bound_i, the norm of the matrix of the bounds of the entries.
+    MIMO: the largest singular value is at most bound_i, the norm of the matrix of the bounds of the entries.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class CircleBound(Frozen):
     lower : float
         Error of a consistent system at one of the edges, attained.
     converged : bool
-        Whether the largest bound is within the tolerance that was asked of the largest one at an edge.
+        True if the largest bound is within the tolerance that was asked of the largest one at an edge.
     values : tuple of ValueSet
         At the edges, with their certificates; entry after entry.
     entries : (C, ny, nu) array
@@ -195,7 +195,7 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
 
 
 def _norms(bounds: np.ndarray, upper: np.ndarray, bends: np.ndarray) -> np.ndarray:
-    """Of the largest singular value on every arc, (C,): from the bounds of the entries, or from those of itself at the ends."""
+    """Bound of the largest singular value on every arc, (C,): from the bounds of the entries or its own at the ends."""
     return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
 
 

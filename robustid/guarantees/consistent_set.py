@@ -1,4 +1,4 @@
-"""The set of all consistent systems, and the extremes of linear functionals over it, each with its certificate."""
+"""The set of all consistent systems, extremes of linear functionals over it, and claims about it, each with its certificate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.bases import input_normal_pair, solve_stein
 from robustid.core import Frozen
-from robustid.errors import InconsistentDataError, InputError
+from robustid.errors import InconsistentDataError
 from robustid.identification import (
     Functional,
     Identification,
@@ -18,9 +18,11 @@ from robustid.identification import (
     Posed,
     SupportCertificate,
     certify_support,
+    entry_name,
     pose,
+    verify_support_exactly,
 )
-from robustid.identification.formulation import Entries, SarasonMap, line_tails, measurement_rows
+from robustid.identification.formulation import Entries, Rows, SarasonMap, line_tails, measurement_rows
 from robustid.identification.solver import Candidate, ConvexData, analytic_center, support_path
 
 Entry = tuple[int, int]  # output and input
@@ -99,7 +101,7 @@ class ConsistentSet:
         return Extreme(best.value, attained, x, p, best)
 
     def contains(self, x: np.ndarray, p: np.ndarray) -> bool:
-        """Whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
+        """Return whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
         return self.data.margin(x, p) <= 1 + 1e-12 and self.data.sarason.norm(x) <= 1 + 1e-12
 
     def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[np.ndarray, np.ndarray, float]:
@@ -130,7 +132,7 @@ class ConsistentSet:
         return weights
 
     def with_node(self, omega: float) -> ConsistentSet:
-        """The same set with coefficients that determine the value at `omega` too.
+        """Return the same set with coefficients that determine the value at `omega` too.
 
         The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
         """
@@ -198,16 +200,60 @@ def set_of(posed: Posed, level: float, starts: Sequence[Candidate]) -> Consisten
     return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class SupportClaim(Frozen):
+    """`functional` is at most `stated` for every consistent system, by a certificate.
+
+    Attributes
+    ----------
+    name : str
+        Where in the result this is said.
+    functional : Functional
+    stated : float
+    certificate : SupportCertificate
+    rows : Rows
+    sarason : SarasonMap
+        The problem in the form in which the certificate is about it.
+    """
+
+    name: str
+    functional: Functional
+    stated: float
+    certificate: SupportCertificate
+    rows: Rows
+    sarason: SarasonMap
+
+    def verify(self, exact: bool = False) -> bool:
+        """Return whether the certificate is about all consistent systems, proves what is stated, and holds when evaluated anew.
+
+        `exact` evaluates it in ball arithmetic too, which needs the extra `robustid[exact]`.
+        """
+        proof = self.certificate
+        if not (self._fits and proof.level >= 1 and proof.value <= self.stated):
+            return False
+        arguments = self.functional, self.rows, self.sarason
+        return proof.verify(*arguments) and (not exact or verify_support_exactly(proof, *arguments))
+
+    @property
+    def _fits(self) -> bool:
+        """Return whether the multipliers are numbers, as many as the problem asks for."""
+        proof, (high, wide) = self.certificate, self.sarason.shape
+        rank = proof.left.shape[1:]
+        shapes = (proof.samples.shape, proof.left.shape, proof.right.shape) == (
+            self.rows.y.shape,
+            (high, *rank),
+            (wide, *rank),
+        )
+        return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))
+
+
 def independent_entries(entries: Entries) -> list[Entry]:
     """The entries whose values are independent, in the order of their unknowns: of symmetric matrices the upper triangle."""
     places = np.ndindex(entries.outputs, entries.inputs)
     return [(a, b) for a, b in places if a <= b or not entries.symmetric]
 
 
-def check_one_channel(problem: MixedProblem, what: str) -> None:
-    """Refuse matrices, and say the way out."""
-    if not problem.entries.single:
-        raise InputError(
-            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
-            " Identify an entry by itself, from frf.entry(output, input), and take that"
-        )
+def which(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:
+    """An entry in words that follow others; empty for SISO plants."""
+    name = entry_name(problem, entry)
+    return f" ({name})" if name else ""

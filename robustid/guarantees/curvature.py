@@ -1,4 +1,4 @@
-"""How much the error of a model can bend along the circle between two frequencies: bounds of its second derivative."""
+"""Bounds of the second derivative of a model's error along the circle: how much it can bend between two frequencies."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Curvature:
     * |d^2 G/d theta^2| <= K rho/(rho-1)^2: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n! (1 - |g|^2) /
       ((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 = -(z G' + z^2 G'').
     * the P_i from their state space, times the half-widths of the certified intervals;
-      Of several channels this holds for the singular values of G divided by its scaling, hence for their entries;
-    * the rest, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
+      MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
+    * the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
       bound of G serves for it too.
     """
 
@@ -101,7 +101,7 @@ def known_part(model: Any, identification: Identification) -> StateSpace:
 
 
 def interpolant_part(identification: Identification) -> StateSpace:
-    """The same of its own model, whose parametric part is q'P exactly, its states the last ones."""
+    """State space of minus the non-parametric part of its own model, whose parametric part is q'P exactly, its states the last."""
     model, basis = identification.model, identification.problem.parametric
     n = model.nstates - (0 if basis is None else basis.states * min(model.D.shape))
     return _scaled(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])

@@ -1,4 +1,4 @@
-"""Output samples as linear functionals of the consistent systems: the form of the problem that determines a whole horizon."""
+"""Output samples over a horizon as linear functionals of the consistent systems, and bounds of what follows the horizon."""
 
 from __future__ import annotations
 
@@ -26,11 +26,14 @@ from robustid.identification.solver import ConvexData, analytic_center
 
 _ACCURACY = 1e-2  # of a Taylor form: its tails are a tenth of this part of every bound
 _BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
+_BLOCKS = 60  # of at least half the size of the one before: what follows them is below rounding
+_LONGEST = 2**17  # samples in which a state must halve; slower ones are as good as undamped
+_ALLOWED = 1e-9  # for the rounding of the powers
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outputs(Frozen):
-    """The response to a known input, from rest: y_k = sum_j u_(k-j) f_j over a consistent set.
+    """Response to a known input with zero initial conditions: y_k = sum_j u_(k-j) f_j over a consistent set.
 
     Attributes
     ----------
@@ -87,7 +90,7 @@ class Outputs(Frozen):
             return self.consistent.extreme(self.functional(sample, sign), gap)
 
     def supports(self, sample: int, sign: float, value: float, certificate: SupportCertificate) -> bool:
-        """Whether a certificate, evaluated anew, proves that +-y_k is at most `value`."""
+        """Return whether a certificate, evaluated anew, proves that +-y_k is at most `value`."""
         data = self.consistent.data
         return (
             certificate.level >= 1
@@ -100,7 +103,7 @@ def consistent_outputs(identification: Identification, u: np.ndarray) -> Outputs
     """The responses to u of all consistent systems; raises for data that are not consistent.
 
     Posed so that the coefficients determine the first T Taylor coefficients, T the length of u: the exact form with T delays, or T
-    Taylor coefficients at least. Where both are too large the form of the identification bounds the rest by a tail.
+    Taylor coefficients at least. Where both are too large the form of the identification bounds the remainder by a tail.
     """
     own = consistent_set(identification)
     if u.size <= Outputs(own, u).determined:
@@ -121,3 +124,30 @@ def _over_horizon(problem: MixedProblem, horizon: int) -> Posed | None:
         pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, max(horizon, problem.taylor))
         return Posed(problem, ConvexData(measurement_rows(problem, pair), SarasonMap(pair)), None)
     return pose(problem, Sections.shift(length)) if length <= LONGEST_TAYLOR else None
+
+
+def tail_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sum and maximum of |C A^(k-1) B| over k >= start (start >= 1), for every row of C; inf where the states do not decay.
+
+    Blocks of N samples, ||A^N|| <= 1/2, are summed as they are; what follows the last one, with the state x, is at most
+    sum_(j<N) ||C A^j|| ||x|| (1 + 1/2 + 1/4 + ...).
+    """
+    count, n = C.shape
+    if not n or not count:
+        return np.zeros(count), np.zeros(count)
+    rows, power = C[None], A
+    while np.linalg.norm(power, 2) > 0.5:
+        if rows.shape[0] >= _LONGEST:
+            return np.full(count, np.inf), np.full(count, np.inf)
+        rows, power = np.concatenate([rows, rows @ power]), power @ power
+    x = np.linalg.matrix_power(A, start - 1) @ B[:, 0]
+    total, largest = np.zeros(count), np.zeros(count)
+    for _ in range(_BLOCKS):
+        block = np.abs(rows @ x)
+        total, largest = total + block.sum(axis=0), np.maximum(largest, block.max(axis=0))
+        x = power @ x
+    sizes = np.linalg.norm(rows, axis=2)
+    left = float(np.linalg.norm(x))
+    spread = float(np.linalg.norm(B)) * sizes
+    total = total + 2 * left * sizes.sum(axis=0) + _ALLOWED * spread.sum(axis=0)
+    return total, np.maximum(largest, left * sizes.max(axis=0)) + _ALLOWED * spread.max(axis=0)

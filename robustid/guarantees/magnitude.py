@@ -122,7 +122,7 @@ def _looseness(magnitude: Magnitude, grid: Grid) -> float:
 
 
 def raised(magnitude: Magnitude, angles: np.ndarray) -> Magnitude:
-    """The same magnitude with one more zero and pole, which cancel, where the roots are farthest apart."""
+    """Return the same magnitude with one more zero and pole, which cancel, where the roots are farthest apart."""
     band = np.array([min(angles[angles > 0][0], 0.3), np.clip(angles[-2], 1.0, 3.0)])
     low, high = 2 * np.log(np.tan(band / 2))
     places = np.linspace(low - 1, high + 1, 61)

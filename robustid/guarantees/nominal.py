@@ -1,4 +1,4 @@
-"""What a bound is asked of: the nominal model and the frequencies, checked."""
+"""Nominal model and frequencies of a bound, checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
 def as_nominal(model: Any, identification: Identification) -> Any:
-    """The model, checked: the channels and the dt of the data, stable (integrators where the parametric part has them)."""
+    """The model, checked: the inputs, outputs and dt of the data, stable (integrators where the parametric part has them)."""
     import control
 
     if model is None:
@@ -69,3 +69,12 @@ def default_grid(identification: Identification) -> np.ndarray:
     if basis is not None and basis.has_integrator and lines.size:
         grid = grid[grid >= lines.min()]
     return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))
+
+
+def check_siso(problem: MixedProblem, what: str) -> None:
+    """Refuse matrices, and say the way out."""
+    if not problem.entries.single:
+        raise InputError(
+            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
+            " Identify an entry by itself, from frf.entry(output, input), and take that"
+        )

@@ -35,7 +35,7 @@ def _smaller(certificate: SupportCertificate) -> tuple[np.ndarray, ...]:
 
 
 def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
-    """What `pack_certificates` packed.
+    """Certificates from the arrays that `pack_certificates` made.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
         Arrays that do not fit together.
     """
     orders, ranks, factors = arrays["order"], arrays["rank"], arrays["factors"]
-    widths = arrays.get("width", orders)  # files of one channel may have none
+    widths = arrays.get("width", orders)  # old files of SISO plants have none
     ends = np.cumsum(np.where(ranks < 0, orders * widths, (orders + widths) * ranks))
     if np.any(orders < 0) or np.any(widths < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
         raise ValueError("the factors of its certificates do not fit together")
@@ -63,7 +63,7 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
 
 
 def pack_values(values: Sequence[ValueSet]) -> Arrays:
-    """Value sets of any frequencies."""
+    """Stacked value sets of any frequencies."""
     certificates = pack_certificates(c for v in values for c in v.certificates)
     return {
         "omega": np.array([v.omega for v in values], float),
@@ -78,7 +78,7 @@ def pack_values(values: Sequence[ValueSet]) -> Arrays:
 def unpack_values(
     arrays: Arrays, dt: float, entries: Entries = SINGLE, directions: int | None = None
 ) -> list[ValueSet]:
-    """What `pack_values` packed, with the polygons that belong to a number of directions (their own one by default).
+    """Value sets from the arrays that `pack_values` made, with polygons of a number of directions (default: their own).
 
     Raises
     ------
@@ -96,13 +96,13 @@ def unpack_values(
     ends = np.cumsum(arrays["sides"])
     shape = entries.outputs, entries.inputs
     points = arrays["points"].reshape(-1, *shape)
-    # Of several channels every polygon comes with one more value than it has sides.
+    # MIMO: every polygon comes with one more value than it has sides.
     more = 0 if entries.single else 1
     total = int(ends[-1]) if ends.size else 0
     if (len(certificates), arrays["support"].size, len(points)) != (total, total, total + more * ends.size):
         raise ValueError("its polygons and certificates differ in number")
     expected = independent_entries(entries)
-    places = arrays.get("entry", np.zeros((ends.size, 2), int))  # files of one channel may have none
+    places = arrays.get("entry", np.zeros((ends.size, 2), int))  # old files of SISO plants have none
     repeated = np.reshape(expected * (len(places) // len(expected)), (-1, 2))
     if not np.array_equal(places, repeated):
         raise ValueError("its polygons are not those of all entries, one after the other")

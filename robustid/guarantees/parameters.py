@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Frozen, freeze
-from robustid.guarantees.claims import SupportClaim, which
-from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, independent_entries, which
 from robustid.identification import Functional, SupportCertificate
 
 
@@ -19,7 +18,7 @@ class ParameterIntervals(Frozen):
 
     Attributes
     ----------
-    lower, upper : (m,) arrays; of several channels (m, ny, nu), every entry of the residue matrices
+    lower, upper : (m,) arrays; MIMO: (m, ny, nu), every entry of the residue matrices
         Proved, in the units of `Identification.parameters`.
     attained : (m, 2) array; (m, ny, nu, 2)
         Lowest and highest values of systems that were found; the truth of the interval lies between these and the ends.
@@ -36,7 +35,7 @@ class ParameterIntervals(Frozen):
         self._set(**{name: freeze(getattr(self, name)) for name in ("lower", "upper", "attained")})
 
     def reach(self, parameters: np.ndarray) -> np.ndarray:
-        """How far each coefficient can be from given ones, in the shape of `lower`."""
+        """Largest distance of each coefficient from given ones, in the shape of `lower`."""
         return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
 
 
@@ -61,7 +60,7 @@ def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> Paramet
 
 
 def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:
-    """What the intervals say, end by end."""
+    """Claims of the intervals, end by end."""
     data, problem = consistent.data, consistent.posed.problem
     labels = () if problem.parametric is None else problem.parametric.labels
     size, entries, nothing = len(labels), problem.entries, np.zeros(data.sarason.size)

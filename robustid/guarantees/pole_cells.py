@@ -1,4 +1,4 @@
-"""Poles that are known up to a box: cells of it, each with a convex relaxation that covers all poles inside."""
+"""Pole-uncertainty boxes: cells of them, each with a convex relaxation that covers all poles inside."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ _WIDER = 1 + 1e-9  # the same for products
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PoleCell(Frozen):
-    """A box of poles a_i = exp((-d_i + j sqrt(1 - d_i^2)) w_i T), one natural frequency and damping ratio per mode.
+    """A pole-uncertainty box, or a part of one, of natural frequencies w_i and damping ratios d_i, one of each per mode.
+
+    The poles are a_i = exp((-d_i + j sqrt(1 - d_i^2)) w_i T).
 
     A mode c/(1 - a z^-1) with |a - a0| <= r expands about the middle a0 into multiples of z^-k/(1 - a0 z^-1)^(k+1), whose
     coefficients c (a - a0)^k are bounded by C r^k, and a remainder of modulus at most C r^m / (d^m (d - r)), d = |1 - a0 z^-1|,
@@ -74,7 +76,7 @@ class PoleCell(Frozen):
         return kautz(omega, damping, dt=self.dt, repeat=_REPEAT, delay=self.delay)
 
     def intervals(self) -> np.ndarray:
-        """Of the coefficients of `basis`, (2 M repeat, 2)."""
+        """Intervals of the coefficients of `basis`, (2 M repeat, 2)."""
         ends = []
         for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
             one = kautz(w, d, dt=self.dt, repeat=_REPEAT, delay=self.delay)
@@ -87,7 +89,7 @@ class PoleCell(Frozen):
         return np.stack([-half, half], axis=1)
 
     def remainder(self, angles: np.ndarray) -> np.ndarray:
-        """What the expansion leaves out at exp(j angle), at most, (F, M); inf where it does not converge."""
+        """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge."""
         z = np.exp(-1j * np.asarray(angles))[:, None]
         total = np.zeros((z.size, self.middle.size))
         for pole in (self.middle, self.middle.conj()):
@@ -98,7 +100,10 @@ class PoleCell(Frozen):
         return total * _WIDER
 
     def impulse_remainder(self, count: int) -> np.ndarray:
-        """The same for the impulse response: 2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole, (count, M)."""
+        """Bound of what the expansion leaves out of the impulse response, (count, M).
+
+        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
+        """
         import scipy.special
 
         k = np.arange(count)[:, None] - self.delay
@@ -154,7 +159,7 @@ class PoleCell(Frozen):
         return np.concatenate([self.omega, self.damping])
 
     def covered_by(self, cells: Sequence[PoleCell]) -> bool:
-        """Whether cells that lie inside leave out none of its poles, by their ends alone.
+        """Return whether cells that lie inside leave out none of its poles, by their ends alone.
 
         They were made by cuts, so that some cut leaves each of them on one side of it; false for cells that were made otherwise.
         """
@@ -186,7 +191,8 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
     Raises
     ------
     InputError
-        Intervals that do not hold the poles of the identification, other bases than one pair per mode, records not from rest.
+        Intervals that do not hold the poles of the identification, other bases than one pair per mode, records with
+        other than zero initial conditions.
     """
     problem = identification.problem
     poles = _modes(identification, delay)
@@ -194,8 +200,9 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
     for record in problem.time:
         if record.initial != "rest":
             raise InputError(
-                f'`identification` has a time record with initial="{record.initial}": what poles in a box do to its initial state'
-                " is not bounded here; use lines (`estimate_frf`) or a record from rest"
+                f'`identification` has a time record with initial="{record.initial}": what poles in a pole-uncertainty'
+                " box do to its initial state is not bounded here; use lines (`estimate_frf`) or a record with zero initial"
+                " conditions"
             )
     logs = np.log(poles) / problem.dt
     for name, ends, own in (

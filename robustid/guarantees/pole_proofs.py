@@ -1,4 +1,4 @@
-"""What is proved about the cells of a box of poles: bounds of those that are kept, refutations of the others."""
+"""Proofs about the cells of a pole-uncertainty box: bounds of those that are kept, refutations of the others."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.core import Frozen
-from robustid.guarantees.claims import SupportClaim
-from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import ValueSet, directions_at, value_set_claims
 from robustid.identification import MarginCertificate, MixedProblem, Posed, pose, sections_of, verify_margin_exactly
@@ -21,7 +20,7 @@ _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class KeptCell(Frozen):
-    """A cell that may contain the poles, and what the systems with poles inside can do.
+    """A cell that may contain the poles, and the values of the systems with poles inside.
 
     Attributes
     ----------
@@ -34,7 +33,7 @@ class KeptCell(Frozen):
     values: tuple[ValueSet, ...]
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SupportClaim]:
-        """What the polygons say about the relaxed problem, made anew from the original one."""
+        """Claims of the polygons about the relaxed problem, which is made anew from the original one."""
         posed = posed_relaxation(self.cell, problem)
         if posed is None:
             return
@@ -46,7 +45,7 @@ class KeptCell(Frozen):
                 yield dataclasses.replace(claim, name=f"{name}, {claim.name}")
 
     def is_about(self, problem: MixedProblem, omega: np.ndarray) -> bool:
-        """Whether the polygons are closed, at these frequencies, and those of a relaxed problem; or there are none."""
+        """Return whether the polygons are closed, at these frequencies, and those of a relaxed problem; or there are none."""
         if not self.values:
             return True
         closed = all(v.directions.size >= directions_at(v.omega, problem.dt, 3).size for v in self.values)
@@ -63,7 +62,7 @@ class RefutedCell(Frozen):
     certificate: MarginCertificate
 
     def is_about(self, problem: MixedProblem, _: np.ndarray) -> bool:
-        """Whether there is a relaxed problem that can be refuted."""
+        """Return whether there is a relaxed problem that can be refuted."""
         return self.cell.relaxed(problem) is not None
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[RefutationClaim]:
@@ -93,7 +92,7 @@ class RefutationClaim(Frozen):
     sarason: SarasonMap
 
     def verify(self, exact: bool = False) -> bool:
-        """Whether the certificate is about the problem, says more than 1, and holds when evaluated anew; see `SupportClaim`."""
+        """Return whether the certificate is about the problem, says more than 1, and holds evaluated anew; see `SupportClaim`."""
         proof, n = self.certificate, self.sarason.pair.order
         fits = proof.samples.shape == self.rows.y.shape and proof.ball.shape == (n, n)
         numbers = all(np.all(np.isfinite(a)) for a in (proof.samples, proof.ball, proof.upper))

@@ -1,4 +1,4 @@
-"""refute(): do new samples fit what an identification guarantees?"""
+"""refute(): comparison of new samples with what an identification guarantees."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from robustid.core import Frozen, freeze, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.consistent_set import ConsistentSet, check_one_channel, consistent_set
+from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.horizon import consistent_outputs
+from robustid.guarantees.nominal import check_siso
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
 _GAP = 5e-3  # of the ends that are proved
@@ -71,7 +72,7 @@ class Judged(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Refutation(Frozen):
-    """Whether new samples contradict an identification, each by itself: which one, and by how much.
+    """Verdict whether new samples contradict an identification, each by itself: which one, and by how much.
 
     Attributes
     ----------
@@ -98,12 +99,12 @@ class Refutation(Frozen):
 
     @property
     def refuted(self) -> bool:
-        """Whether a sample is proved to be further from everything consistent than its bound."""
+        """Return whether a sample is proved to be further from everything consistent than its bound."""
         return bool(np.any(self.ratio > 1))
 
     @property
     def inside(self) -> bool:
-        """Whether for every sample a consistent system was found that keeps it (for each its own)."""
+        """Return whether for every sample a consistent system was found that keeps it (for each its own)."""
         return bool(np.all(self.attainable <= 1))
 
     @property
@@ -171,7 +172,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     identification : Identification
         Consistent.
     new_data : FrequencyResponse, TimeRecord, or a sequence of them
-        With bounds (ellipses too), one input and one output, the dt of the data; records start at rest.
+        With bounds (ellipses too), one input and one output, the dt of the data; records with zero initial conditions.
 
     Returns
     -------
@@ -182,8 +183,8 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     InconsistentDataError
         The old data fit no system of the class already.
     InputError, InputTypeError
-        Other objects, no bounds, another dt, several channels, other units, a record that does not start at rest, a line on an
-        integrator.
+        Other objects, no bounds, another dt, MIMO data, other units, a record with other than zero initial conditions, a line
+        on an integrator.
 
     Notes
     -----
@@ -205,7 +206,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
-    check_one_channel(identification.problem, "refute")
+    check_siso(identification.problem, "refute")
     data = tuple(new_data) if isinstance(new_data, Sequence) else (new_data,)
     if not data:
         raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")
@@ -309,7 +310,7 @@ def _judge(place: _Place) -> tuple[float, float, list[HalfPlane]]:
 
 
 def _nearest(errors: np.ndarray) -> complex:
-    """The number of least modulus, nearly, in the convex hull of attained errors: a convex combination, hence attained too."""
+    """Approximately the number of least modulus in the convex hull of attained errors: a convex combination, hence attained too."""
     import scipy.optimize
 
     size, heavy = float(np.abs(errors).max()), 1e3
@@ -324,7 +325,7 @@ def _used(record: TimeRecord) -> np.ndarray:
 
 
 def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
-    """Whether the half-planes hold and prove the ratios; a sample without one is proved to be 0 away."""
+    """Return whether the half-planes hold and prove the ratios; a sample without one is proved to be 0 away."""
     proved = np.zeros(judged.ratio.size)
     for place in _places(identification, item, {plane.place for plane in judged.proofs}):
         data = place.consistent.data
@@ -366,7 +367,9 @@ def _check(item: Any, problem: MixedProblem) -> None:
             if item.initial == "free"
             else "use `estimate_frf` and its lines"
         )
-        raise InputError(f"`new_data` must start at rest; got a record with initial={item.initial!r}: {hint}")
+        raise InputError(
+            f"`new_data` must have zero initial conditions; got a record with initial={item.initial!r}: {hint}"
+        )
     basis = problem.parametric
     if isinstance(item, FrequencyResponse) and basis is not None and basis.has_integrator and item.omega[0] == 0:
         raise InputError(

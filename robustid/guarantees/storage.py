@@ -1,4 +1,4 @@
-"""What is saved of a worst-case error and of one over poles, with everything that their proofs need, and the way back."""
+"""Numbers and text of worst-case errors, at fixed poles and over a box, with all that their proofs need; and the way back."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from robustid.core import Arrays, Record, as_count, describe, keep, part, rebuild, under
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.pole_band import PoleBand
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.worst_case import WorstCaseError
@@ -64,7 +64,7 @@ def _unpack_error(record: Record, arrays: Arrays) -> WorstCaseError:
     return error
 
 
-def _pack_band(band: PoleBand) -> tuple[Record, Arrays]:
+def _pack_band(band: WorstCaseOverPoles) -> tuple[Record, Arrays]:
     described, arrays = describe(band.identification)
     arrays |= _pack_nominal(band) | under(_BOX, _pack_ends(band.box))
     arrays |= under(_BAND, {name: getattr(band, name) for name in ("omega", "upper", "magnitude")})
@@ -84,7 +84,7 @@ def _pack_band(band: PoleBand) -> tuple[Record, Arrays]:
     return record, arrays
 
 
-def _unpack_band(record: Record, arrays: Arrays) -> PoleBand:
+def _unpack_band(record: Record, arrays: Arrays) -> WorstCaseOverPoles:
     identification = rebuild(record["identification"], arrays)
     dt, ends = identification.problem.dt, part(arrays, _BOX)
     box = box_of(identification, ends["omega"], ends["damping"], as_count("delay", record["delay"]))
@@ -100,7 +100,7 @@ def _unpack_band(record: Record, arrays: Arrays) -> PoleBand:
     count = numbers["omega"].size
     if not kept or [numbers[name].shape for name in ("upper", "magnitude")] != [(count, 1, 1), (count, 2)]:
         raise ValueError("it keeps no cell, or its bounds are not those of its frequencies")
-    return PoleBand(
+    return WorstCaseOverPoles(
         identification=identification,
         model=_nominal(part(arrays, _MODEL), identification),
         **numbers,  # type: ignore[arg-type]
@@ -122,7 +122,7 @@ def _cell(box: PoleCell, arrays: Arrays) -> PoleCell:
     return cell
 
 
-def _pack_nominal(result: WorstCaseError | PoleBand) -> Arrays:
+def _pack_nominal(result: WorstCaseError | WorstCaseOverPoles) -> Arrays:
     """The model where it isn't that of the identification."""
     if result.model is result.identification.model:
         return {}
@@ -150,4 +150,10 @@ def _parameters(arrays: Arrays, identification: Identification) -> ParameterInte
 
 
 keep(WorstCaseError, "worst-case error", pack=_pack_error, unpack=_unpack_error)
-keep(PoleBand, "band over poles", words="error over a pole-uncertainty box", pack=_pack_band, unpack=_unpack_band)
+keep(
+    WorstCaseOverPoles,
+    "band over poles",
+    words="error over a pole-uncertainty box",
+    pack=_pack_band,
+    unpack=_unpack_band,
+)

@@ -116,7 +116,7 @@ class _Store:
         return self.folder / f"{self._prefix}{directions}-{gap!r}-{omega!r}.npz"
 
     def load(self, omega: list[float]) -> dict[float, Sets]:
-        """What is there of these frequencies; files that can't be used are named, and left out."""
+        """Value sets that are there of these frequencies; files that can't be used are named, and left out."""
         found = {}
         for w in omega:
             path = self._path(w)

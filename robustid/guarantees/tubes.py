@@ -1,4 +1,4 @@
-"""response_tube(): what every consistent system can do in time, for an impulse, a step or any known input."""
+"""response_tube(): responses of all consistent systems in time, to an impulse, a step or any known input."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ import numpy as np
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze, simulate
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.consistent_set import Extreme, check_one_channel
+from robustid.guarantees.consistent_set import Extreme
 from robustid.guarantees.curvature import known_part
-from robustid.guarantees.horizon import Outputs, consistent_outputs
-from robustid.guarantees.impulse_tail import tail_bounds
-from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
+from robustid.guarantees.nominal import as_nominal, check_siso
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import Progress
 from robustid.identification import Identification, SupportCertificate
@@ -29,7 +28,7 @@ _LONGEST = 500
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class ResponseTube(Frozen):
-    """The response to a known input of every consistent system, from rest: lower <= y_k <= upper, both proved.
+    """The response to a known input of every consistent system with zero initial conditions: lower <= y_k <= upper, both proved.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
     the samples. Data can refute these, never prove them.
@@ -78,7 +77,7 @@ class ResponseTube(Frozen):
 
     @property
     def complete(self) -> bool:
-        """Whether every sample of the horizon was bounded."""
+        """Return whether every sample of the horizon was bounded."""
         return self.samples.size == self.u.size
 
     @functools.cached_property
@@ -158,7 +157,7 @@ class ResponseTube(Frozen):
 
     @property
     def _reach(self) -> np.ndarray:
-        """How far each parameter can be from that of the identification, (m,)."""
+        """Largest distance of each parameter from that of the identification, (m,)."""
         return self.parameters.reach(self.identification.parameters)
 
     @functools.cached_property
@@ -247,16 +246,16 @@ def response_tube(
     """Guaranteed tube around the response to an impulse, a step or a given input: no consistent system leaves it.
 
     Every output sample is a linear functional of the system, so that its smallest and largest value over all consistent systems are
-    two convex problems, each answered with a certificate (evaluated without the solver) and with a system that attains it, nearly:
+    two convex problems, each answered with a certificate (evaluated without the solver) and with a system that almost attains it:
 
-        lower_k <= y_k = sum_j u_(k-j) f_j <= upper_k    for every consistent F, from rest.
+        lower_k <= y_k = sum_j u_(k-j) f_j <= upper_k    for every consistent F, zero initial conditions.
 
     Parameters
     ----------
     identification : Identification
         Consistent.
     input : {"impulse", "step"} or (H,) array
-        Unit impulse or step (in units of the input), or any input from rest: its worst-case output.
+        Unit impulse or step (in units of the input), or any input that meets zero initial conditions: its worst-case output.
     horizon : int, optional
         Number H of samples. Default: the length of a given input; else where the class lets the non-parametric part fall to 1 % of
         its gain bound, at least the time data, at most 500.
@@ -284,7 +283,7 @@ def response_tube(
     Notes
     -----
     The coefficients determine the impulse response over the horizon: Taylor coefficients join the exact form, or the problem is
-    posed in them. Where both are too large (a slow decay and a long horizon) the rest of the functional is bounded by its H2 norm.
+    posed in them. Where both are too large (a slow decay and a long horizon) the remainder is bounded by its H2 norm.
     Source: `inanc2001` section II-C; the certificate is the dual of the LMI of Theorem 1 with a linear objective.
 
     Examples
@@ -301,7 +300,7 @@ def response_tube(
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
-    check_one_channel(identification.problem, "response_tube")
+    check_siso(identification.problem, "response_tube")
     kind, u = _signal(input, horizon, identification)
     samples = _samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)

@@ -1,4 +1,4 @@
-"""What values all consistent systems can take at one frequency: an outer polygon and attained points."""
+"""Values of all consistent systems at one frequency: an outer polygon and attained points."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import Frozen, freeze
-from robustid.guarantees.claims import SupportClaim, which
-from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
 from robustid.identification import Functional, SupportCertificate
 
 
@@ -35,7 +34,7 @@ class ValueSet(Frozen):
     certificates : tuple of SupportCertificate
     entry : (int, int)
         Output and input.
-    matrices : (m, ny, nu) complex array; of several channels (m + 1, ny, nu)
+    matrices : (m, ny, nu) complex array; MIMO: (m + 1, ny, nu)
         The whole values of the systems of `points`, and of one more that is far from the centre in the largest singular value.
     """
 
@@ -84,7 +83,7 @@ class ValueSet(Frozen):
         return float(middle + offsets.min()), float(middle + offsets.max())
 
     def excludes(self, value: complex) -> float:
-        """How far a value lies outside of every consistent one, at least; 0 inside."""
+        """Lower bound of the distance of a value from every consistent one; 0 inside."""
         return max(0.0, float((np.real(np.exp(-1j * self.directions) * value) - self.support).max()))
 
 
@@ -98,7 +97,7 @@ def directions_at(omega: float, dt: float, count: int) -> np.ndarray:
 def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    Of several channels each entry is followed by a step towards the largest singular value of F - C, C the value of the centre:
+    MIMO: each entry is followed by a step towards the largest singular value of F - C, C the value of the centre:
     with the singular vectors of the farthest value so far, the largest Re u'(F - C)v over the set is no smaller.
     """
     angles = directions_at(omega, consistent.posed.problem.dt, directions)
@@ -132,12 +131,12 @@ def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap:
 
 
 def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
-    """Support function and attained points at one frequency, of the first entry: all there are of one channel."""
+    """Support function and attained points at one frequency, of the first entry, the only one of a SISO plant."""
     return value_sets_at(consistent, omega, directions, gap)[0]
 
 
 def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[SupportClaim]:
-    """What the polygons of one frequency say, side by side; without a solver."""
+    """Claims of the polygons of one frequency, side by side; without a solver."""
     problem, omega = consistent.posed.problem, found[0].omega
     here = dataclasses.replace(consistent, posed=consistent.posed_at(omega))
     for one in found:
@@ -167,7 +166,7 @@ class Errors(NamedTuple):
 
 
 def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray, limit: float) -> Errors:
-    """Of all entries at one frequency, around a nominal value (ny, nu); `limit` is a known bound of the largest singular value."""
+    """Errors of all entries at one frequency, around a nominal value (ny, nu); `limit` bounds the largest singular value."""
     sets = {one.entry: one for one in found}
     upper, lower, slack = (np.zeros(nominal.shape) for _ in range(3))
     for entry in np.ndindex(*nominal.shape):
@@ -184,7 +183,7 @@ def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray, limit: float)
 
 
 def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
-    """Above the largest singular value of every matrix whose entries are at most so large: (..., ny, nu) to (...).
+    """Upper bound of the largest singular value of every matrix whose entries are at most so large: (..., ny, nu) to (...).
 
     sigma_max(E) <= sigma_max([|E_ij|]) <= sigma_max(bounds), since the norm of a non-negative matrix grows with its entries.
     """
@@ -196,7 +195,7 @@ def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
 
 
 def schur_bound(scales: np.ndarray) -> float:
-    """Above the largest singular value of all entrywise products of the scales and a matrix of norm 1.
+    """Upper bound of the largest singular value of all entrywise products of the scales and a matrix of norm 1.
 
     sum_k s_k max|u_k| max|v_k| over singular values and vectors: each term is diag(u_k) M diag(v_k). Exact of rank one.
     """

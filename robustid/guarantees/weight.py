@@ -11,10 +11,9 @@ from robustid.core import Frozen, as_count, as_float, as_positive, freeze
 from robustid.errors import InputError
 from robustid.guarantees.bilinear import ControlPair, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
-from robustid.guarantees.cells import KINDS, Cells, check_plant
-from robustid.guarantees.enclosure import Pieces, enclose
+from robustid.guarantees.cells import KINDS, Cells, Pieces, check_plant, enclose
 from robustid.guarantees.magnitude import Magnitude, improve, raised, to_plane
-from robustid.guarantees.small_gain import GuaranteedMargin, guaranteed_margin
+from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
 
 if TYPE_CHECKING:
     import control
@@ -32,7 +31,7 @@ class UncertaintyWeight(Frozen):
     Attributes
     ----------
     model : control.StateSpace
-        W, one channel, discrete; its poles and zeros lie strictly inside the unit circle.
+        W, SISO, discrete; its poles and zeros lie strictly inside the unit circle.
     edges : (C + 1,) array
         Edges of the cells in rad/s; the last is pi/dt. Below the first, W is not bound to anything.
     bound : (C,) array
@@ -70,7 +69,7 @@ class UncertaintyWeight(Frozen):
 
     @property
     def certified(self) -> bool:
-        """Whether |W| >= bound on every cell, W stable and minimum-phase: proved again from the numbers of `model`.
+        """Return whether |W| >= bound on every cell, W stable and minimum-phase: proved again from the numbers of `model`.
 
         Stability and minimum phase are decided in rational arithmetic; the modulus is enclosed on whole pieces of arc, rounding
         included.
@@ -96,13 +95,13 @@ class UncertaintyWeight(Frozen):
             )
         return ControlPair(bilinear(self.nominal), bilinear(self.model), float(self.model.dt))
 
-    def guaranteed_margin(self, controller: control.StateSpace) -> GuaranteedMargin:
-        """`guaranteed_margin` of a controller for the nominal model and the bound (not the weight, which is larger)."""
+    def robust_stability_margin(self, controller: control.StateSpace) -> RobustStabilityMargin:
+        """`robust_stability_margin` of a controller for the nominal model and the bound (not the weight, which is larger)."""
         if self.nominal is None:
             raise InputError(
-                "`nominal` is not known to this weight: use guaranteed_margin(nominal, controller, edges, bound)"
+                "`nominal` is not known to this weight: use robust_stability_margin(nominal, controller, edges, bound)"
             )
-        return guaranteed_margin(self.nominal, controller, self.edges, self.bound, kind=self.kind)
+        return robust_stability_margin(self.nominal, controller, self.edges, self.bound, kind=self.kind)
 
 
 def uncertainty_weight(
@@ -121,7 +120,7 @@ def uncertainty_weight(
         F = F_{id} + W\Delta, \qquad F = (I + W\Delta) F_{id}, \qquad F = (I + W\Delta)^{-1} F_{id}, \qquad
         \bar\sigma(\Delta) \le 1
 
-    for every F with ``|F - F_id| <= bound``, W one scalar model for all channels.
+    for every F with ``|F - F_id| <= bound``, W one scalar model for all entries.
 
     Parameters
     ----------
@@ -131,7 +130,7 @@ def uncertainty_weight(
         Edges of the cells in rad/s, rising, to pi/dt. Where the plant has an integrator, the first is above 0.
     bound : (C,) or (C, ny, nu) array
         On each cell, of the largest singular value of ``F - F_id``, or of each entry: then the norm of the matrix of bounds
-        is taken, which depends on the units of the channels (`entry_weights` doesn't).
+        is taken, which depends on the units of the signals (`entry_weights` doesn't).
     kind : {"additive", "multiplicative", "inverse"}
         The relative kinds take ``bound/sigma_min(F_id)`` and ``bound/(sigma_min(F_id) - bound)``, at the outputs; as many
         inputs as outputs.
@@ -184,7 +183,7 @@ def uncertainty_weight(
 
 
 def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options: Any) -> np.ndarray:
-    """One weight for every entry of the error of a model: ``|F - F_id|_ij <= |W_ij|``, whatever the units of the channels.
+    """One weight for every entry of the error of a model: ``|F - F_id|_ij <= |W_ij|``, whatever the units of the signals.
 
     Parameters
     ----------
@@ -198,7 +197,7 @@ def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options
     Returns
     -------
     (ny, nu) array of UncertaintyWeight
-        The entry (i, j) is about the channel ``nominal[i, j]``. For structured uncertainty, ``control.append`` of the models of
+        The entry (i, j) is about ``nominal[i, j]``. For structured uncertainty, ``control.append`` of the models of
         ``weights.ravel()`` is the block-diagonal weight, rows of the plant one after the other.
 
     Raises

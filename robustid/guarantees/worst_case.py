@@ -1,4 +1,4 @@
-"""worst_case_error(): what every consistent system can be away from a model, at every frequency."""
+"""worst_case_error(): the largest distance of all consistent systems from a model, at every frequency."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import numpy as np
 from robustid.core import Frozen, as_count, as_positive, freeze, responses, save, threads_for
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
-from robustid.guarantees.claims import SupportClaim, which
-from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
@@ -27,7 +26,7 @@ LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree n
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class WorstCaseError(Frozen):
-    """How far every consistent system can be from a model: proved from above, attained from below.
+    """Largest distance of all consistent systems from a model: proved from above, attained from below.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
     the samples. Data can refute these, never prove them.
@@ -38,7 +37,7 @@ class WorstCaseError(Frozen):
     model : control.StateSpace
         The nominal that the errors are measured from.
     values : tuple of ValueSet
-        At each frequency the polygon that contains F, and attained points; of several channels one for every entry (of symmetric
+        At each frequency the polygon that contains F, and attained points; MIMO: one for every entry (of symmetric
         matrices the upper triangle), entry after entry, row by row.
     parameters : ParameterIntervals
     directions : int
@@ -61,8 +60,8 @@ class WorstCaseError(Frozen):
 
     @functools.cached_property
     def nominal(self) -> np.ndarray:
-        """Response of the model at them, (F,) complex; of several channels (F, ny, nu)."""
-        return freeze(self._of_channels(self._nominal))
+        """Response of the model at them, (F,) complex; MIMO: (F, ny, nu)."""
+        return freeze(self._squeezed(self._nominal))
 
     @functools.cached_property
     def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
@@ -80,8 +79,8 @@ class WorstCaseError(Frozen):
     def _around(self) -> ModelError:
         return ModelError(self.identification, self.model, self.parameters, float(self.omega.min()))
 
-    def _of_channels(self, array: np.ndarray) -> np.ndarray:
-        """(F, ny, nu, ...), without the axes of the channels where there is one."""
+    def _squeezed(self, array: np.ndarray) -> np.ndarray:
+        """Array (F, ny, nu, ...), of SISO plants without the axes of outputs and inputs."""
         return array[:, 0, 0] if self.identification.problem.entries.single else array
 
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
@@ -111,8 +110,8 @@ class WorstCaseError(Frozen):
         """Guaranteed bound of the largest singular value of F - model, (F,).
 
         The norm of the matrix `upper`, or what the class allows whatever the data are, ||G|| + ||q'P - model|| + ||(p - q)'P||,
-        if that is less. No entry exceeds the norm of its matrix, hence it is at most sqrt(ny nu)/cos(pi/directions) times the
-        truth, nearly, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at
+        if that is less. No entry exceeds the norm of its matrix, hence it is at most about sqrt(ny nu)/cos(pi/directions) times the
+        truth, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at
         least.
         """
         return freeze(np.array([e.sigma_upper for e in self._errors]))
@@ -124,13 +123,13 @@ class WorstCaseError(Frozen):
 
     @property
     def magnitude(self) -> np.ndarray:
-        """Guaranteed range of |F|, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
-        return freeze(self._of_channels(self._of_entries("magnitude")))
+        """Guaranteed range of |F|, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
+        return freeze(self._squeezed(self._of_entries("magnitude")))
 
     @property
     def phase(self) -> np.ndarray:
-        """Guaranteed range of the phase in rad, (F, 2); of several channels of every entry, (F, ny, nu, 2)."""
-        return freeze(self._of_channels(self._of_entries("phase")))
+        """Guaranteed range of the phase in rad, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
+        return freeze(self._squeezed(self._of_entries("phase")))
 
     @property
     def circle(self) -> CircleBound:
@@ -155,7 +154,7 @@ class WorstCaseError(Frozen):
 
     @property
     def certified(self) -> bool:
-        """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        """Return whether every bound has its certificate and every certificate, evaluated anew, supports it."""
         return self.verify()
 
     def verify(self) -> bool:
@@ -177,7 +176,7 @@ class WorstCaseError(Frozen):
 
     @property
     def circle_supported(self) -> bool:
-        """Whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
+        """Return whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
         return self.known_circle is None or supported(self._around, self.known_circle)
 
     def _sets(self) -> Iterator[ValueSet]:
@@ -191,7 +190,7 @@ class WorstCaseError(Frozen):
         return consistent_set(self.identification)
 
     def with_model(self, model: Any) -> WorstCaseError:
-        """The same guarantees around another nominal; nothing is solved anew."""
+        """Return the same guarantees around another nominal; nothing is solved anew."""
         return dataclasses.replace(self, model=as_nominal(model, self.identification))
 
     def on_circle(
@@ -203,10 +202,10 @@ class WorstCaseError(Frozen):
         progress: Progress | None = None,
         resume: Folder | None = None,
     ) -> CircleBound:
-        """A rigorous bound of |F - model| on the whole circle, by adaptive refinement; of several channels of its singular values.
+        """Rigorous bound of |F - model| on the whole circle, by adaptive refinement; MIMO: of its singular values.
 
         Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
-        that near to its chord. Of several channels this bounds every entry, and the norm of the matrix of these bounds the largest
+        that near to its chord. MIMO: this bounds every entry, and the norm of the matrix of these bounds the largest
         singular value. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
 
         Parameters
@@ -241,9 +240,9 @@ class WorstCaseError(Frozen):
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
-        """Frequencies with the largest bounds: (rad/s, upper, lower, the sample that limits it most).
+        """Frequencies with the largest bounds: (rad/s, upper, lower, the active constraint of largest dual weight).
 
-        Of several channels `sigma_upper` and `sigma_lower`.
+        MIMO: `sigma_upper` and `sigma_lower`.
         """
         order = np.argsort(-self.sigma_upper)[:count].tolist()
         labels = [
@@ -254,10 +253,10 @@ class WorstCaseError(Frozen):
             for at in r.axis
         ]
         rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
-        return [(float(self.omega[k]), high, low, labels[self.limiting_sample(k)]) for k, high, low in rows]
+        return [(float(self.omega[k]), high, low, labels[self.active_constraint(k)]) for k, high, low in rows]
 
-    def limiting_sample(self, index: int) -> int:
-        """Number of the sample with the largest share in the proofs at a frequency (of the samples' own part, however small)."""
+    def active_constraint(self, index: int) -> int:
+        """Number of the sample with the largest dual weight in the proofs at a frequency (of the samples' part, however small)."""
         rows = self.consistent_set.data.rows
         sets = self._sets_at[float(self.omega[index])]
         return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
@@ -286,11 +285,13 @@ class WorstCaseError(Frozen):
             lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
             lines.append(f"entry      at most {self.upper.max():.4g}{name}")
         for w, high, low, label in self.worst():
-            lines.append(f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), limited by {label}")
+            lines.append(
+                f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {label}"
+            )
         if any(note.startswith("Modes taken") for note in self.identification.notes):
             lines.append(
-                "warning    the poles were taken from these data, which leave them a box: this band does not cover it, but that of"
-                " worst_case_over_poles (robustid bounds --poles) does"
+                "warning    the poles were taken from these data, which leave them a pole-uncertainty box: this band does not cover"
+                " it, but that of worst_case_over_poles (robustid bounds --poles) does"
             )
         lines.append(
             "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
@@ -317,7 +318,7 @@ def worst_case_error(
 
         lower <= max over consistent F of |F(exp(j omega T)) - model(exp(j omega T))| <= upper.
 
-    Of several channels this is done for every entry; the norm of the matrix of the upper bounds is a bound of the largest singular
+    MIMO: this is done for every entry; the norm of the matrix of the upper bounds is a bound of the largest singular
     value of F - model.
 
     Parameters
@@ -356,7 +357,7 @@ def worst_case_error(
     Notes
     -----
     Exact form: the frequency is one more interpolation node. Taylor form: the value is a linear functional of the coefficients, and
-    the tail of the rest is part of both bounds. Source: `inanc2001` section II-C (diameter and worst-case error); the certificate
+    the tail of the series is part of both bounds. Source: `inanc2001` section II-C (diameter and worst-case error); the certificate
     is the dual of the LMI of Theorem 1 with a linear objective.
 
     Examples

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from robustid.advice import Sensitivity
     from robustid.data import TimeRecord
-    from robustid.guarantees import PoleBand, ResponseTube, WorstCaseError
+    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.mfd import OrderSweep
     from robustid.reduction import Reduction
 
@@ -49,7 +49,7 @@ def write_report(
     models: Mapping[str, control.StateSpace] | None = None,
     worst_case: WorstCaseError | None = None,
     tube: ResponseTube | None = None,
-    over_poles: PoleBand | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
@@ -83,7 +83,7 @@ def write_report(
         certificates are evaluated again; the bound on the whole circle is shown if it has been computed.
     tube : ResponseTube, optional
         From `response_tube(identification)`: adds the guaranteed range in time, with the records of the same input.
-    over_poles : PoleBand, optional
+    over_poles : WorstCaseOverPoles, optional
         From `worst_case_over_poles(identification, ...)`: adds the guarantee that covers a box of poles, beside `worst_case`.
     sensitivity : Sensitivity, optional
         From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions.
@@ -143,7 +143,7 @@ def render_report(
     models: Mapping[str, control.StateSpace] | None = None,
     worst_case: WorstCaseError | None = None,
     tube: ResponseTube | None = None,
-    over_poles: PoleBand | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
@@ -236,11 +236,11 @@ def _guarantees(
     identification: Identification,
     worst_case: WorstCaseError | None,
     tube: ResponseTube | None,
-    over_poles: PoleBand | None,
+    over_poles: WorstCaseOverPoles | None,
     sensitivity: Sensitivity | None,
 ) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
     """Figures of what is guaranteed, by the name of their chart, and what the templates of the sections are given."""
-    from robustid.guarantees import PoleBand, ResponseTube, WorstCaseError
+    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
 
     check, found, drawn, guaranteed = worst_case_facts.checked, [], {}, None
     if worst_case is not None:
@@ -253,7 +253,7 @@ def _guarantees(
             guaranteed = grid_of(matrix_charts.lighter(entries), len(identification.problem.inputs))
             drawn |= guaranteed.drawn
     if over_poles is not None:
-        check("over_poles", over_poles, PoleBand, "worst_case_over_poles", identification)
+        check("over_poles", over_poles, WorstCaseOverPoles, "worst_case_over_poles", identification)
         found.append(over_poles_section.chart(over_poles, worst_case))
     if tube is not None:
         check("tube", tube, ResponseTube, "response_tube", identification)

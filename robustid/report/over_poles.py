@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import response
-from robustid.guarantees import AMPLITUDE, PoleBand, WorstCaseError
+from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, frequency_chart
 from robustid.report.facts import Verdict, transfer, unit
 from robustid.report.style import ALERT, FAINT, FURTHER, number
@@ -19,7 +19,7 @@ BOX = FURTHER[2]
 _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
 
 
-def chart(band: PoleBand, error: WorstCaseError | None = None) -> Chart:
+def chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None) -> Chart:
     """Magnitude with its guaranteed range over the box of the poles, beside that at the fixed poles, and both errors.
 
     Over the frequencies of the band; between them the distance of each end of a range from the model is interpolated: nothing is
@@ -41,7 +41,7 @@ def chart(band: PoleBand, error: WorstCaseError | None = None) -> Chart:
     return Chart(name="over_poles", panels=panels, linked=True)
 
 
-def _beside(band: PoleBand, error: WorstCaseError | None) -> WorstCaseError | None:
+def _beside(band: WorstCaseOverPoles, error: WorstCaseError | None) -> WorstCaseError | None:
     """The error at the fixed poles, of the model of the band, in its range of frequencies; None where there is none."""
     if error is None:
         return None
@@ -50,7 +50,7 @@ def _beside(band: PoleBand, error: WorstCaseError | None) -> WorstCaseError | No
     return dataclasses.replace(error.with_model(band.model), values=inside) if inside else None
 
 
-def _reach(band: PoleBand, axis: Axis) -> Axis:
+def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
     """The axis over the frequencies of the band; as it was where they are none or one."""
     hz = band.omega[band.omega > 0] / HZ
     if hz.size < 2 or axis.range is None:
@@ -58,7 +58,9 @@ def _reach(band: PoleBand, axis: Axis) -> Axis:
     return dataclasses.replace(axis, range=(float(hz[0] / 1.05), float(min(hz[-1] * 1.05, axis.range[1]))))
 
 
-def _area(name: str, colour: str, curve: Layer, band: PoleBand, bounded: Any, span: tuple[float, float]) -> list[Layer]:
+def _area(
+    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Any, span: tuple[float, float]
+) -> list[Layer]:
     """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
     proved = bounded.omega > 0  # a logarithmic axis has no 0
     omega = bounded.omega[proved]
@@ -68,7 +70,7 @@ def _area(name: str, colour: str, curve: Layer, band: PoleBand, bounded: Any, sp
     return [dataclasses.replace(layer, colour=colour) for layer in found]
 
 
-def _errors(band: PoleBand, fixed: WorstCaseError | None, x: Axis) -> Panel:
+def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> Panel:
     left = x.range[0] if x.range else 0.0
     shown = [("error over the box", band.omega, band.upper.ravel(), BOX, "solid", "square")]
     if fixed is not None:
@@ -91,11 +93,11 @@ def _errors(band: PoleBand, fixed: WorstCaseError | None, x: Axis) -> Panel:
     return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
 
 
-def _next(band: PoleBand) -> str:
+def _next(band: WorstCaseOverPoles) -> str:
     return f"{number(band.next_line / HZ, 5)} Hz"
 
 
-def sentence(band: PoleBand) -> str:
+def sentence(band: WorstCaseOverPoles) -> str:
     """The guarantee in plain words."""
     upper, what = band.upper.ravel(), unit(band.identification)
     known, hz = np.isfinite(upper), band.omega / HZ
@@ -118,7 +120,7 @@ def sentence(band: PoleBand) -> str:
     )
 
 
-def rows(band: PoleBand, error: WorstCaseError | None) -> list[tuple[str, str]]:
+def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
     """(what, in which words): the fixed poles, the cells, what to measure next, what is assumed."""
     out = []
     if (fixed := _beside(band, error)) is not None:
@@ -140,7 +142,7 @@ def rows(band: PoleBand, error: WorstCaseError | None) -> list[tuple[str, str]]:
     return out
 
 
-def verdict(band: PoleBand) -> Verdict:
+def verdict(band: WorstCaseOverPoles) -> Verdict:
     """Whether the cells cover the box and each certificate supports its bound now."""
     if not band.covered:
         return Verdict("failed", "Not proved", "The cells leave out a part of the box. Don’t rely on these numbers.")
@@ -155,7 +157,7 @@ class BoxRow(NamedTuple):
     damping: tuple[str, str]
 
 
-def box_rows(band: PoleBand) -> list[BoxRow]:
+def box_rows(band: WorstCaseOverPoles) -> list[BoxRow]:
     """Every mode’s natural frequency and damping, before and after the cells that are refuted."""
     (omega, damping), box = band.poles, band.box
     return [

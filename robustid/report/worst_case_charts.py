@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.guarantees import PoleBand, ValueSet, WorstCaseError
+from robustid.guarantees import ValueSet, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import MixedProblem
 from robustid.report.charts import HZ, Axis, Chart, Layer, Panel, curves, frequency_charts, responses, shown_band
 from robustid.report.facts import transfer, unit_label
@@ -75,7 +75,7 @@ def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     return Chart(name="guarantee-sigma", panels=(behind(panel, areas, span), errors), linked=True)
 
 
-def bounded_model(bounded: WorstCaseError | PoleBand) -> tuple[str, Any, bool]:
+def bounded_model(bounded: WorstCaseError | WorstCaseOverPoles) -> tuple[str, Any, bool]:
     """Name and model that the errors are measured from, and whether it is the nominal one (or a copy of it)."""
     name, own = curves(bounded.identification, None)[0][:2]
     if all(np.array_equal(getattr(bounded.model, part), getattr(own, part)) for part in "ABCD"):

@@ -293,7 +293,7 @@ def test_diagnosis_finds_the_missing_mode():
     result = rid.identify(problem)
     found = diagnose(result)
     assert found.inflation == result.margin > 1
-    assert found.limiting == tuple(result.conflicting_samples())
+    assert found.active == tuple(result.conflicting_samples())
     best = found.best()
     assert "one more pair, at 9.0" in best.change
     assert best.margin < 1

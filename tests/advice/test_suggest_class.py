@@ -57,7 +57,7 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
     assert upper[0] == pytest.approx(bare + repeated.cell.remainder(data.modes[1:, 0] * DT).sum(), rel=1e-9)
     assert upper[0] > bare
     text = found.summary()
-    assert "for all poles in the box" in text
+    assert "for all poles in the pole-uncertainty box" in text
     assert "amplitudes of the modes at most twice" in text
     assert text.count("<- recommended") == 1
 

@@ -352,7 +352,7 @@ def test_the_text_names_entries(error):
 
 def test_the_diameter_covers_the_sets():
     problem, _ = random_matrix_problem(6, 2, 2, 2, rho=1.4)
-    wide = rid.certify.diameter(problem, omega=[2.5], directions=8, rtol=0.05)
+    wide = rid.diameter(problem, omega=[2.5], directions=8, rtol=0.05)
     error = bounded(problem, [2.5], directions=8)
     for entry in np.ndindex(2, 2):
         points = error.of_entry(*entry)[0].points
@@ -373,8 +373,8 @@ def test_half_widths_of_matrices_are_below_the_errors():
 @pytest.mark.parametrize(
     ("name", "ask"),
     [
-        ("response_tube", rid.certify.response_tube),
-        ("refute", lambda result: rid.certify.refute(result, result.problem.frequency[0])),
+        ("response_tube", rid.response_tube),
+        ("refute", lambda result: rid.refute(result, result.problem.frequency[0])),
         ("worst_case_over_poles", lambda result: rid.worst_case_over_poles(result, [[0.7, 0.9]], [[0.04, 0.06]])),
         ("suggest_next", rid.suggest_next),
     ],

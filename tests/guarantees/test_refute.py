@@ -190,8 +190,14 @@ def test_bad_input(mixed):
         ),
         (dataclasses.replace(good, dt=None), "`new_data` must have the dt .* got dt = None"),
         (two, "`new_data` must have one input and one output; got 2 outputs and 1 inputs"),
-        (dataclasses.replace(record, initial="free"), "`new_data` must start at rest; .*'free'.*together"),
-        (dataclasses.replace(record, initial="periodic"), "`new_data` must start at rest; .*'periodic'.*estimate_frf"),
+        (
+            dataclasses.replace(record, initial="free"),
+            "`new_data` must have zero initial conditions; .*'free'.*together",
+        ),
+        (
+            dataclasses.replace(record, initial="periodic"),
+            "`new_data` must have zero initial conditions; .*'periodic'.*estimate_frf",
+        ),
     ]
     for data, sentence in cases:
         with pytest.raises(rid.InputError, match=sentence):

@@ -10,7 +10,7 @@ import pytest
 import robustid as rid
 from robustid.core.simulation import simulate
 from robustid.guarantees import horizon, response_tube
-from robustid.guarantees.impulse_tail import tail_bounds
+from robustid.guarantees.horizon import tail_bounds
 from robustid.identification.support_certificate import Functional
 from support.problems import CASES, random_problem, truth_of
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import entry_weights, guaranteed_margin, magnitude_weight, uncertainty_weight
-from robustid.guarantees.enclosure import enclose
+from robustid.guarantees import entry_weights, magnitude_weight, robust_stability_margin, uncertainty_weight
+from robustid.guarantees.cells import enclose
 from support.weights import check_densely, largest_on, mode, modulus, random_model, values_of
 
 
@@ -118,13 +118,16 @@ def test_enclosed_values_hold_on_the_whole_piece(rng):
         (lambda e, b: uncertainty_weight(mode(), e, 9 * b, kind="inverse"), r"at [0-9.]+ rad/s: \|nominal\| may be as"),
         (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "`nominal` must be discrete"),
         (lambda e, b: entry_weights(mode(), e, b), r"`bound` must have shape \(C, ny, nu\)"),
-        (lambda e, b: guaranteed_margin(mode(), mode() * np.ones((2, 1)), e, b), "`controller` must have 1 inputs"),
         (
-            lambda e, b: guaranteed_margin(mode(), control.ss(0.5, 1, 1, 0, 0.2), e, b),
+            lambda e, b: robust_stability_margin(mode(), mode() * np.ones((2, 1)), e, b),
+            "`controller` must have 1 inputs",
+        ),
+        (
+            lambda e, b: robust_stability_margin(mode(), control.ss(0.5, 1, 1, 0, 0.2), e, b),
             "`controller` must have the sample",
         ),
         (
-            lambda e, b: guaranteed_margin(control.ss([], [], [], 1, 0.1), control.ss([], [], [], -1, 0.1), e, b),
+            lambda e, b: robust_stability_margin(control.ss([], [], [], 1, 0.1), control.ss([], [], [], -1, 0.1), e, b),
             "well-posed",
         ),
     ],

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import PoleBand
+from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import over_poles, write_report
 from robustid.report.html import render_report
 from robustid.report.over_poles import box_rows, chart
@@ -25,17 +25,19 @@ WORDS = "any pole in the box (4 frequencies)"
 
 
 @pytest.fixture(scope="module")
-def band() -> PoleBand:
+def band() -> WorstCaseOverPoles:
     return rid.worst_case_over_poles(identified(), *BOX, omega=2 * np.pi * HZ, directions=4, cells=1)
 
 
 @pytest.fixture(scope="module")
-def error(band: PoleBand) -> rid.WorstCaseError:
+def error(band: WorstCaseOverPoles) -> rid.WorstCaseError:
     omega = 2 * np.pi * np.array([0.0, 4.0, 17.6, 40.0])
     return rid.worst_case_error(band.identification, omega=omega, directions=4)
 
 
-def test_both_ranges_and_both_errors_are_those_of_the_results(band: PoleBand, error: rid.WorstCaseError) -> None:
+def test_both_ranges_and_both_errors_are_those_of_the_results(
+    band: WorstCaseOverPoles, error: rid.WorstCaseError
+) -> None:
     magnitude, errors = chart(band, error).panels
     inside = [1, 2]  # of the frequencies at the fixed poles: within those of the band
     for name, found, omega in (
@@ -56,7 +58,7 @@ def test_both_ranges_and_both_errors_are_those_of_the_results(band: PoleBand, er
     assert HZ[-1] <= magnitude.x.range[1] < 40
 
 
-def test_errors_beside_each_other_are_of_one_model(band: PoleBand, error: rid.WorstCaseError) -> None:
+def test_errors_beside_each_other_are_of_one_model(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
     small = rid.balanced_truncation(band.model, order=4).model
     other = dataclasses.replace(band, model=small)
     magnitude, errors = chart(other, error).panels
@@ -69,7 +71,7 @@ def test_errors_beside_each_other_are_of_one_model(band: PoleBand, error: rid.Wo
     np.testing.assert_allclose(area.high[index], band.magnitude[:, 1], rtol=1e-9)
 
 
-def test_one_frequency_and_none_beside_it_are_drawn(band: PoleBand, error: rid.WorstCaseError) -> None:
+def test_one_frequency_and_none_beside_it_are_drawn(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
     one = dataclasses.replace(band, omega=band.omega[1:2], upper=band.upper[1:2], magnitude=band.magnitude[1:2])
     page = Page(render_report(band.identification, over_poles=one, worst_case=error))
     assert "over_poles-0" in page.figures
@@ -77,7 +79,7 @@ def test_one_frequency_and_none_beside_it_are_drawn(band: PoleBand, error: rid.W
     assert "at 8 Hz" in page.text
 
 
-def test_a_range_without_an_end_reaches_beyond_the_axis(band: PoleBand) -> None:
+def test_a_range_without_an_end_reaches_beyond_the_axis(band: WorstCaseOverPoles) -> None:
     open_ = dataclasses.replace(
         band,
         upper=np.where(band.upper == band.upper[2], np.inf, band.upper),
@@ -97,7 +99,7 @@ def test_a_range_without_an_end_reaches_beyond_the_axis(band: PoleBand) -> None:
         assert all(np.isfinite(panel.y.range).all() for panel in one.panels)
 
 
-def test_page_says_what_is_guaranteed_over_the_box(band: PoleBand, error: rid.WorstCaseError) -> None:
+def test_page_says_what_is_guaranteed_over_the_box(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
     page = Page(render_report(band.identification, over_poles=band, worst_case=error))
     fixed = error.upper.ravel()[1:3].max()
     wanted = [
@@ -117,7 +119,7 @@ def test_page_says_what_is_guaranteed_over_the_box(band: PoleBand, error: rid.Wo
     assert all(text in page.text for text in (*row.hz, *row.damping))
 
 
-def test_the_box_before_and_after_the_refuted_cells(band: PoleBand) -> None:
+def test_the_box_before_and_after_the_refuted_cells(band: WorstCaseOverPoles) -> None:
     (kept,) = band.kept
     ends = np.array(band.box.omega)
     ends[1, 1] = ends[1].mean()
@@ -130,7 +132,7 @@ def test_the_box_before_and_after_the_refuted_cells(band: PoleBand) -> None:
     assert "2 cells cover the box; 1 of them proved not to hold" in dict(over_poles.rows(split, None))["Cells"]
 
 
-def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: PoleBand) -> None:
+def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: WorstCaseOverPoles) -> None:
     page = Page(render_report(band.identification, over_poles=band))
     assert ("section", {"class": "verdict consistent", "id": "box-certificates"}) in page.tags
     false = dataclasses.replace(band, upper=band.upper * 0.9)
@@ -153,20 +155,22 @@ def test_text_of_strangers_is_escaped() -> None:
         assert axis[:5] not in ("xaxis", "yaxis") or not re.search(r"<(?!br>)", layout["title"]["text"])
 
 
-def test_misuse_is_named(band: PoleBand, tmp_path: Path) -> None:
+def test_misuse_is_named(band: WorstCaseOverPoles, tmp_path: Path) -> None:
     with pytest.raises(rid.InputError, match="`over_poles` is about another identification"):
         write_report(identified(np.full(7, 0.1)), tmp_path / "a.html", over_poles=band)
-    with pytest.raises(rid.InputTypeError, match="`over_poles` must be a PoleBand, from worst_case_over_poles"):
+    with pytest.raises(
+        rid.InputTypeError, match="`over_poles` must be a WorstCaseOverPoles, from worst_case_over_poles"
+    ):
         write_report(band.identification, tmp_path / "a.html", over_poles=1)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chromium` on the path")
 def test_the_page_with_every_section_draws_without_an_error_or_sideways_scroll(
-    band: PoleBand, error: rid.WorstCaseError, tmp_path: Path
+    band: WorstCaseOverPoles, error: rid.WorstCaseError, tmp_path: Path
 ) -> None:
     result = band.identification
-    step = rid.certify.response_tube(result, input="step", horizon=6)
+    step = rid.response_tube(result, input="step", horizon=6)
     table = rid.sensitivity(result.problem, omega=[30.0])
     report = tmp_path / "report.html"
     write_report(result, report, worst_case=error, over_poles=band, tube=step, sensitivity=table)

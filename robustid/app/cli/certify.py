@@ -190,7 +190,7 @@ def verify(
     130 interrupted.
     """
     from robustid.app.files import load_result
-    from robustid.guarantees import PoleBand, WorstCaseError
+    from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 
     console = terminal.console()
     with in_words(_OPTIONS):
@@ -198,7 +198,7 @@ def verify(
         failed = _identification_failures(console, getattr(result, "identification", result), exact)
         if isinstance(result, WorstCaseError):
             failed += _bound_failures(console, result, exact)
-        elif isinstance(result, PoleBand):
+        elif isinstance(result, WorstCaseOverPoles):
             failed += _band_failures(console, result, exact)
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
     _say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", _ASSUMED)

@@ -68,13 +68,13 @@ def report(
 def _bounds(files: list[Path], result: Any) -> dict[str, Any]:
     """What was saved of the identification, by the argument of `write_report` that takes it."""
     from robustid.app.files import load_result
-    from robustid.guarantees import PoleBand
+    from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
 
     found: dict[str, Any] = {}
     for file in files:
         bound = load_result(file, "worst-case error", "band over poles")
-        name = "over_poles" if isinstance(bound, PoleBand) else "worst_case"
+        name = "over_poles" if isinstance(bound, WorstCaseOverPoles) else "worst_case"
         if name in found:
             raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
         found[name] = bound

@@ -1,4 +1,4 @@
-"""Does one controller stabilise every plant of the set? The small-gain condition, on whole arcs of the circle."""
+"""robust_stability_margin(): the small-gain condition of one controller for every plant of a set, on whole arcs of the circle."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import scipy.linalg
 
 from robustid.core import Frozen
 from robustid.errors import InputError
-from robustid.guarantees.cells import KINDS, Cells, check_plant
-from robustid.guarantees.enclosure import Pieces, enclose
+from robustid.guarantees.cells import KINDS, Cells, Pieces, check_plant, enclose
 from robustid.identification import check_model
 from robustid.reduction import doubtful_distance
 
@@ -23,7 +22,7 @@ _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the c
 
 
 class MarginStatus(enum.Enum):
-    """What the small-gain condition says; the value is the user's sentence."""
+    """Verdict of the small-gain condition; the value is the user's sentence."""
 
     GUARANTEED = "guaranteed: the controller stabilises every plant of the set"
     OPEN = "not guaranteed: the nominal loop is stable, but the small-gain condition fails; a plant of the set may be unstable"
@@ -31,8 +30,8 @@ class MarginStatus(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class GuaranteedMargin(Frozen):
-    """How much larger the uncertainty could be before stability is no longer guaranteed.
+class RobustStabilityMargin(Frozen):
+    """Factor by which the uncertainty could grow before stability is no longer guaranteed.
 
     Attributes
     ----------
@@ -49,18 +48,18 @@ class GuaranteedMargin(Frozen):
     status: MarginStatus
 
     def __repr__(self) -> str:
-        return f"<GuaranteedMargin: {self.status.name.lower()}, margin {self.margin:.6g} at {self.frequency:.6g} rad/s>"
+        return f"<RobustStabilityMargin: {self.status.name.lower()}, margin {self.margin:.6g} at {self.frequency:.6g} rad/s>"
 
     @property
     def guaranteed(self) -> bool:
-        """Whether every plant of the set is stabilised."""
+        """Return whether every plant of the set is stabilised."""
         return self.status is MarginStatus.GUARANTEED
 
 
-def guaranteed_margin(
+def robust_stability_margin(
     nominal: control.StateSpace, controller: control.StateSpace, edges: Any, bound: Any, *, kind: str = "additive"
-) -> GuaranteedMargin:
-    r"""Guaranteed stability margin of a controller against every plant within a bound of the nominal model.
+) -> RobustStabilityMargin:
+    r"""Robust stability margin of a controller against every plant within a bound of the nominal model.
 
     With negative feedback ``u = -K y``, sensitivity ``S = (I + F_id K)^{-1}`` and ``T = I - S``, every loop is stable if the
     nominal one is and, for all frequencies,
@@ -69,7 +68,7 @@ def guaranteed_margin(
 
     for an additive, multiplicative and inverse multiplicative bound b. The margin is the smallest reciprocal of the left
     side. For a bound per entry (additive) it is that of the spectral radius of :math:`[b_{ij}]\,[|KS|_{ij}]`, which does not
-    depend on the units of the channels.
+    depend on the units of the signals.
 
     Parameters
     ----------
@@ -85,7 +84,7 @@ def guaranteed_margin(
 
     Returns
     -------
-    GuaranteedMargin
+    RobustStabilityMargin
         `margin` is at most 0.1 % below what the condition gives.
 
     Raises
@@ -106,10 +105,10 @@ def guaranteed_margin(
     Examples
     --------
     >>> import control
-    >>> from robustid.guarantees import guaranteed_margin
+    >>> from robustid.guarantees import robust_stability_margin
     >>> nominal = control.ss(0.5, 1.0, 1.0, 0.0, 1.0)
     >>> gain = control.ss([], [], [], 0.25, 1.0)  # K S = 0.25 (z - 0.5)/(z - 0.25), at most 0.3 in modulus (z = -1)
-    >>> result = guaranteed_margin(nominal, gain, [0.0, 1.0, 3.141592653589793], [0.5, 0.5])
+    >>> result = robust_stability_margin(nominal, gain, [0.0, 1.0, 3.141592653589793], [0.5, 0.5])
     >>> round(result.margin, 1), result.guaranteed
     (6.7, True)
     """
@@ -128,11 +127,11 @@ def guaranteed_margin(
     poles, doubt = doubtful_distance(loop.A)
     if np.any(1 - np.abs(poles) <= doubt):
         worst = poles[np.argmax(np.abs(poles))]
-        return GuaranteedMargin(0.0, float(np.abs(np.angle(worst)) / plant.dt), MarginStatus.UNSTABLE)
+        return RobustStabilityMargin(0.0, float(np.abs(np.angle(worst)) / plant.dt), MarginStatus.UNSTABLE)
     gain, angle = _largest_gain(loop, cells)
     margin = 1 / gain if gain else np.inf
     status = MarginStatus.GUARANTEED if margin > 1 else MarginStatus.OPEN
-    return GuaranteedMargin(float(margin), float(angle / plant.dt), status)
+    return RobustStabilityMargin(float(margin), float(angle / plant.dt), status)
 
 
 def _check_controller(controller: Any, plant: Any) -> Any:

@@ -1,4 +1,4 @@
-"""worst_case_over_poles(): the guarantee where the poles themselves are known up to a box only."""
+"""worst_case_over_poles(): the guarantee where the poles themselves are known up to a pole-uncertainty box only."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ import numpy as np
 
 from robustid.core import Frozen, as_count, as_positive, freeze, response, save, threads_for, worker_pool
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
-from robustid.guarantees.claims import SupportClaim
-from robustid.guarantees.consistent_set import ConsistentSet, check_one_channel, set_of
-from robustid.guarantees.nominal import as_frequencies, as_nominal
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of
+from robustid.guarantees.nominal import as_frequencies, as_nominal, check_siso
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
 from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
@@ -28,8 +27,8 @@ _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are comput
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class PoleBand(Frozen):
-    """What all consistent systems can do whose poles lie anywhere in a box.
+class WorstCaseOverPoles(Frozen):
+    """Largest distance from a model, and magnitudes, of all consistent systems whose poles lie anywhere in a pole-uncertainty box.
 
     Attributes
     ----------
@@ -62,12 +61,12 @@ class PoleBand(Frozen):
 
     @property
     def cells(self) -> tuple[PoleCell, ...]:
-        """Those that may contain the poles."""
+        """Cells that may contain the poles."""
         return tuple(item.cell for item in self.kept)
 
     @property
     def certified(self) -> bool:
-        """Whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        """Return whether every bound has its certificate and every certificate, evaluated anew, supports it."""
         return self.verify()
 
     def verify(self, exact: bool = False) -> bool:
@@ -93,7 +92,7 @@ class PoleBand(Frozen):
 
     @property
     def covered(self) -> bool:
-        """Whether the cells, kept and refuted, leave out no part of the box, and assume no smaller amplitudes than are stated."""
+        """Return whether the cells, kept and refuted, cover the box, and assume no smaller amplitudes than are stated."""
         box, cells = self.box, [*self.cells, *(item.cell for item in self.refuted)]
         try:
             stated = box_of(self.identification, box.omega, box.damping, box.delay)
@@ -105,7 +104,7 @@ class PoleBand(Frozen):
 
     @property
     def supported(self) -> bool:
-        """Whether the polygons of the kept cells give the stated bounds, and there are data that can refute the others."""
+        """Return whether the polygons of the kept cells give the stated bounds, and there are data that can refute the others."""
         problem = self.identification.problem
         if not self.kept or not all(item.is_about(problem, self.omega) for item in (*self.kept, *self.refuted)):
             return False
@@ -127,7 +126,7 @@ class PoleBand(Frozen):
 
     @property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Box of the cells that are left: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
+        """Smallest box around the cells that are left: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
         return tuple(
             np.stack(
                 [
@@ -140,15 +139,18 @@ class PoleBand(Frozen):
         )  # type: ignore[return-value]
 
     def __repr__(self) -> str:
-        return f"<PoleBand: {self.omega.size} frequencies, {len(self.cells)} cells of poles left, {len(self.refuted)} refuted>"
+        return (
+            f"<WorstCaseOverPoles: {self.omega.size} frequencies, {len(self.cells)} cells of poles left,"
+            f" {len(self.refuted)} refuted>"
+        )
 
     def summary(self) -> str:
         """The result in plain text."""
         response_size = np.abs(response(self.model, self.omega * self.identification.problem.dt))
         relative = self.upper[:, 0, 0] / response_size
         lines = [
-            f"guarantee  every consistent system with poles in the box is within {self.upper.max():.4g} of the model"
-            f" (median {100 * np.median(relative):.3g} % of the response)",
+            f"guarantee  every consistent system with poles in the pole-uncertainty box is within {self.upper.max():.4g} of the"
+            f" model (median {100 * np.median(relative):.3g} % of the response)",
             f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to",
         ]
         stated = self.box.omega, self.box.damping
@@ -181,12 +183,12 @@ def worst_case_over_poles(
     executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
-) -> PoleBand:
-    """Guaranteed error of a model over all consistent systems whose poles lie in a box: the union of the bands of its cells.
+) -> WorstCaseOverPoles:
+    """Guaranteed error of a model over all consistent systems whose poles lie in a pole-uncertainty box: the union over its cells.
 
-    Poles that were taken from data carry the box that the data leave (`suggest_kautz`). Margin below 1 does not validate them, and
-    the band at the suggested poles does not cover the others. Here each cell of the box is relaxed to a convex problem that
-    every system with poles inside solves (`PoleCell`); cells that are proved inconsistent are left out.
+    Poles that were taken from data carry a pole-uncertainty box: what the data leave to them (`suggest_kautz`). A margin below 1
+    does not validate them, and the band at the suggested poles does not cover the others. Here each cell of the box is relaxed to a
+    convex problem that every system with poles inside solves (`PoleCell`); cells that are proved inconsistent are left out.
 
     Parameters
     ----------
@@ -203,13 +205,13 @@ def worst_case_over_poles(
 
     Returns
     -------
-    PoleBand
+    WorstCaseOverPoles
 
     Raises
     ------
     InputError
         Intervals that are empty, not of the number of modes or do not hold the poles of the identification, pairs of another delay,
-        time records that do not start at rest.
+        time records with other than zero initial conditions.
     InconsistentDataError
         No system with poles in the box fits the data: all cells are refuted.
 
@@ -231,7 +233,7 @@ def worst_case_over_poles(
     """
     if not isinstance(identification, Identification):
         raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
-    check_one_channel(identification.problem, "worst_case_over_poles")
+    check_siso(identification.problem, "worst_case_over_poles")
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
@@ -241,12 +243,12 @@ def worst_case_over_poles(
         sets, refuted = _search(problem, whole, grid, cells)
     if not sets:
         raise InconsistentDataError(
-            f"no system with poles in the box fits the data: all {len(refuted)} cells of it are refuted; loosen the bounds, the"
-            " prior or the box"
+            f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"
+            " the bounds, the prior or the box"
         )
     kept = _bounded(sets, grid, (directions, gap), executor, progress, resume)
     upper, magnitude = union_of(kept, response(model, grid * problem.dt), grid * problem.dt)
-    return PoleBand(
+    return WorstCaseOverPoles(
         identification=identification,
         model=model,
         omega=grid,

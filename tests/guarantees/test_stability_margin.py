@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import MarginStatus, guaranteed_margin, uncertainty_weight
+from robustid.guarantees import MarginStatus, robust_stability_margin, uncertainty_weight
 from support.weights import largest_on, mode, pair, random_model, values_of
 
 
@@ -52,7 +52,7 @@ def test_guaranteed_means_that_every_drawn_plant_is_stabilised(rng):
     nominal, controller = mode(), control.ss(control.tf([0.2, -0.15], [1, -0.5], 0.1))
     edges = np.linspace(0, np.pi, 61) / 0.1
     bound = 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
-    result = uncertainty_weight(nominal, edges, bound).guaranteed_margin(controller)
+    result = uncertainty_weight(nominal, edges, bound).robust_stability_margin(controller)
     assert result.guaranteed
     assert result.margin > 1
     for scale in (1.0, result.margin * 0.999):
@@ -83,20 +83,20 @@ def test_beyond_the_margin_a_plant_of_the_set_is_not_stabilised(gain):
     """Without a smaller set than all |E| <= bound, the margin is exact: the worst E turns E K S to -1 where |KS| is largest."""
     nominal, controller = mode(damping=0.1), control.ss([], [], [], gain, 0.1)
     assert closed_loop_radius(nominal, controller) < 1
-    result = guaranteed_margin(nominal, controller, [0.0, np.pi / 0.1], [1.0])
+    result = robust_stability_margin(nominal, controller, [0.0, np.pi / 0.1], [1.0])
     angle = 0.1 * result.frequency
     loop = gain / (1 + gain * values_of(nominal, np.array([result.frequency]))[0, 0, 0])
     for part, stable in ((0.99, True), (1.01, False)):
         plant = nominal + all_pass_error(part * result.margin, angle, -1 / loop)
         assert (closed_loop_radius(plant, controller) < 1) == stable
-    small = guaranteed_margin(nominal, controller, [0.0, np.pi / 0.1], [1.01 * result.margin])
+    small = robust_stability_margin(nominal, controller, [0.0, np.pi / 0.1], [1.01 * result.margin])
     assert small.status is MarginStatus.OPEN
     assert not small.guaranteed
     assert small.margin == pytest.approx(1 / 1.01, rel=1e-6)
 
 
 def test_an_unstable_nominal_loop_has_no_margin():
-    result = guaranteed_margin(mode(), control.ss([], [], [], 50.0, 0.1), [0.0, np.pi / 0.1], [1e-9])
+    result = robust_stability_margin(mode(), control.ss([], [], [], 50.0, 0.1), [0.0, np.pi / 0.1], [1e-9])
     assert result.status is MarginStatus.UNSTABLE
     assert result.margin == 0
     assert not result.guaranteed
@@ -109,11 +109,11 @@ def test_an_integrator_with_a_relative_bound(rng):
     edges = np.geomspace(0.02, np.pi, 31) / 0.1
     error = 0.2 * np.abs(values_of(nominal, edges[1:]))[:, 0, 0]
     with pytest.raises(rid.InputError, match=r"must start at 0; got 0\.2 rad/s.*below="):
-        uncertainty_weight(nominal, edges, error).guaranteed_margin(controller)
+        uncertainty_weight(nominal, edges, error).robust_stability_margin(controller)
     weight = uncertainty_weight(nominal, edges, error, kind="multiplicative", below=0.2)
     assert weight.edges[0] == 0
     assert np.all(weight.bound <= 0.21)
-    result = weight.guaranteed_margin(controller)
+    result = weight.robust_stability_margin(controller)
     omega = np.linspace(1e-4, np.pi / 0.1, 50_001)
     L = (values_of(nominal, omega) * values_of(controller, omega))[:, 0, 0]
     assert 0.95 / np.abs(0.2 * L / (1 + L)).max() <= result.margin <= 1 / np.abs(0.2 * L / (1 + L)).max()
@@ -142,7 +142,7 @@ def test_the_margin_of_each_kind_against_a_dense_grid_with_two_channels(rng, kin
     loop = {"additive": K @ S, "multiplicative": F @ K @ S, "inverse": S}[kind]
     here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 19)]
     expected = 1 / (here * np.linalg.norm(loop, 2, axis=(1, 2))).max()
-    result = guaranteed_margin(nominal, controller, edges, bound, kind=kind)
+    result = robust_stability_margin(nominal, controller, edges, bound, kind=kind)
     assert 0.997 * expected <= result.margin <= expected * (1 + 1e-9)
 
 
@@ -150,14 +150,14 @@ def test_bounds_per_entry_do_not_depend_on_units(rng):
     nominal = random_model(rng, 2, 3)
     controller = small_controller(rng, nominal)
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, rng.uniform(0.2, 1.0, (10, 2, 3))
-    result = guaranteed_margin(nominal, controller, edges, bound)
+    result = robust_stability_margin(nominal, controller, edges, bound)
     omega = np.linspace(0, np.pi / 0.1, 20_001)
     F, K = values_of(nominal, omega), values_of(controller, omega)
     here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 9)]
     condition = np.abs(np.linalg.eigvals(here @ np.abs(K @ np.linalg.inv(np.eye(2) + F @ K)))).max()
     assert 0.997 / condition <= result.margin <= (1 + 1e-9) / condition
     left, right = np.diag([1e3, 1e-2]), np.diag([1.0, 1e4, 1e-4])
-    scaled = guaranteed_margin(
+    scaled = robust_stability_margin(
         rescaled(nominal, left, right),
         rescaled(controller, np.linalg.inv(right), np.linalg.inv(left)),
         edges,
@@ -170,8 +170,10 @@ def test_channels_that_do_not_meet_have_the_smaller_of_their_margins():
     """Two decoupled loops, whose entries are exactly zero where they would meet."""
     first, second = control.ss(0.5, 1.0, 1.0, 0.0, 0.1), mode(damping=0.2)
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, np.linspace(0.3, 0.1, 10)
-    alone = [guaranteed_margin(model, control.ss([], [], [], 0.1, 0.1), edges, bound) for model in (first, second)]
-    both = guaranteed_margin(
+    alone = [
+        robust_stability_margin(model, control.ss([], [], [], 0.1, 0.1), edges, bound) for model in (first, second)
+    ]
+    both = robust_stability_margin(
         control.append(first, second),
         control.ss([], [], [], 0.1 * np.eye(2), 0.1),
         edges,
@@ -228,7 +230,7 @@ def test_a_synthesised_controller_keeps_the_gain_that_was_promised():
     assert reached == pytest.approx(gain, rel=1e-3)
     assert reached <= gain * (1 + 1e-6)
     # |W K S| <= gain, and W is above the bound.
-    assert weight.guaranteed_margin(controller).margin >= (1 - 1e-3) / gain
+    assert weight.robust_stability_margin(controller).margin >= (1 - 1e-3) / gain
 
 
 def test_the_model_of_an_identification():
@@ -241,7 +243,7 @@ def test_the_model_of_an_identification():
     edges = np.linspace(0, np.pi, 101) / nominal.dt
     weight = uncertainty_weight(nominal, edges, np.linspace(0.05, 0.2, 100))
     controller = control.ss([], [], [], -0.02, nominal.dt)
-    result = weight.guaranteed_margin(controller)
+    result = weight.robust_stability_margin(controller)
     omega = np.sort(np.append(np.linspace(0, edges[-1], 50_001), 2 * np.pi * (17.67 + np.linspace(-1, 1, 2001))))
     condition = weight.bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 99)] * np.abs(
         0.02 / (1 - 0.02 * np.asarray(nominal(np.exp(1j * omega * nominal.dt))))
