@@ -11,7 +11,7 @@ import robustid as rid
 from robustid.core.simulation import response
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.curvature import second_derivative
-from robustid.guarantees.value_set import value_set, value_set_claims
+from robustid.guarantees.value_set import ValueSet, value_set, value_set_claims
 from robustid.identification.model import nominal_model
 from robustid.identification.solver.conic import Candidate
 from robustid.identification.support_certificate import Functional, certify_support, evaluate_support
