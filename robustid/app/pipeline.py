@@ -2,114 +2,78 @@
 
 from __future__ import annotations
 
-import dataclasses
+import inspect
 import os
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robustid.advice import response_sizes, suggest_kautz, suggest_prior
-from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE, read_run_file
-from robustid.app.run_result import IdentifiedReduced, Store
-from robustid.app.run_steps import Say, default_prior
-from robustid.app.sources import Measured, measured
-from robustid.app.steps_of_data import from_data, from_problem
-from robustid.bases import kautz
-from robustid.core import Frozen
+from robustid.app.checks import Option, options, refuse_unknown
+from robustid.app.folder import RunFolder
+from robustid.app.measurements import Measured, Say, measured
+from robustid.app.result import IdentifiedReduced
+from robustid.app.run_file import SECTIONS, read_run_file
+from robustid.app.sequence import Surroundings, from_data, from_problem
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.identification import MixedProblem, Prior, prior_fields
 
-__all__ = ["IdentifiedReduced", "Proposal", "identify_reduced", "propose", "run"]
+__all__ = ["IdentifiedReduced", "identify_reduced", "run"]
+
+# The options of a run file that are arguments of `identify_reduced` too: their section, their key there, their description.
+_KEYWORDS = {
+    option.keyword: (section, field, option)
+    for section, kind in SECTIONS.items()
+    for field, option in options(kind)
+    if option.keyword
+}
 
 
-@dataclasses.dataclass(frozen=True)
-class Proposal(Frozen):
-    """A problem with everything that it needs, and how each part was chosen.
-
-    Attributes
-    ----------
-    problem : MixedProblem
-    choices : tuple of str
-        One paragraph per choice that the program made.
-    """
-
-    problem: MixedProblem
-    choices: tuple[str, ...]
-
-
-def propose(
-    *,
-    frequency: Sequence[FrequencyResponse] = (),
-    time: Sequence[TimeRecord] = (),
-    modes: Sequence[tuple[float, float]] | None = None,
-    prior: Prior | None = None,
-    repeat: int = 1,
-    delay: int | None = None,
-) -> Proposal:
-    """A `MixedProblem` from data alone: modes and prior are suggested where they are not given.
-
-    Parameters
-    ----------
-    frequency, time : sequences of experiments
-    modes : sequence of (Hz, damping), optional
-        Poles of the parametric part; empty for none; None to take them from the first frequency response.
-    prior : Prior, optional
-        None to take it from the curve of the smallest gain bound.
-    repeat : int
-        Multiplicity of each pole.
-    delay : int, samples, optional
-        Of the pairs; default what the data suggest, 1 where nothing does.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Data without sample time or bound, with different channels or sample times.
-    """
-    choices = []
-    placeholder = prior or default_prior((*frequency, *time))
-    # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    step, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
-    if modes:
-        hz, damping = np.array(modes, dtype=float).T
-        basis = kautz(2 * np.pi * hz, damping, dt=step, repeat=repeat, delay=1 if delay is None else delay)
-    elif modes is None and frequency:
-        suggestion = suggest_kautz(frequency[0], repeat=repeat, delay=delay)
-        basis = suggestion.basis
-        choices.append(MODES_NOTE + suggestion.summary())
-    problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
-    if prior is None:
-        found = suggest_prior(problem)
-        choices.append(PRIOR_NOTE + found.summary())
-        chosen = found.prior
-        if chosen is None:  # nothing fits: a class large enough to show the contradiction of the data themselves
-            size = 100 * response_sizes(problem)[0]
-            chosen = dataclasses.replace(placeholder, gain_bound=size or 1.0, decay_rate=float(found.decay_rates[0]))
-        problem = dataclasses.replace(problem, prior=chosen)
-    return Proposal(problem, tuple(choices))
+def _with_keywords(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give signature and docstring of a function the options of the run file that are arguments too."""
+    signature = inspect.signature(function)
+    *own, _ = signature.parameters.values()
+    stated = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type)
+        for name, (_, field, _) in _KEYWORDS.items()
+    ]
+    function.__signature__ = signature.replace(parameters=[*own, *stated])  # type: ignore[attr-defined]
+    lines = [_described(name, field.type, field.default, option) for name, (_, field, option) in _KEYWORDS.items()]
+    function.__doc__ = (function.__doc__ or "").replace("    {options}\n", "".join(lines))
+    return function
 
 
+def _described(name: str, kind: Any, default: Any, option: Option) -> str:
+    """Lines of a numpydoc section."""
+    text = option.sentence + (f" In {option.unit}." if option.unit else "")
+    return f"    {name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(text, 120), 8 * ' ')}\n"
+
+
+def _stated(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Arguments by section and key of the run file, checked under their own name."""
+    _, *known = inspect.signature(identify_reduced).parameters
+    refuse_unknown(given, known, "identify_reduced", "argument", InputTypeError)
+    content: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
+    for name, value in given.items():
+        section, field, option = _KEYWORDS[name]
+        if value is not None or field.default is not None:
+            content[section][field.name] = option.check(f"`{name}`", value)
+    return content
+
+
+@_with_keywords
 def identify_reduced(
     data: Any,
     *,
     modes: Sequence[tuple[float, float]] | None = None,
-    repeat: int = 1,
-    delay: int | None = None,
     prior: Prior | None = None,
-    inflate: float | str = 1.0,
-    objective: str = "center",
-    solver: str = "auto",
-    accuracy: float = 1e-4,
-    form: str = "auto",
-    rigid_body: int | None = None,
-    worst_case: bool = True,
     omega: Any = None,
-    directions: int = 16,
-    rtol: float = 0.05,
     executor: Any = None,
     progress: Say | None = None,
+    **stated: Any,
 ) -> IdentifiedReduced:
     """From bounded data to the smallest model inside the bounds, with its worst-case error and all choices.
 
@@ -122,23 +86,13 @@ def identify_reduced(
         A problem states the class: `modes`, `repeat`, `delay` and `prior` are not given then. Else data with bounds.
     modes : sequence of (Hz, damping), optional
         Poles of the parametric part; empty for none; None to take them from the first frequency response.
-    repeat, delay : int
-        Multiplicity of each pole; delay of the pairs in samples.
     prior : Prior, optional
         None: twice the smallest gain bound, at the knee of its curve against the decay rate.
-    inflate : float or "auto"
-        Factor on all bounds, said in every result. "auto": the smallest with which the class (without `prior`: the modes beside a
-        rest as large as the median response, at the middle decay rate) is consistent, and 10 % more; 1 where it is without.
-    objective, solver, accuracy, form : optional
-        As in `identify`.
-    rigid_body : int, optional
-        Rigid-body modes of the small model, as in `reduce_within_bounds`.
-    worst_case : bool
-        Whether the worst-case error is bounded, the longest part.
-    omega, directions, rtol, executor : optional
+    omega, executor : optional
         As in `worst_case_error`.
     progress : callable (text, done, all), optional
         `done` and `all` are None where nothing is counted.
+    {options}
 
     Returns
     -------
@@ -148,7 +102,7 @@ def identify_reduced(
     Raises
     ------
     InputError, InputTypeError
-        Data without bounds, of different channels, contradictory arguments.
+        Data without bounds, of different signals, contradictory or unknown arguments.
 
     Notes
     -----
@@ -164,26 +118,22 @@ def identify_reduced(
     >>> small.consistent, small.reduction.order, bool(small.error.upper[0, 0, 0] < 0.3)
     (True, 4, True)
     """
-    say = progress or _silent
-    hz = None if omega is None else [float(w) / (2 * np.pi) for w in np.atleast_1d(np.asarray(omega, dtype=float))]
-    content: dict[str, Any] = {
-        "modes": {"repeat": repeat} | ({} if delay is None else {"delay": delay}),
-        "identify": {"objective": objective, "solver": solver, "accuracy": accuracy, "form": form, "inflate": inflate},
-        "small_model": {} if rigid_body is None else {"rigid_body": rigid_body},
-        "worst_case": {"compute": worst_case, "directions": directions, "rtol": rtol}
-        | ({} if hz is None else {"at_hz": hz}),
-    }
+    content = _stated(stated)
+    if omega is not None:
+        hz = np.atleast_1d(np.asarray(omega, dtype=float)) / (2 * np.pi)
+        content["worst_case"]["at_hz"] = hz.tolist()
     if modes is not None:
         content["modes"] |= {"hz": [float(m[0]) for m in modes], "damping": [float(m[1]) for m in modes]}
     if prior is not None:
         content["prior"] = {name: value for name, value in prior_fields(prior).items() if value is not None}
     asked = read_run_file(content, "identify_reduced", sources=False)
-    if isinstance(data, MixedProblem):
-        given = [("modes", modes), ("prior", prior), ("delay", delay), ("repeat", None if repeat == 1 else repeat)]
-        if stated := [name for name, value in given if value is not None]:
-            raise InputError(f"`{stated[0]}` is part of the problem already; change it there, or give the data alone")
-        return from_problem(asked, data, say, executor)
-    return from_data(asked, _as_measured(data), say, Store(), executor)
+    around = Surroundings(progress or _silent, executor=executor)
+    if not isinstance(data, MixedProblem):
+        return from_data(asked, _as_measured(data), around)
+    given = {"modes": modes, "prior": prior, "delay": asked.modes.delay, "repeat": asked.modes.repeat > 1 or None}
+    if named := [name for name, value in given.items() if value is not None]:
+        raise InputError(f"`{named[0]}` is part of the problem already; change it there, or give the data alone")
+    return from_problem(asked, data, around)
 
 
 def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
@@ -258,22 +208,23 @@ def run(
     path, folder, say = Path(path), Path(folder), progress or _silent
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
-    store = Store(folder, resume)
-    if (before := store.asked(asked.moved(path.parent, folder))) is not None:
+    kept = RunFolder(folder, resume)
+    if (before := kept.asked(asked.moved(path.parent, folder))) is not None:
         stated, data = measured(before, folder, say)
     else:
         stated, data = measured(asked, path.parent, say)
         stated = stated.moved(path.parent, folder)
-    store.open(force)
+    kept.open(force)
     try:
-        result = from_data(stated, data, say, store, executor)
+        result = from_data(stated, data, Surroundings(say, kept, executor))
     except SizeError as error:
         count = str(error).split(". ")[0].replace("`problem` has", "the data make")
         raise SizeError(
-            f"{count}. Use a part of them: in [lines] band_hz = [low, high], or every = 2 or more; in [[record]] start and stop"
+            f"{count}. Use a part of them: band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in"
+            " [[record]]"
         ) from None
     say("writing the report")
-    store.finish(result)
+    kept.finish(result)
     return result
 
 

@@ -9,168 +9,44 @@ from pathlib import Path
 from typing import Any
 
 from robustid._version import __version__
-from robustid.app.toml import (
-    auto_or,
-    either,
-    flag,
-    key,
-    number,
-    read_toml,
-    refuse_unknown,
-    section,
-    several,
-    table,
-    text,
-    whole,
-    write_toml,
+from robustid.app.checks import AUTO, options, refuse_unknown, section
+from robustid.app.options import (
+    Delay,
+    Estimate,
+    FrequencyPoints,
+    General,
+    Identify,
+    Modes,
+    PriorChoice,
+    RecordSource,
+    ResponseSource,
+    SmallModel,
+    WorstCase,
 )
+from robustid.app.toml import read_toml, write_toml
 from robustid.core import Frozen
-from robustid.data import INITIAL, PAST
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import LEAST, MOST
-from robustid.identification import FORMS, OBJECTIVES
-from robustid.identification.solver import solver_name
 
 MODES_NOTE = "Modes taken from the frequency response:\n"
 PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
 BOUNDS_NOTE = "Bounds: "
 DELAY_NOTE = "Delay of "
-USES = ("response", "samples", "rest")
-_positive, _channel = number(above=0), either(whole(), text())
-_fields = table(either(text(), several(either(text(), several(text())))))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RecordSource:
-    """A time record: where it is, what is made of it before use, and what it is used for."""
-
-    file: str | None = key(text())
-    dataset: str | None = key(text())
-    use: str = key(text(*USES), "response")  # frequency response, samples of their own, or noise at rest
-    fields: Mapping[str, Any] | None = key(_fields)
-    dt: float | None = key(_positive)
-    bound: float | None = key(_positive)
-    initial: str | None = key(text(*INITIAL))
-    combine: Mapping[str, float] | None = key(table(number()))  # the output: a weighted sum of outputs, by name
-    start: float | None = key(number(least=0))  # s
-    stop: float | None = key(_positive)  # s
-    past: str | None = key(text(*PAST))
-    detrend: str | None = key(text("mean", "linear"))
-    until: float | None = key(_positive)  # s
-    decimate: int | None = key(whole(2))
-    digest: str | None = key(text())  # of what was read
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResponseSource:
-    """A frequency response that was measured elsewhere."""
-
-    file: str | None = key(text())
-    fields: Mapping[str, Any] | None = key(_fields)
-    dt: float | None = key(_positive)
-    bound: float | None = key(_positive)
-    unit: str | None = key(text("rad/s", "Hz"))
-    digest: str | None = key(text())
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """How the records become a frequency response with bounds."""
-
-    method: str | None = key(text("periodic", "local", "welch"))
-    period: int | None = key(whole(2))  # samples
-    probability: float = key(number(above=0), 0.95)
-    rest_factor: float = key(number(least=1), 1.5)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Delay:
-    """A delay that is taken out of all data."""
-
-    seconds: float | str = key(auto_or(number(least=0)), 0.0)
-    note: str | None = key(text())
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Lines:
-    """Which lines are used; the others are kept to test what was found."""
-
-    band_hz: tuple[float, ...] | None = key(several(number(least=0), 2))
-    every: int = key(whole(1), 1)
-    near_hz: float | None = key(_positive)  # all lines so near to a mode
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Modes:
-    """Poles of the parametric part; without `hz` they are taken from the response."""
-
-    hz: tuple[float, ...] | None = key(several(_positive))
-    damping: tuple[float, ...] | None = key(several(_positive))
-    count: int | None = key(whole(1))
-    repeat: int = key(whole(1), 1)
-    delay: int | None = key(whole())  # samples
-    hz_interval: tuple | None = key(several(several(_positive, 2)))
-    damping_interval: tuple | None = key(several(several(_positive, 2)))
-    note: str | None = key(text())
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PriorChoice:
-    """The class of the rest; without numbers it is taken from the curve of the smallest gain."""
-
-    gain_bound: float | None = key(_positive)
-    decay_rate: float | None = key(number(above=1))
-    scaling: tuple | None = key(several(several(_positive)))  # (outputs, inputs); several channels
-    note: str | None = key(text())
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Identify:
-    """How the consistency is decided, and the factor on all bounds."""
-
-    inflate: float | str = key(auto_or(_positive), 1.0)
-    inflate_note: str | None = key(text())
-    objective: str = key(text(*OBJECTIVES), "center")
-    solver: str = key(text(), "auto")
-    accuracy: float = key(_positive, 1e-4)
-    form: str = key(text(*FORMS), "auto")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SmallModel:
-    """What the small model must have."""
-
-    rigid_body: int | None = key(whole(1))  # modes: two poles at z = 1 each
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class WorstCase:
-    """What is bounded of all consistent systems."""
-
-    compute: bool = key(flag, True)
-    at_hz: tuple[float, ...] | None = key(several(number(least=0)))
-    directions: int = key(whole(LEAST), 16)
-    rtol: float = key(_positive, 0.05)
-    circle: bool = key(flag, False)
-    over_poles: bool = key(flag, False)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RunFile(Frozen):
+class RunFile(Frozen, General):
     """Everything that a run is told; see `robustid run --help` for a file with every section."""
 
-    title: str | None = key(text())
-    channel: tuple | None = key(several(_channel, 2))  # [output, input]
     record: tuple[RecordSource, ...] = ()
     frequency: tuple[ResponseSource, ...] = ()
-    estimate: Estimate = Estimate()
-    delay: Delay = Delay()
-    lines: Lines = Lines()
-    modes: Modes = Modes()
-    prior: PriorChoice = PriorChoice()
-    identify: Identify = Identify()
-    small_model: SmallModel = SmallModel()
-    worst_case: WorstCase = WorstCase()
+    estimate: Estimate = dataclasses.field(default_factory=Estimate)
+    delay: Delay = dataclasses.field(default_factory=Delay)
+    frequency_points: FrequencyPoints = dataclasses.field(default_factory=FrequencyPoints)
+    modes: Modes = dataclasses.field(default_factory=Modes)
+    prior: PriorChoice = dataclasses.field(default_factory=PriorChoice)
+    identify: Identify = dataclasses.field(default_factory=Identify)
+    small_model: SmallModel = dataclasses.field(default_factory=SmallModel)
+    worst_case: WorstCase = dataclasses.field(default_factory=WorstCase)
 
     def __post_init__(self) -> None:
         _check_modes(self)
@@ -178,17 +54,16 @@ class RunFile(Frozen):
         for one, other in (("gain_bound", "decay_rate"), ("decay_rate", "gain_bound")):
             if getattr(self.prior, one) is not None and getattr(self.prior, other) is None:
                 raise InputError(f"[prior] {one} is given without {other}; give both, or neither to have them chosen")
-        if self.lines.near_hz is not None and self.lines.every == 1:
-            raise InputError("[lines] near_hz keeps lines that every would leave out; give every = 2 or more too")
-        if self.lines.band_hz is not None and not self.lines.band_hz[0] < self.lines.band_hz[1]:
-            raise InputError(f"[lines] band_hz must be [low, high]; got {list(self.lines.band_hz)}")
+        points = self.frequency_points
+        if points.near_hz is not None and points.every == 1:
+            raise InputError(
+                "[frequency_points] near_hz keeps points that every would leave out; give every = 2 or more too"
+            )
+        if points.band_hz is not None and not points.band_hz[0] < points.band_hz[1]:
+            raise InputError(f"[frequency_points] band_hz must be [low, high]; got {list(points.band_hz)}")
         wanted = [name for name in ("circle", "over_poles") if getattr(self.worst_case, name)]
         if wanted and not self.worst_case.compute:
             raise InputError(f"[worst_case] {wanted[0]} = true contradicts compute = false")
-        if self.worst_case.directions > MOST:
-            raise InputError(f"[worst_case] directions must be at most {MOST}; got {self.worst_case.directions}")
-        if self.identify.solver not in ("auto", "structured"):
-            solver_name(self.identify.solver)  # refuses what isn't installed
         if self.worst_case.at_hz == ():
             raise InputError("[worst_case] at_hz is empty; leave it out, or say compute = false")
 
@@ -233,28 +108,25 @@ class RunFile(Frozen):
             return False
         pairs: list[tuple[Any, Any]] = [*zip(self.record, asked.record, strict=True)]
         pairs += zip(self.frequency, asked.frequency, strict=True)
-        pairs += [(getattr(self, f.name), getattr(asked, f.name)) for f in dataclasses.fields(self) if f.name in _ONE]
-        open_values = (None, "auto")
+        pairs += [
+            (getattr(self, f.name), getattr(asked, f.name)) for f in dataclasses.fields(self) if f.name in SECTIONS
+        ]
+        open_values = (None, AUTO)
         alike = all(
             getattr(have, f.name) == value or value in open_values
             for have, want in pairs
             for f in dataclasses.fields(want)
             for value in [getattr(want, f.name)]
         )
-        return alike and (self.title, self.channel) == (asked.title, asked.channel)
+        return alike and (self.title, self.entry) == (asked.title, asked.entry)
 
 
-_ONE = {
-    "estimate": Estimate,
-    "delay": Delay,
-    "lines": Lines,
-    "modes": Modes,
-    "prior": PriorChoice,
-    "identify": Identify,
-    "small_model": SmallModel,
-    "worst_case": WorstCase,
-}
 _MANY = {"record": RecordSource, "frequency": ResponseSource}
+SECTIONS: dict[str, Any] = {
+    field.name: field.default_factory
+    for field in dataclasses.fields(RunFile)
+    if field.default_factory is not dataclasses.MISSING
+}
 
 
 def _check_modes(run: RunFile) -> None:
@@ -271,10 +143,10 @@ def _check_modes(run: RunFile) -> None:
     if bad := [d for d in modes.damping or () if d >= 1]:
         raise InputError(f"[modes] damping is a ratio below 1, not percent; got {bad[0]:g}")
     if (modes.hz_interval is None) != (modes.damping_interval is None):
-        raise InputError("[modes] hz_interval and damping_interval make one box; give both or neither")
+        raise InputError("[modes] hz_interval and damping_interval make one pole-uncertainty box; give both or neither")
     if run.worst_case.over_poles and modes.hz is not None and modes.hz_interval is None:
         raise InputError(
-            "[worst_case] over_poles = true needs the box: give hz_interval and damping_interval in [modes]"
+            "[worst_case] over_poles = true needs the pole-uncertainty box: give hz_interval and damping_interval in [modes]"
         )
 
 
@@ -328,15 +200,15 @@ def read_run_file(source: Any, place: str = "the run file", *, sources: bool = T
 
 
 def _run_file(content: Mapping[str, Any]) -> RunFile:
-    plain = {f.name: f.metadata["check"] for f in dataclasses.fields(RunFile) if "check" in f.metadata}
-    refuse_unknown(content, [*plain, *_MANY, *_ONE], "the file")
+    plain = {field.name: option.check for field, option in options(RunFile)}
+    refuse_unknown(content, [*plain, *_MANY, *SECTIONS], "the file")
     parts: dict[str, Any] = {name: plain[name](name, content[name]) for name in plain if name in content}
     for name, kind in _MANY.items():
         items = content.get(name, [])
         if not isinstance(items, list | tuple):
             raise InputTypeError(f"{name} must be written [[{name}]], once for each")
         parts[name] = tuple(section(kind, item, f"[[{name}]] {k + 1}:") for k, item in enumerate(items))
-    parts |= {name: section(kind, content[name], f"[{name}]") for name, kind in _ONE.items() if name in content}
+    parts |= {name: section(kind, content[name], f"[{name}]") for name, kind in SECTIONS.items() if name in content}
     return RunFile(**parts)
 
 
@@ -347,10 +219,8 @@ def _check_sources(run: RunFile) -> None:
     for k, source in enumerate(run.record, start=1):
         if (source.file is None) == (source.dataset is None):
             raise InputError(f"[[record]] {k} needs either file or dataset")
-        if source.combine is not None and run.channel is not None and run.channel[0] != 0:
-            raise InputError(
-                f"[[record]] {k}: combine leaves one output, number 0; channel asks for {run.channel[0]!r}"
-            )
+        if source.combine is not None and run.entry is not None and run.entry[0] != 0:
+            raise InputError(f"[[record]] {k}: combine leaves one output, number 0; entry asks for {run.entry[0]!r}")
         if source.past is not None and source.start is None and source.stop is None:
             raise InputError(f"[[record]] {k}: past belongs to a part of the record: give start or stop too")
         if source.until is not None and source.detrend is None:
@@ -365,11 +235,9 @@ def _check_sources(run: RunFile) -> None:
         raise InputError(
             '[estimate] is about records that become a response; there is no [[record]] with use = "response"'
         )
-    if uses.count("rest") > 1:
-        raise InputError('only one [[record]] can have use = "rest"')
-    if uses == ["rest"] and not run.frequency:
-        raise InputError('a record with use = "rest" bounds others; there is nothing to bound')
+    if uses.count("noise_floor") > 1:
+        raise InputError('only one [[record]] can have use = "noise_floor"')
+    if uses == ["noise_floor"] and not run.frequency:
+        raise InputError('a record with use = "noise_floor" bounds others; there is nothing to bound')
     if "response" not in uses and not run.frequency and run.modes.hz is None and run.modes.count is not None:
         raise InputError("[modes] count needs a frequency response to look for modes in; give hz and damping instead")
-    if run.estimate.probability >= 1:
-        raise InputError(f"[estimate] probability must be below 1; got {run.estimate.probability:g}")

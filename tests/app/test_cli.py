@@ -92,7 +92,7 @@ def test_the_form_is_an_option(files, capsys, monkeypatch):
         ([*COMMAND, "--gain", "0.2"], "--decay"),
         ([*COMMAND, "--mode", "17"], "HZ:DAMPING"),
         ([*COMMAND, "--mode", "9:2"], "damping"),
-        ([*COMMAND, "--channel", "0"], "OUTPUT,INPUT"),
+        ([*COMMAND, "--entry", "0"], "OUTPUT,INPUT"),
         ([*COMMAND, "--time-field", "u"], "ROLE=NAME"),
         ([*COMMAND, *CLASS, "--objective", "best"], "objective"),
         ([*COMMAND, *CLASS, "--form", "best"], "--form must be one of auto, orthonormal, classical, taylor, sections"),
@@ -172,15 +172,18 @@ RATE = ["--dt", "0.01"]
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--frequency", "frf.csv"], ["read frf.csv: frequency response, 11 lines, 1 to 21 Hz", "[mm] / force [N]"]),
+        (
+            ["--frequency", "frf.csv"],
+            ["read frf.csv: frequency response, 11 frequency points, 1 to 21 Hz", "[mm] / force [N]"],
+        ),
         (["--time", "step.csv"], ["time record, 20 samples, 0 to 0.19 s", "dt = 0.01 s"]),
         (["--frequency", "omega.csv", *LINES, *RATE], ["read as rad/s (--frequency-unit Hz if the file has Hz)"]),
         (["--frequency", "plain.csv", *LINES, *RATE, "--frequency-unit", "Hz"], ["--frequency-unit is ignored"]),
         (["--frequency", "frf.csv", "--dt", "0.011"], ["--dt 0.011 s is used", "0.01 s (stored with the data)"]),
         (["--time", "plain_step.csv", "--time-bound", "0.05", "--dt", "0.011"], ["0.01 s (its time axis)"]),
-        (["--frequency", "two.npz", *LINES, "--channel", "0,0"], ["channel 0,0 of 2 outputs and 2 inputs"]),
+        (["--frequency", "two.npz", *LINES, "--entry", "0,0"], ["one entry of 2 outputs and 2 inputs"]),
         (["--frequency", "frf.csv", "--frequency", "frf.csv"], ["frf.csv is given twice"]),
-        (["--frequency", "frf.csv", "--band", "2:10"], ["4 lines, 3 to 9 Hz"]),
+        (["--frequency", "frf.csv", "--band", "2:10"], ["4 frequency points, 3 to 9 Hz"]),
         (["--time", "long.csv", "--time-bound", "0.05", "--first", "20"], ["20 samples, 0 to 0.19 s"]),
         (["--frequency", "rate.mat", *LINES], ["dt = 0.01 s"]),
         (["--frequency", "duration.npz", *LINES], ["dt = 0.01 s"]),
@@ -214,16 +217,16 @@ def test_nothing_is_warned_of_without_a_reason(foreign, capsys, monkeypatch):
         (["--time", "long.csv", "--time-bound", "0.05", "--gain", "1", "--decay", "1.001"], "--band LOW:HIGH keeps"),
         (["--frequency", "frf.csv", "--band", "60:70"], "frf.csv: no line lies between 60 and 70 Hz"),
         (["--frequency", "frf.csv", "--band", "60"], "LOW:HIGH"),
-        (["--time", "step.csv", "--first", "0"], "--first must be a positive number"),
+        (["--time", "step.csv", "--first", "0"], "--first must be positive"),
         (["--time", "step.csv", "--initial", "periodic", "--first", "4"], "--initial periodic needs whole"),
-        (["--time", "step.csv", "--initial", "foo"], "--initial must be rest, free or periodic"),
+        (["--time", "step.csv", "--initial", "foo"], "--initial must be one of rest, free, periodic"),
         (["--frequency", "frf.csv", "--initial", "rest"], "--initial is given without a file: add --time"),
         (["--frequency", "frf.csv", "--time-field", "u=a"], "--time-field is given without a file"),
         (["--frequency", "frf.csv", "--time-bound", "1"], "--time-bound is given without a file"),
         (["--time", "step.csv", "--band", "1:2"], "--band is given without a file: add --frequency"),
-        (["--frequency", "frf.csv", "--frequency-bound", "0"], "--frequency-bound must be a positive number"),
-        (["--frequency", "two.npz", *LINES, "--channel", "2,0"], "which has 2 outputs and 2 inputs"),
-        (["--frequency", "frf.csv", "--channel", "0,1"], "which has 1 output and 1 input"),
+        (["--frequency", "frf.csv", "--frequency-bound", "0"], "--frequency-bound must be positive"),
+        (["--frequency", "two.npz", *LINES, "--entry", "2,0"], "which has 2 outputs and 2 inputs"),
+        (["--frequency", "frf.csv", "--entry", "0,1"], "which has 1 output and 1 input"),
         (["--frequency", "frf.csv", "--mode", "9:10"], "not percent (10 % is 0.1)"),
         (["--frequency", "frf.csv", "--mode", "60:0.1"], "the Nyquist frequency, 50 Hz at dt = 0.01 s; got 60 Hz"),
         (["--frequency", "frf.csv", "--gain", "-1", "--decay", "1.1"], "--gain must be positive"),
@@ -258,7 +261,7 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
 
 
 def test_two_channels_are_picked_as_asked(foreign, capsys, monkeypatch):
-    code, _, _ = run(["identify", "--frequency", "two.npz", "--channel", "1,0", *LINES, *SHORT], capsys, monkeypatch)
+    code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", "1,0", *LINES, *SHORT], capsys, monkeypatch)
     assert code in (0, 3)
     value = rid.flexible_structure(seed=0).frequency.values
     np.testing.assert_allclose(rid.load("result").problem.frequency[0].values, 3 * value)
@@ -305,7 +308,7 @@ def test_every_ending_has_its_code_and_leaves_nothing(files, capsys, monkeypatch
     def fail(*_, **__):
         raise failure
 
-    monkeypatch.setattr("robustid.report.html.render_report", fail)  # after the long part, before anything is written
+    monkeypatch.setattr("robustid.report.render_report", fail)  # after the long part, before anything is written
     before = sorted(files.iterdir())
     got, _, err = run([*COMMAND, *SHORT, "--report", "page.html"], capsys, monkeypatch)
     assert got == code
@@ -315,13 +318,13 @@ def test_every_ending_has_its_code_and_leaves_nothing(files, capsys, monkeypatch
 
 
 def test_demo_never_overwrites(tmp_path):
-    from robustid.app.cli import terminal as _terminal
+    from robustid.app.cli import files as written
 
-    names = [_terminal.new_folder(tmp_path / "robustid-demo").name for _ in range(3)]
+    names = [written.new_folder(tmp_path / "robustid-demo").name for _ in range(3)]
     assert names == ["robustid-demo", "robustid-demo-2", "robustid-demo-3"]
     (tmp_path / "file").write_text("")
     with pytest.raises(rid.InputError, match="can't be created"):
-        _terminal.new_folder(tmp_path / "file" / "demo")
+        written.new_folder(tmp_path / "file" / "demo")
 
 
 def test_a_pipe_that_is_not_utf8_gets_question_marks(files):

@@ -82,7 +82,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run):
     few = ("--omega", "30", "--directions", "4", "--poles")
     code, out, _ = run("bounds", "own", *few, "--workers", "2", "--resume", "part")
     assert code == 0
-    assert "with every pole in the box" in out
+    assert "with every pole in the pole-uncertainty box" in out
     assert "mode 2" in out
     assert "written: bounds.npz, bounds.json" in out
     assert "written: bounds-poles.npz, bounds-poles.json" in out

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.pipeline import propose
+from robustid.app.options import Modes
+from robustid.app.proposal import propose
 from robustid.identification.residuals import model_residuals
 
 
@@ -86,14 +87,16 @@ def test_a_proposal_says_what_was_chosen():
     poles = proposal.problem.parametric.poles
     truth = np.exp((-0.004 + 1j) * 2 * np.pi * 17.67 * 0.01)
     assert np.abs(poles - truth).min() < 1e-3
-    given = propose(frequency=[data.frequency], modes=[(9.0, 0.1), (17.67, 0.004)], prior=proposal.problem.prior)
+    given = propose(
+        frequency=[data.frequency], modes=Modes(hz=(9.0, 17.67), damping=(0.1, 0.004)), prior=proposal.problem.prior
+    )
     assert given.choices == ()
 
 
 def test_data_that_fit_no_gain_still_get_a_problem_and_a_proof():
     first = rid.FrequencyResponse([50.0], [1.0], bound=0.01, dt=0.01)
     second = rid.FrequencyResponse([50.0], [2.0], bound=0.01, dt=0.01)
-    proposal = propose(frequency=[first, second], modes=[])
+    proposal = propose(frequency=[first, second], modes=Modes(hz=(), damping=()))
     result = rid.identify(proposal.problem)
     assert result.status is rid.Status.INCONSISTENT
     assert result.margin == pytest.approx(50, rel=1e-3)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import run_steps as _pipeline_steps
-from robustid.app import steps_of_data as _pipeline_core
+from robustid.app import choices, sequence
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
 from robustid.identification.residuals import model_residuals
@@ -36,7 +35,7 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
     frf = rid.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
     rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
-    chosen = {"identify": {"inflate": "auto"}, "lines": {"every": 2, "near_hz": 1.0}, **SHORT}
+    chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}, **SHORT}
     (folder / "sub").mkdir()
     first = rid.run(ask(folder, {"frequency": DATA["frequency"]}, chosen), folder / "sub" / "first")
     stated = tomllib.loads((folder / "sub" / "first" / "run.toml").read_text(encoding="utf-8"))
@@ -173,7 +172,7 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, capsys, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(_pipeline_core, "worst_case_error", interrupted)
+        patch.setattr(sequence, "worst_case_error", interrupted)
         code, out, err = command(["ask.toml", "-o", "out"], capsys, monkeypatch)
     assert code == 130
     assert "--resume" in out
@@ -185,8 +184,8 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, capsys, monkeypatch):
         raise AssertionError("computed again")
 
     with monkeypatch.context() as patch:
-        patch.setattr(_pipeline_core, "identify", again)
-        patch.setattr(_pipeline_steps, "suggest_kautz", again)
+        patch.setattr(sequence, "identify", again)
+        patch.setattr(choices, "suggest_kautz", again)
         code, out, err = command(["ask.toml", "-o", "out", "--resume"], capsys, monkeypatch)
     assert code == 0, err
     assert "taken from the unfinished run" in out
@@ -259,7 +258,7 @@ def test_identify_reduced_of_a_problem():
         rid.identify_reduced(3)
     with pytest.raises(rid.InputError, match="bound on every sample"):
         rid.identify_reduced(dataclasses.replace(data.frequency, bound=None))
-    with pytest.raises(rid.InputError, match=r"inflate must be .auto. or a number"):
+    with pytest.raises(rid.InputError, match=r"`inflate` must be .auto. or a number"):
         rid.identify_reduced(problem, inflate="very")
 
 
@@ -293,7 +292,10 @@ def torsion(tmp_path, **changes):
 def test_the_torsion_of_a_motor_bench(tmp_path):
     prior = {"gain_bound": 1e-3, "decay_rate": 1.2}
     result = torsion(
-        tmp_path, prior=prior, lines={"every": 24, "near_hz": 3.0}, worst_case={"at_hz": [76.0], "directions": 4}
+        tmp_path,
+        prior=prior,
+        frequency_points={"every": 24, "near_hz": 3.0},
+        worst_case={"at_hz": [76.0], "directions": 4},
     )
     assert "needs them" in result.choices[1]
 

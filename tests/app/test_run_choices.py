@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import steps_of_data as _pipeline_core
+from robustid.app import sequence
 from support import run_files
 from support.run_files import CLASS, DATA, QUICK, ask
 
@@ -34,13 +34,16 @@ OVERRIDES = {
         {"modes": CLASS["modes"] | {"delay": 2}},
         lambda r: np.sum(np.abs(r.identification.problem.parametric.poles) < 1e-12) > 0,
     ),
-    "band": ({"lines": {"band_hz": [5.0, 20.0]}}, lambda r: r.identification.problem.frequency[0].freq_hz[0] >= 5),
+    "band": (
+        {"frequency_points": {"band_hz": [5.0, 20.0]}},
+        lambda r: r.identification.problem.frequency[0].freq_hz[0] >= 5,
+    ),
     "every": (
-        {"lines": {"every": 2}},
+        {"frequency_points": {"every": 2}},
         lambda r: r.identification.problem.frequency[0].omega.size == 4 and "Of 4 lines" in " ".join(r.findings),
     ),
     "near": (
-        {"lines": {"every": 20, "near_hz": 0.35}},
+        {"frequency_points": {"every": 20, "near_hz": 0.35}},
         lambda r: r.identification.problem.frequency[0].omega.size == 4,
     ),
     "inflate": (
@@ -99,9 +102,9 @@ def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
     rid.save("rest.npz", rest)
     sources = [
         {"file": "record.npz", "combine": {"left": 1.0, "right": 1.0}, "start": 0.5},
-        {"file": "rest.npz", "combine": {"left": 1.0, "right": 1.0}, "use": "rest"},
+        {"file": "rest.npz", "combine": {"left": 1.0, "right": 1.0}, "use": "noise_floor"},
     ]
-    path = ask(folder, {"record": sources, "estimate": {"period": 50, "rest_factor": 2.0}}, QUICK,
+    path = ask(folder, {"record": sources, "estimate": {"period": 50, "noise_floor_factor": 2.0}}, QUICK,
                {"modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]}, "prior": {"gain_bound": 0.1, "decay_rate": 1.1}})  # fmt: skip
     result = rid.run(path, "out")
     total = [dataclasses.replace(r, y=r.y.sum(axis=1), outputs=["left + right [m]"]) for r in (record, rest)]
@@ -124,7 +127,7 @@ def test_samples_without_bound_take_that_of_the_rest(folder):
     record, rest = plant_records()
     rid.save("record.npz", record.entry(0))
     rid.save("rest.npz", rest.entry(0))
-    sources = [{"file": "record.npz", "use": "samples", "stop": 0.2}, {"file": "rest.npz", "use": "rest"}]
+    sources = [{"file": "record.npz", "use": "samples", "stop": 0.2}, {"file": "rest.npz", "use": "noise_floor"}]
     change = {"record": sources, "modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]},
               "prior": {"gain_bound": 0.5, "decay_rate": 1.05}}  # fmt: skip
     with pytest.raises(rid.InputError, match="bound"):  # known past of an unbounded record
@@ -144,8 +147,8 @@ def test_several_channels_are_taken_together_or_one_by_one(folder):
     data = {"record": [{"file": "record.npz"}], "estimate": {"period": 50}}
     rest = {"modes": {"hz": [40 / 2 / np.pi], "damping": [0.05]}, "prior": {"gain_bound": 0.1, "decay_rate": 1.1}}
     both = rid.run(ask(folder, data, rest, QUICK), "both")
-    right = rid.run(ask(folder, data, rest, QUICK, {"channel": ["right", 0]}), "right")
-    left = rid.run(ask(folder, data, rest, QUICK, {"channel": [0, "force"]}), "left")
+    right = rid.run(ask(folder, data, rest, QUICK, {"entry": ["right", 0]}), "right")
+    left = rid.run(ask(folder, data, rest, QUICK, {"entry": [0, "force"]}), "left")
     ratio = np.abs(left.model(1) / right.model(1))
     assert ratio == pytest.approx(3, rel=0.05)
     assert np.abs(both.model(1)).ravel() == pytest.approx(np.abs([left.model(1), right.model(1)]), rel=0.05)
@@ -176,7 +179,7 @@ def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
         asked.append(rigid_body.count)
         return rid.balanced_truncation(identification.model, order=identification.order)
 
-    monkeypatch.setattr(_pipeline_core, "reduce_within_bounds", whole)
+    monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
     result = rid.run(ask(folder, DATA, CLASS, QUICK, {"small_model": {"rigid_body": 1}}), "out")
     assert asked == [1]
     assert result.run_file.small_model.rigid_body == 1

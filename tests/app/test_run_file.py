@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robustid as rid
-from robustid.app import run_steps as _pipeline_steps
+from robustid.app import choices
 from robustid.app.run_file import RunFile, read_run_file
 from robustid.app.toml import write_toml
 from support import run_files
@@ -40,15 +40,21 @@ def test_what_is_written_as_toml_reads_back_the_same(content):
 
 FULL = {
     "title": 'A "title" with \\ and é',
-    "channel": [0, "u"],
+    "entry": [0, "u"],
     "record": [
         {"dataset": "two_mass", "use": "response", "combine": {"theta_mx": 1.0, "theta_my": 1.0}, "start": 1.0},
-        {"file": "rest.mat", "use": "rest", "fields": {"u": "current", "y": ["a", "b"]}, "dt": 0.01, "detrend": "mean"},
+        {
+            "file": "rest.mat",
+            "use": "noise_floor",
+            "fields": {"u": "current", "y": ["a", "b"]},
+            "dt": 0.01,
+            "detrend": "mean",
+        },
     ],
     "frequency": [{"file": "a.csv", "unit": "Hz", "bound": 0.1}],
     "estimate": {"period": 2500, "method": "periodic"},
     "delay": {"seconds": "auto"},
-    "lines": {"band_hz": [1.0, 2.0], "every": 2, "near_hz": 0.5},
+    "frequency_points": {"band_hz": [1.0, 2.0], "every": 2, "near_hz": 0.5},
     "modes": {
         "hz": [1.5],
         "damping": [0.01],
@@ -93,14 +99,14 @@ MISUSE = {
     ),
     "text for a number": ({"prior": {"gain_bound": "big"}}, r"\[prior\] gain_bound must be a number; got 'big'"),
     "number for text": ({"title": 3}, "title must be text in quotes; got 3"),
-    "flag for a number": ({"lines": {"every": True}}, r"\[lines\] every must be a whole number; got True"),
+    "flag for a number": ({"frequency_points": {"every": True}}, r"\[frequency_points\] every must be a whole number; got True"),
     "number for a flag": ({"worst_case": {"circle": 1}}, r"\[worst_case\] circle must be true or false; got 1"),
     "number for an array": ({"modes": {"hz": 9.0}}, r"\[modes\] hz must be an array in \[ \]; got 9.0"),
     "text in an array": ({"modes": {"hz": [9.0, "x"]}}, r"\[modes\] hz, item 2, must be a number; got 'x'"),
     "infinite": ({"prior": {"gain_bound": float("inf")}}, "gain_bound must be finite"),
-    "negative": ({"prior": {"gain_bound": -1.0}}, "gain_bound must be above 0; got -1"),
+    "negative": ({"prior": {"gain_bound": -1.0}}, "gain_bound must be positive; got -1"),
     "decay": ({"prior": {"gain_bound": 1.0, "decay_rate": 1.0}}, "decay_rate must be above 1; got 1"),
-    "use": ({"record": [{"file": "step.csv", "use": "nothing"}]}, "must be one of 'response', 'samples', 'rest'"),
+    "use": ({"record": [{"file": "step.csv", "use": "nothing"}]}, "must be one of response, samples, noise_floor"),
     "inflate": ({"identify": {"inflate": "much"}}, 'inflate must be "auto" or a number'),
     "section as a value": ({"modes": 3}, r"\[modes\] must be a section with keys; got 3"),
     "record as a section": ({"record": {"file": "step.csv"}}, r"must be written \[\[record\]\]"),
@@ -110,15 +116,15 @@ MISUSE = {
     "percent": ({"modes": {"hz": [9.0], "damping": [1.5]}}, "ratio below 1, not percent; got 1.5"),
     "count and hz": ({"modes": CLASS["modes"] | {"count": 2}}, "give one of them"),
     "circle without bounds": ({"worst_case": {"compute": False, "circle": True}}, "contradicts compute = false"),
-    "no box": ({**CLASS, "worst_case": {"over_poles": True}}, "needs the box"),
-    "near without every": ({"lines": {"near_hz": 1.0}}, "give every = 2 or more too"),
-    "band": ({"lines": {"band_hz": [3.0, 2.0]}}, r"must be \[low, high\]; got \[3.0, 2.0\]"),
+    "no box": ({**CLASS, "worst_case": {"over_poles": True}}, "needs the pole-uncertainty box"),
+    "near without every": ({"frequency_points": {"near_hz": 1.0}}, "give every = 2 or more too"),
+    "band": ({"frequency_points": {"band_hz": [3.0, 2.0]}}, r"must be \[low, high\]; got \[3.0, 2.0\]"),
     "file and dataset": ({"record": [{"file": "step.csv", "dataset": "two_mass"}]}, "needs either file or dataset"),
-    "neither": ({"record": [{"use": "rest"}]}, "needs either file or dataset"),
+    "neither": ({"record": [{"use": "noise_floor"}]}, "needs either file or dataset"),
     "no data": ({"record": [], "frequency": []}, "no data: give"),
     "missing file": ({"frequency": [{"file": "other.csv"}]}, "there is no file .*other.csv"),
     "estimate without records": ({"estimate": {"period": 10}}, "there is no .* with use = \"response\""),
-    "rest alone": ({"record": [{"file": "step.csv", "use": "rest"}], "frequency": []}, "nothing to bound"),
+    "rest alone": ({"record": [{"file": "step.csv", "use": "noise_floor"}], "frequency": []}, "nothing to bound"),
     "samples without bound": (
         {"record": [{"file": "bare.csv", "use": "samples"}]},
         'use = "samples" needs bound = ...',
@@ -161,7 +167,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, capsys, monk
     "change", [{"modes": {"hz": [60.0], "damping": [0.1]}}, {"worst_case": {"at_hz": [60.0]}, "modes": CLASS["modes"]}]
 )
 def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatch, change):
-    monkeypatch.setattr(_pipeline_steps, "suggest_prior", None)
+    monkeypatch.setattr(choices, "suggest_prior", None)
     with pytest.raises(rid.InputError, match="60 Hz, above the Nyquist frequency of 50 Hz"):
         rid.run(ask(folder, DATA, change), "out")
 

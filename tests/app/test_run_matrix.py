@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz
-from robustid.app import run_steps as steps
+from robustid.app import choices, findings
 from robustid.app.run_file import RunFile
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
@@ -80,7 +80,7 @@ def test_wider_bounds_keep_their_kind():
         frf.with_column_bound(0.1),
         dataclasses.replace(frf, bound=None, joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2)),
     ):
-        wide = steps.inflated(data, run)
+        wide = choices.inflated(data, run)
         assert wide.joint == data.joint
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
         assert "times 3" in wide.note
@@ -96,12 +96,12 @@ def test_samples_outside_are_named_with_their_entry():
         parametric=basis,
     )
     result = rid.identify(problem)
-    words = steps.sample_words(result, truth, 4)
+    words = findings.sample_words(result, truth, 4)
     assert f"leaves 1 of 120 samples outside their bounds: {frf.freq_hz[3]:.5g} Hz (right / a)" in words
     lines_ = problem.frequency[0]
-    assert "(right / a)" in steps.unused_words(rid.validate(truth, lines_))
+    assert "(right / a)" in findings.unused_words(rid.validate(truth, lines_))
     column = dataclasses.replace(lines_, joint="column")
-    assert f"{frf.freq_hz[3]:.5g} Hz (a)" in steps.unused_words(rid.validate(truth, column))
+    assert f"{frf.freq_hz[3]:.5g} Hz (a)" in findings.unused_words(rid.validate(truth, column))
     ratio = max(r.ratio.max() for r in model_residuals(problem, truth))
     assert f"({ratio:.4g} bounds)" in words
 
@@ -164,7 +164,7 @@ def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
     rid.save("two.npz", frf)
     modes = {"hz": [4.0], "damping": [0.03], "hz_interval": [[3.9, 4.1]], "damping_interval": [[0.02, 0.04]]}
     asked = ask(folder, {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True}})
-    with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add channel = \[output, input\]"):
+    with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add entry = \[output, input\]"):
         rid.run(asked, "out")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.pipeline import propose
+from robustid.app.proposal import propose
 from robustid.guarantees import PoleCell
 from robustid.identification.forms import pose
 

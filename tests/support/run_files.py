@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import robustid as rid
-from robustid.app import steps_of_data as _pipeline_core
+from robustid.app import sequence
 from robustid.app.cli import main as cli
 from robustid.app.toml import write_toml
 
@@ -35,7 +35,7 @@ def unreduced(monkeypatch):
     def whole(identification, rigid_body):
         return rid.balanced_truncation(identification.model, order=identification.order)
 
-    monkeypatch.setattr(_pipeline_core, "reduce_within_bounds", whole)
+    monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
 
 
 def ask(folder, *parts, name="ask.toml"):

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import pathlib
 import shlex
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import terminal
-from robustid.app.cli.steps import in_words, say_written
-from robustid.app.cli.terminal import plain, step
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import Force
+from robustid.app.cli.terminal import in_words, step
+from robustid.app.options import band as band_of
 from robustid.errors import InputError
 
-Path = pathlib.Path
 _NAMES = (
     "dt",
     "period",
@@ -27,14 +27,17 @@ _NAMES = (
     "seed",
 )
 _OPTIONS = {name: "--" + name.replace("_", "-") for name in _NAMES} | {"band_hz": "--band", "path": "--output"}
-_OUTPUT = Path("play.csv")
 _WHOLE = 1e-6
 
 
 def excite(
-    band: Annotated[str, typer.Option(help="LOW:HIGH in Hz: the lines between, edges included.")],
-    dt: Annotated[float, typer.Option(help="Sample time in s.")],
-    period: Annotated[float, typer.Option(help="Length of one period in s; the lines are 1/period apart, in Hz.")],
+    band: Annotated[
+        str, typer.Option(help="The lines between two frequencies in Hz, edges included.", metavar="LOW:HIGH")
+    ],
+    dt: Annotated[float, typer.Option(help="Sample time.", metavar="SECONDS")],
+    period: Annotated[
+        float, typer.Option(help="Length of one period; the lines are 1/period apart, in Hz.", metavar="SECONDS")
+    ],
     spacing: Annotated[
         str,
         typer.Option(
@@ -58,8 +61,8 @@ def excite(
         bool, typer.Option(help="Choose phases for a small crest factor, or leave them purely random.")
     ] = True,
     seed: Annotated[int, typer.Option(help="Of the random phases and lines.")] = 0,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The signals, .csv or .npz.")] = _OUTPUT,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The signals, .csv or .npz.")] = Path("play.csv"),
+    force: Force = False,
 ) -> None:
     """Design what to play next: multisines on chosen lines with small crest factor, orthogonal over the inputs.
 
@@ -72,30 +75,23 @@ def excite(
     """
     from robustid.data import multisine
 
-    if output.suffix.lower() not in (".csv", ".npz"):
-        raise InputError(f"--output {output} must end in .csv or .npz")
-    terminal.check_outputs([output], [], force)
+    files.check_ending(output, (".csv", ".npz"))
+    files.check_outputs([output], [], force)
     console = terminal.console()
     with in_words(_OPTIONS):
-        asked: dict[str, Any] = {"band_hz": _band(band), "period": samples_of(period, dt), "spacing": spacing}
+        asked: dict[str, Any] = {
+            "band_hz": band_of("--band", band),
+            "period": samples_of(period, dt),
+            "spacing": spacing,
+        }
         asked |= {"lines_per_decade": lines_per_decade, "inputs": inputs, "realisations": realisations}
         asked |= {"periods": periods, "amplitude": _one_or_all(amplitude), "rms": _one_or_all(rms)}
         with step(console, "choosing phases" + " for a small crest factor" * minimise_crest):
             play = multisine(dt=dt, minimise_crest=minimise_crest, seed=seed, **asked)
         play.save(output)
-    for line in (*_described(play, realisations), ""):
-        console.print(plain(line), highlight=False, soft_wrap=True)
-    say_written(console, output)
-    for line in _next(play, output):
-        console.print(plain(line), highlight=False, soft_wrap=True)
-
-
-def _band(text: str) -> tuple[float, float]:
-    try:
-        low, high = (float(number) for number in text.split(":"))
-    except ValueError:
-        raise InputError(f"--band must be LOW:HIGH in Hz, such as 1:500; got {text!r}") from None
-    return low, high
+    terminal.say(console, *_described(play, realisations), "")
+    terminal.say_written(console, output)
+    terminal.say(console, *_next(play, output))
 
 
 def samples_of(period: float, dt: float) -> int:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import pathlib
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import terminal
-from robustid.app.cli.steps import in_words, shown
-from robustid.app.cli.terminal import plain, step, warn
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import Force, Report, only
+from robustid.app.cli.terminal import in_words, shown, step, warn
+from robustid.app.options import FrequencyPoints, ResponseSource
 from robustid.errors import InputError
 
-Path = pathlib.Path
-_OUTPUT = Path("fit.npz")
 _OPTIONS = {
     "rigid_body": "--rigid-body",
     "degree": "--roll-off",
@@ -27,7 +26,8 @@ _OPTIONS |= {"order": "--order", "orders": "--order", "method": "--method", "cov
 
 
 def fit(
-    source: Annotated[Path, typer.Argument(help="Frequency response, any number of channels: .csv, .npz or .mat.")],
+    *,
+    source: Annotated[Path, typer.Argument(help="Frequency response, SISO or MIMO: .csv, .npz or .mat.")],
     order: Annotated[str, typer.Option(help='McMillan degree, with two states for every rigid-body mode; or "auto".')],
     rigid_body: Annotated[
         int, typer.Option(min=0, help="Number of rigid-body modes: undamped, poles at zero exactly.")
@@ -48,18 +48,12 @@ def fit(
         bool,
         typer.Option("--feedthrough", help="The response may differ from 0 at infinity: accelerometers, no delay."),
     ] = False,
-    band: Annotated[str | None, typer.Option(help="LOW:HIGH in Hz: use only the lines between.")] = None,
+    points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
-    dt: Annotated[float | None, typer.Option(help="Sample time in s, where the file doesn't say.")] = None,
-    frequency_unit: Annotated[
-        str | None, typer.Option(help='Unit of an omega column: "rad/s" (default) or "Hz".')
-    ] = None,
-    frequency_field: Annotated[
-        list[str] | None, typer.Option(help="ROLE=NAME in the file, as in robustid identify: values=G.data, omega=w.")
-    ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = _OUTPUT,
-    report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    response: Annotated[ResponseSource, only("dt", "unit", "fields")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
+    report: Report = None,
+    force: Force = False,
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
 
@@ -69,37 +63,38 @@ def fit(
 
     Exit codes: 0 converged and verified, 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
-    from robustid.app.cli.data import Options
-    from robustid.mfd import RigidBody, RollOff, Weight
+    from robustid.app.cli.reading import Files
+    from robustid.mfd import RigidBody, RollOff
     from robustid.report import FitView, mfd_facts, render_report, render_summary
 
     wanted, model_file = _order(order), _model_file(output)
-    options = Options(kind="frequency", fields=frequency_field, dt=dt, unit=frequency_unit, band=band)
-    options.check([source])
-    terminal.check_outputs([model_file, *([report] if report else [])], [source], force)
+    asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
+    files.check_outputs([model_file, report], [source], force)
     console = terminal.console()
-    frf = _read(console, source, options)
+    (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "feedthrough": feedthrough}
     asked["rigid_body"] = RigidBody(rigid_body) if rigid_body else None
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
-    sweep = None
     with in_words(_OPTIONS | {"frf": source.name, "values": source.name}):
-        if relative is False and frf.covariance is None:
-            raise InputError(f"--covariance: {source.name} holds no covariance; leave the option out")
-        if relative:
-            asked["weight"] = Weight.relative(frf.values)
-        if wanted is None:
-            sweep = _swept(console, frf, asked)
-            wanted = sweep.suggested
-        result = _fitted(console, frf, wanted, asked)
+        asked |= _weight(source, frf, relative)
+        sweep: Any = _swept(console, frf, asked) if wanted is None else None
+        result = _fitted(console, frf, wanted or sweep.suggested, asked)
     page = "" if report is None else _drawn(console, render_report, result, frf, sweep)
     _write(result, model_file, report, page)
     if sweep is not None:
-        console.print(plain(sweep.summary()), highlight=False)
+        terminal.say(console, sweep.summary())
     console.print(render_summary(result, data=frf))
-    written = [model_file, *([report] if report else [])]
-    console.print(plain("written: " + ", ".join(map(str, written))), highlight=False, soft_wrap=True)
+    terminal.say_written(console, model_file, report)
     raise typer.Exit(0 if mfd_facts.verdict(FitView(result)).key == "consistent" else 1)
+
+
+def _weight(source: Path, frf: Any, relative: bool | None) -> dict[str, Any]:
+    """The weight that is asked for; the default of the fit without."""
+    from robustid.mfd import Weight
+
+    if relative is False and frf.covariance is None:
+        raise InputError(f"--covariance: {source.name} holds no covariance; leave the option out")
+    return {"weight": Weight.relative(frf.values)} if relative else {}
 
 
 def _order(text: str) -> int | None:
@@ -119,38 +114,11 @@ def _model_file(output: Path) -> Path:
     return output.with_name(output.name + ".npz")
 
 
-def _read(console: Any, source: Path, options: Any) -> Any:
-    """All channels of the file, and a line that says what was read."""
-    from robustid.app.cli.data import field_pairs, part, reading
-    from robustid.data import load
-    from robustid.data.io import origin
-
-    fields = field_pairs(options)
-    with reading(source, "frequency"):
-        found = origin(source, "frequency", fields)
-        if found.kind not in (None, "frequency"):
-            raise InputError(f"{source.name} holds {found.kind} data; a frequency response is needed")
-        unit = options.unit or "rad/s"
-        frf: Any = load(source, kind="frequency", fields=fields, dt=options.dt, frequency_unit=options.unit)
-        frf = part(frf, options)
-    size = f"{len(frf.outputs)} x {len(frf.inputs)} (outputs x inputs)"
-    text = f"read {source}: {frf.omega.size} lines, {frf.freq_hz[0]:.5g} to {frf.freq_hz[-1]:.5g} Hz, {size}"
-    text += ", continuous time" if frf.dt is None else f", dt = {frf.dt:g} s"
-    text += ", with covariance" if frf.covariance is not None else ""
-    if not found.unit_known:
-        other = "" if unit.lower() == "hz" else " (--frequency-unit Hz if the file has Hz)"
-        text += f"; omega read as {unit}{other}"
-    console.print(plain(text), highlight=False, soft_wrap=True)
-    if found.unit_known and options.unit is not None:
-        warn(console, f"--frequency-unit is ignored: {source.name} says the unit of its frequencies")
-    return frf
-
-
 def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
     """The fit, every iteration shown."""
     from robustid.mfd import fit_mfd
 
-    text = f"fitting order {order}: {frf.omega.size} lines"
+    text = f"fitting order {order}: {frf.omega.size} frequency points"
     with shown(console, text) as show:
         count = 0
 

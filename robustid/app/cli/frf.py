@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import pathlib
 import re
 import shlex
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import terminal
+from robustid.app.cli import files, terminal
 from robustid.app.cli.excite import samples_of
-from robustid.app.cli.steps import in_words, say_written
-from robustid.app.cli.terminal import plain, step
-from robustid.data.io import TIME
+from robustid.app.cli.options import First, Force, Report, only
+from robustid.app.cli.terminal import in_words, step
+from robustid.app.options import Estimate, RecordSource
 from robustid.errors import InputError
 
-Path = pathlib.Path
-_OUTPUT = Path("frf.npz")
 _OPTIONS = {"record": "RECORD", "path": "--output"} | {
     name: f"--{name}" for name in ("method", "period", "lines", "probability", "dt")
 }
@@ -25,6 +23,7 @@ _SAME_STEP = 1e-6
 
 
 def frf(
+    *,
     record: Annotated[
         list[Path],
         typer.Argument(
@@ -33,14 +32,8 @@ def frf(
             " excitation nu experiments, or a multiple of that, in order.",
         ),
     ],
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help="periodic, local (any excitation) or welch (a first look, smeared). Default: periodic where there is a period,"
-            " else local."
-        ),
-    ] = None,
-    period: Annotated[float | None, typer.Option(help="Period of the excitation in s.")] = None,
+    how: Estimate,
+    period: Annotated[float | None, typer.Option(help="Period of the excitation.", metavar="SECONDS")] = None,
     lines: Annotated[
         str | None,
         typer.Option(
@@ -48,93 +41,46 @@ def frf(
             " times in a period (local: in the record; welch: in a segment). Default: those that are excited."
         ),
     ] = None,
-    probability: Annotated[float, typer.Option(help="Of the bound, for all lines and entries at once.")] = 0.95,
-    dt: Annotated[float | None, typer.Option(help="Sample time in s, where the files do not say.")] = None,
-    time_field: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="ROLE=NAME in the files, repeated for several channels: u=current, y=angle, y=speed, reference=setpoint (closed"
-            f" loop). Recognised without it: {', '.join(TIME['u'])}, u1, u2, ...; {', '.join(TIME['y'])}, y1, y2, ...;"
-            f" {', '.join(TIME['reference'])}; {', '.join(TIME['time'])}."
-        ),
-    ] = None,
-    first: Annotated[int | None, typer.Option(help="Use only the first N samples of every record.")] = None,
-    initial: Annotated[
-        str | None,
-        typer.Option(
-            help='"periodic": in steady state from the first sample. Default: periods with a transient are left out.'
-        ),
-    ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The response: .npz, .csv or .mat.")] = _OUTPUT,
-    report: Annotated[Path | None, typer.Option(help="Write the HTML report here.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    source: Annotated[RecordSource, only("fields", "dt", "initial")],
+    first: First = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The response: .npz, .csv or .mat.")] = Path("frf.npz"),
+    report: Report = None,
+    force: Force = False,
 ) -> None:
-    """Estimate the frequency response of any number of channels from records, with a bound for all lines at once.
+    """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all lines at once.
 
-    Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear.
+    Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear. Periods with
+    a transient are left out, unless --initial periodic says that there is none.
 
     [bold]Example[/bold]: robustid frf run1.csv run2.csv --period 1 --time-field u=current --time-field y=angle -o frf.npz
     --report frf.html
 
     Exit codes: 0 written, 2 misuse, 70 an error of the program, 130 interrupted.
     """
+    from robustid.app.cli.reading import Files
     from robustid.data import estimate_frf
     from robustid.data.io import WRITERS
     from robustid.report import render_summary
 
-    if output.suffix.lower() not in WRITERS:
-        raise InputError(f"--output {output} must end in {', '.join(WRITERS)}")
-    terminal.check_outputs([output, *([report] if report else [])], record, force)
+    files.check_ending(output, tuple(WRITERS))
+    files.check_outputs([output, report], record, force)
+    for k, path in enumerate(record):
+        if path.resolve() in [other.resolve() for other in record[:k]]:
+            raise InputError(f"{path} is given twice; every experiment counts once")
     console = terminal.console()
-    records = _read(console, record, {"fields": time_field, "dt": dt, "first": first, "initial": initial})
-    samples, index = _periods(lines, period, method, records[0])
+    records = Files(paths=record, source=source, first=first).read(console)
+    samples, index = _periods(lines, period, how.method, records[0])
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
     with in_words(_OPTIONS), step(console, words):
         try:
-            found = estimate_frf(records, method=method, period=samples, lines=index, probability=probability)
+            found = estimate_frf(records, method=how.method, period=samples, lines=index, probability=how.probability)
         except InputError as error:
             text = str(error).replace("`period` in samples", "`period` in s")
             raise InputError(re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", text)) from None
     _write(found, records, output, report)
     console.print(render_summary(found))
-    say_written(console, output, *([report] if report else []))
-    for line in _next(found, output):
-        console.print(plain(line), highlight=False, soft_wrap=True)
-
-
-def _read(console: Any, paths: list[Path], given: dict[str, Any]) -> list[Any]:
-    """The records, a line said about each."""
-    from robustid.app.cli.data import Options, compare_step, field_pairs, part, reading
-    from robustid.data import load
-    from robustid.data.io import origin
-
-    options = Options(kind="time", **given)
-    options.check(paths)
-    records, seen = [], set()
-    for path in paths:
-        if path.resolve() in seen:
-            raise InputError(f"{path} is given twice; every experiment counts once")
-        seen.add(path.resolve())
-        with reading(path, "time"):
-            fields = field_pairs(options)
-            found = origin(path, "time", fields)
-            if found.kind not in (None, "time"):
-                raise InputError(f"{path.name} holds {found.kind} data; a time record is needed")
-            record = part(load(path, kind="time", fields=fields, dt=options.dt, initial=options.initial), options)
-        console.print(plain(_described(path, record)), highlight=False, soft_wrap=True)
-        compare_step(console, path, found, options)
-        records.append(record)
-    return records
-
-
-def _described(path: Path, record: Any) -> str:
-    samples = len(record.u)
-    names = [", ".join(map(str, channels)) for channels in (record.outputs, record.inputs)]
-    text = f"read {path}: {samples} samples, {samples * record.dt:.6g} s, dt = {record.dt:g} s; {names[0]} / {names[1]}"
-    if record.reference is not None:
-        count = record.reference.shape[1]
-        text += f"; {count} reference{'s' * (count > 1)}"
-    return text + ("; in steady state" if record.initial == "periodic" else "")
+    terminal.say_written(console, output, report)
+    terminal.say(console, *_next(found, output))
 
 
 def _periods(lines: str | None, period: float | None, method: str | None, record: Any) -> tuple[int | None, Any]:
@@ -186,9 +132,7 @@ def _write(found: Any, records: list[Any], output: Path, report: Path | None) ->
 def _next(found: Any, output: Path) -> list[str]:
     name = shlex.quote(str(output))
     several = found.values[0].size > 1
-    what = (
-        "a model of all entries (of one: --channel OUTPUT,INPUT), with a proof" if several else "a model with a proof"
-    )
+    what = "a model of all entries (of one: --entry OUTPUT,INPUT), with a proof" if several else "a model with a proof"
     return [
         f"Next, {what}:",
         f"  robustid identify --frequency {name} --report report.html",

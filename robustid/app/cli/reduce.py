@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import pathlib
+from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from robustid.app.cli import terminal
-from robustid.app.cli.steps import in_words, say_written, sources
-from robustid.app.cli.terminal import plain, step
-from robustid.errors import InputError
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import Force
+from robustid.app.cli.terminal import in_words, step
+from robustid.app.options import band as band_of
 
-Path = pathlib.Path
-_SMALLER = Path("reduced.npz")
 _OPTIONS = {name: f"--{name}" for name in ("order", "tol", "horizon", "weight")}
 _OPTIONS |= {"band_hz": "--band", "unstable": "--keep-unstable", "model": "the model"}
 
@@ -28,10 +25,13 @@ def reduce(
         float | None, typer.Option(help="Error bound, relative to the largest Hankel singular value.")
     ] = None,
     band: Annotated[
-        str | None, typer.Option(help="LOW:HIGH in Hz: only these frequencies count. Needs --order.")
+        str | None,
+        typer.Option(
+            help="Only these frequencies count, in Hz; 5:inf from 5 Hz on. Needs --order.", metavar="LOW:HIGH"
+        ),
     ] = None,
     horizon: Annotated[
-        float | None, typer.Option(help="Only the first so many seconds of the response count. Needs --order.")
+        float | None, typer.Option(help="Only the first part of the response counts. Needs --order.", metavar="SECONDS")
     ] = None,
     weight: Annotated[
         Path | None,
@@ -41,8 +41,10 @@ def reduce(
         bool, typer.Option("--static-gain", help="Keep the gain at frequency zero exactly.")
     ] = False,
     keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = _SMALLER,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path(
+        "reduced.npz"
+    ),
+    force: Force = False,
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
 
@@ -57,10 +59,9 @@ def reduce(
     from robustid.data.io import load_model, save_model
     from robustid.reduction import ReductionStatus
 
-    if output.suffix.lower() not in (".npz", ".mat"):
-        raise InputError(f"--output {output} must end in .npz or .mat")
-    limits: dict[str, Any] = {"band_hz": None if band is None else _band(band), "horizon": horizon}
-    terminal.check_outputs([output], [*sources(source), *([weight] if weight else [])], force)
+    files.check_ending(output, (".npz", ".mat"))
+    limits: dict[str, Any] = {"band_hz": None if band is None else band_of("--band", band), "horizon": horizon}
+    files.check_outputs([output], [*files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         limits["weight"] = load_model(weight)
     console = terminal.console()
@@ -76,16 +77,8 @@ def reduce(
         if identification is not None:
             _say_margin(console, identification, reduction)
     save_model(reduction.model, output)
-    say_written(console, output)
+    terminal.say_written(console, output)
     raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
-
-
-def _band(text: str) -> tuple[float, float]:
-    try:
-        low, high = (float(number) for number in text.split(":"))
-    except ValueError:
-        raise InputError(f"--band must be LOW:HIGH in Hz, such as 5:200 or 5:inf; got {text!r}") from None
-    return low, high
 
 
 def _within_bounds(console: Any, identification: Any) -> Any:
@@ -94,25 +87,27 @@ def _within_bounds(console: Any, identification: Any) -> Any:
     with step(console, "searching for the smallest order"):
         reduction = reduce_within_bounds(identification)
     for tried, margin in reduction.tried:
-        console.print(f"order {tried:3d}: {margin:.4g} of what is allowed", highlight=False)
-    console.print(f"order {reduction.order}: {reduction.status.value}", highlight=False)
+        terminal.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
+    terminal.say(console, f"order {reduction.order}: {reduction.status.value}")
     return reduction
 
 
 def _truncated(console: Any, model: Any, asked: dict[str, Any]) -> Any:
+    import numpy as np
+
     from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
 
     with step(console, f"truncating {model.nstates} states"):
         reduction = balanced_truncation(model, **asked)
-    console.print(f"order {reduction.order} of {model.nstates}: {reduction.status.value}", highlight=False)
+    terminal.say(console, f"order {reduction.order} of {model.nstates}: {reduction.status.value}")
     if np.isfinite(reduction.bound):
-        console.print(f"error at most {reduction.bound:.6g}, in units of the response", highlight=False)
+        terminal.say(console, f"error at most {reduction.bound:.6g}, in units of the response")
     if reduction.status not in (ReductionStatus.UNREDUCED, ReductionStatus.UNSTABLE):
         with step(console, "largest error over all frequencies"):
             error = hinf_error(model, reduction.model)
         # Between the stable parts: the unstable ones are kept as they are.
         where = "at infinite frequency" if np.isinf(error.omega) else f"at {error.omega / (2 * np.pi):.4g} Hz"
-        console.print(f"largest error over all frequencies: {error.value:.6g}, {where}", highlight=False)
+        terminal.say(console, f"largest error over all frequencies: {error.value:.6g}, {where}")
     return reduction
 
 
@@ -121,7 +116,7 @@ def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
 
     margin = largest_ratio(identification.problem, reduction.model)
     verdict = "all samples inside" if margin <= 1 else "outside somewhere"
-    console.print(plain(f"largest |residual|/bound {margin:.4g}: {verdict}"), highlight=False)
+    terminal.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
 
 
 def _load_identification(path: Path) -> Any:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import pathlib
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import terminal
-from robustid.app.cli.steps import EXIT, repeat_warnings, say_written, sources
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import Force
 from robustid.app.cli.terminal import step
 from robustid.errors import InputError
-
-Path = pathlib.Path
-_PAGE = Path("report.html")
 
 
 def report(
@@ -31,10 +28,10 @@ def report(
             "--sensitivity", help="Add how the guarantee moves with the assumptions and with the number of lines."
         ),
     ] = False,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = _PAGE,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    force: Force = False,
 ) -> None:
     """Write the report of a saved identification again; its claims are verified again from the numbers.
 
@@ -44,8 +41,8 @@ def report(
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
-    inputs = [path for name in (source, *(bounds or [])) for path in sources(name)]
-    terminal.check_outputs([output], inputs, force)
+    inputs = [path for name in (source, *(bounds or [])) for path in files.sources(name)]
+    files.check_outputs([output], inputs, force)
     console = terminal.console()
     result = load_result(source, "identification")
     shown = _bounds(bounds or [], result)
@@ -60,19 +57,19 @@ def report(
     with step(console, "verifying every certificate"):
         write_report(result, output, reduction=reduction, title=title, **shown)
     console.print(render_summary(result, reduction))
-    say_written(console, output)
-    repeat_warnings(console, result)
-    raise typer.Exit(EXIT[result.status])
+    terminal.say_written(console, output)
+    terminal.repeat_warnings(console, result)
+    raise typer.Exit(terminal.EXIT[result.status])
 
 
-def _bounds(files: list[Path], result: Any) -> dict[str, Any]:
+def _bounds(paths: list[Path], result: Any) -> dict[str, Any]:
     """What was saved of the identification, by the argument of `write_report` that takes it."""
     from robustid.app.files import load_result
     from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
 
     found: dict[str, Any] = {}
-    for file in files:
+    for file in paths:
         bound = load_result(file, "worst-case error", "band over poles")
         name = "over_poles" if isinstance(bound, WorstCaseOverPoles) else "worst_case"
         if name in found:

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
-import pathlib
+import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from robustid.app.checks import options
 from robustid.app.cli import terminal
-from robustid.app.cli.certify import _counted
-from robustid.app.cli.steps import EXIT, in_words, repeat_warnings, say_written, shown
-from robustid.app.cli.terminal import plain
+from robustid.app.cli.options import FLAGS
+from robustid.app.cli.terminal import counted, in_words, shown
+from robustid.app.options import PARTS
 
-Path = pathlib.Path
-_WORDS = {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
-_WORDS |= {
-    name: name
-    for name in ("dt", "order", "repeat", "delay", "accuracy", "solver", "gain_bound", "decay_rate", "scaling")
-}
-_WORDS |= {"unit": "unit", "frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
+_WORDS = {name: name for name in (*FLAGS, "order", "scaling")}
+_WORDS |= {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
+_WORDS |= {"frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
+
+
+def _show_keys(wanted: bool) -> None:
+    """Print the keys of a run file, from their descriptions."""
+    if not wanted:
+        return
+    from rich.table import Table
+
+    console = terminal.console()
+    for place, kind in PARTS.items():
+        terminal.say(console, f"\n{place}  # {(kind.__doc__ or '').splitlines()[0]}".replace("\n  #", "#"))
+        table = Table.grid(padding=(0, 2))
+        for field, option in options(kind):
+            unit = f" In {option.unit}." if option.unit else ""
+            default = "" if field.default is None else f" Default {json.dumps(field.default)}."
+            table.add_row(f"  {field.name}", terminal.plain(option.sentence + unit + default))
+        console.print(table, highlight=False)
+    raise typer.Exit
 
 
 def run(
@@ -33,6 +49,10 @@ def run(
         int | None, typer.Option(min=1, help="Number of processes for the worst-case error. Default: one.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
+    keys: Annotated[
+        bool,
+        typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit."),
+    ] = False,
 ) -> None:
     r"""Everything that a run file says: records, response, bounds, class, proof, small model, its error, report.
 
@@ -40,11 +60,11 @@ def run(
     A run file names data and, where you want it otherwise, choices:
 
         title = "Motor bench"
-        channel = ["angle", "current"]   # \[output, input]: one entry; all of the matrix without it
+        entry = ["angle", "current"]     # \[output, input]; all of the matrix without it
 
         [\[record]]                       # once for each: a file, or a dataset
         file = "bench.csv"
-        use = "response"                 # or "samples", or "rest"
+        use = "response"                 # or "samples", or "noise_floor"
         start = 1.0                      # s
 
         [\[frequency]]                    # a response measured elsewhere
@@ -53,7 +73,7 @@ def run(
 
         \[estimate]                       # records to a response
         period = 2500
-        \[lines]
+        \[frequency_points]
         band_hz = [5.0, 200.0]
         every = 2                        # the others test the result
         \[modes]
@@ -93,10 +113,10 @@ def run(
         raise
     console.print(render_summary(result.identification, result.reduction))
     for finding in result.findings:
-        console.print("\n" + plain(finding), highlight=False, soft_wrap=True)
-    say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
-    repeat_warnings(console, result.identification)
-    raise typer.Exit(EXIT[result.identification.status])
+        terminal.say(console, "\n" + finding)
+    terminal.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
+    terminal.repeat_warnings(console, result.identification)
+    raise typer.Exit(terminal.EXIT[result.identification.status])
 
 
 def _told(show: Callable[[str], None]) -> Callable[..., None]:
@@ -107,6 +127,6 @@ def _told(show: Callable[[str], None]) -> Callable[..., None]:
         if done is None or count is None:
             show(text)
         else:
-            counters.setdefault(text, _counted(show, text))(done, count)
+            counters.setdefault(text, counted(show, text))(done, count)
 
     return say

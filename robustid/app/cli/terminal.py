@@ -1,60 +1,16 @@
-"""What every command shares: the console, long steps, how a run ends, and the files that it may write."""
+"""The terminal: the console, long steps and their progress, warnings, options named in the sentences of the library."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import sys
-import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from robustid.errors import InputError, RobustIdError, SolverError
+from robustid.errors import InputError, InputTypeError, SolverError, Status
 
-MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
-# Arguments of the library that have an option of another name, or of the same.
-_OPTIONS = {"gain_bound": "--gain", "decay_rate": "--decay", "unstable": "--keep-unstable"}
-_OPTIONS |= {name: f"--{name}" for name in ("dt", "accuracy", "solver", "order", "tol", "repeat", "delay")}
-_INTERRUPTED = "interrupted before the results were written"
-
-
-def run(app: Callable[[], Any]) -> None:
-    """Run the application; whatever happens ends with one sentence and an exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a pipe that can't take every letter gets a question mark
-            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
-    try:
-        app()
-    except SystemExit as stop:
-        if stop.code == INTERRUPTED:  # typer's way to say Ctrl-C
-            _end(_INTERRUPTED, INTERRUPTED)
-        raise
-    except KeyboardInterrupt:
-        _end(_INTERRUPTED, INTERRUPTED)
-    except SolverError as error:
-        _end(f"[bold red]error:[/bold red] {plain(_spoken(str(error)))}", UNSOLVED)
-    except RobustIdError as error:
-        _end(f"[bold red]error:[/bold red] {plain(_spoken(str(error)))}", MISUSE)
-    except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
-        _end(f"[bold red]error:[/bold red] {plain(place + (error.strerror or str(error)))}", MISUSE)
-    except Exception:
-        # Not caught to hide it: the user is to know whose fault it is, and scripts to tell it from a finding.
-        _end(f"[bold red]internal error, please report:[/bold red]\n{plain(traceback.format_exc())}", BUG)
-
-
-def _end(sentence: str, code: int) -> None:
-    out = console(stderr=True)
-    out.print(sentence, highlight=False, soft_wrap=not out.is_terminal)
-    sys.exit(code)
-
-
-def _spoken(text: str) -> str:
-    """A sentence of the library, with options in place of Python's arguments, and names of files as they stand."""
-    text = re.sub(r"`path` = (['\"])(.*?)\1", r"\2", text).replace("`path`: ", "")
-    return re.sub(r"`([^`]*)`", lambda found: _OPTIONS.get(found[1], found[1]), text)
+EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
 def console(**options: Any) -> Any:
@@ -71,61 +27,64 @@ def plain(text: str) -> str:
     return escape(text)
 
 
+def say(out: Any, *texts: str) -> None:
+    """Print plain text, as it stands."""
+    for text in texts:
+        out.print(plain(text), highlight=False, soft_wrap=True)
+
+
 def warn(out: Any, text: str) -> None:
-    """A yellow sentence."""
+    """Print a yellow sentence."""
     out.print(f"[yellow]warning:[/yellow] {plain(text)}", highlight=False, soft_wrap=not out.is_terminal)
+
+
+def say_written(out: Any, *paths: Path | None) -> None:
+    """Print the names of the files, on one line."""
+    say(out, "written: " + ", ".join(str(path) for path in paths if path is not None))
+
+
+def repeat_warnings(out: Any, result: Any) -> None:
+    """Print at the end what must not scroll away."""
+    for sentence in result.warnings:
+        warn(out, sentence)
 
 
 @contextlib.contextmanager
 def step(out: Any, text: str) -> Iterator[None]:
-    """A long step: a spinner at a terminal, else one line."""
-    if out.is_terminal:
-        with out.status(plain(text)):
-            yield
-    else:
-        out.print(f"{plain(text)} …", highlight=False)
+    """Show a long step: a spinner at a terminal, else one line."""
+    with shown(out, text):
         yield
 
 
-def result_files(output: Path) -> tuple[Path, Path]:
-    """NAME.npz and NAME.json, which hold an identification."""
-    if output.suffix.lower() in (".mat", ".csv", ".tsv", ".txt", ".html"):
-        raise InputError(
-            f"--output {output}: an identification is written as NAME.npz and NAME.json; leave {output.suffix} out"
-        )
-    if output.is_dir():
-        raise InputError(f"--output {output} is a folder; give a name in it, such as {output / 'result'}")
-    base = output.with_suffix("") if output.suffix in (".npz", ".json") else output
-    return base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")
+@contextlib.contextmanager
+def shown(out: Any, text: str) -> Iterator[Callable[[str], None]]:
+    """Show a line that changes at a terminal; elsewhere one line for every change."""
+    if out.is_terminal:
+        with out.status(plain(text)) as status:
+            yield lambda words: status.update(plain(words))
+    else:
+        say(out, f"{text} …")
+        yield lambda words: say(out, words)
 
 
-def check_outputs(paths: Sequence[Path], inputs: Sequence[Path], force: bool) -> None:
-    """Refuse, before anything is computed, what could not be written or would destroy something."""
-    read = {path.resolve() for path in inputs}
-    for path in paths:
-        if path.is_dir():
-            raise InputError(f"{path} is a folder; give the name of a file in it")
-        if path.resolve() in read:
-            raise InputError(f"{path} is one of the files to be read; choose another name for the output")
-        if [other.resolve() for other in paths].count(path.resolve()) > 1:
-            raise InputError(f"{path} would be written twice; choose different names")
-        if path.exists() and not force:
-            raise InputError(f"{path} exists; choose another name, or pass --force to replace it")
-        if not path.parent.is_dir():
-            raise InputError(f"the folder {path.parent} does not exist; create it first")
-        if not os.access(path.parent, os.W_OK):
-            raise InputError(f"the folder {path.parent} can't be written to; choose another one")
+def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
+    """Progress in at most ten steps."""
+    last = -1
+
+    def progress(done: int, count: int) -> None:
+        nonlocal last
+        if 10 * done // count != last:
+            last = 10 * done // count
+            show(f"{words}: {done} of {count}")
+
+    return progress
 
 
-def new_folder(wanted: Path) -> Path:
-    """Create the folder, or the next free of its name with -2, -3, …"""
-    folder, k = wanted, 1
-    while True:
-        try:
-            folder.mkdir(parents=True)
-            return folder
-        except FileExistsError:
-            k += 1
-            folder = wanted.with_name(f"{wanted.name}-{k}")
-        except OSError as error:
-            raise InputError(f"the folder {folder} can't be created: {error.strerror}; give another --output") from None
+@contextlib.contextmanager
+def in_words(words: dict[str, str]) -> Iterator[None]:
+    """Name options, and files, in place of Python's arguments."""
+    try:
+        yield
+    except (InputError, InputTypeError, SolverError) as error:
+        text = re.sub(r"`(\w+)`", lambda found: words.get(found[1], found[0]), str(error))
+        raise type(error)(text) from None

@@ -1,37 +1,22 @@
-"""The steps of a run: each reads its choices from the run file and writes there those that it makes."""
+"""The choices of a run: each is read from the run file, or made from the data and written there."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from robustid.advice import entry_sizes, possible_rates, response_sizes, suggest_kautz, suggest_prior, suggest_scaling
-from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, Modes, PriorChoice, RunFile
-from robustid.app.sources import Measured
+from robustid.app.measurements import Measured, Say
+from robustid.app.options import Modes, PriorChoice
+from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis, kautz
 from robustid.data import FrequencyResponse
-from robustid.identification import (
-    Identification,
-    MixedProblem,
-    Prior,
-    Validation,
-    identify,
-    model_residuals,
-    prior_fields,
-)
+from robustid.identification import MixedProblem, Prior, identify, prior_fields
 
 SPARE = 1.1  # beyond the smallest inflation of the bounds
-_MOST_NAMED = 6
-
-
-class Say(Protocol):
-    """Where progress goes: what is done now, and how much of it is."""
-
-    def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
-        """Say it."""
 
 
 def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
@@ -73,12 +58,13 @@ def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
     return kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0)
 
 
-def chosen_lines(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
-    """The lines that are used, and those that are left to test with."""
-    used = np.arange(frf.omega.size) % run.lines.every == 0
-    if run.lines.near_hz is not None:
+def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
+    """The frequency points that are used, and those that are left to test with."""
+    asked = run.frequency_points
+    used = np.arange(frf.omega.size) % asked.every == 0
+    if asked.near_hz is not None:
         for hz in run.modes.hz or ():
-            used |= np.abs(frf.freq_hz - hz) <= run.lines.near_hz
+            used |= np.abs(frf.freq_hz - hz) <= asked.near_hz
     return frf.select(used), None if used.all() else frf.select(~used)
 
 
@@ -104,14 +90,14 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 
 
 def placeholder(run: RunFile, data: Measured) -> Prior:
-    """A prior of no meaning but its scaling: as stated, or the sizes of the channels where the class isn't stated."""
+    """A prior of no meaning but its scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
         return default_prior((*data.responses, *data.records))
     return Prior(gain_bound=1.0, decay_rate=1.05, scaling=run.prior.scaling)
 
 
 def default_prior(data: Sequence[Any]) -> Prior:
-    """A prior of no meaning but its scaling, the sizes of several channels."""
+    """A prior of no meaning but its scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
     return Prior(gain_bound=1.0, decay_rate=1.05, scaling=scaling)
@@ -125,14 +111,15 @@ def _stated(run: RunFile) -> Prior | None:
 
 
 def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
-    """A class that says something: the prior that is stated, or a rest that is not larger than the data and decays."""
+    """A class that says something: as stated, or a non-parametric part that is not larger than the data and decays."""
     if (stated := _stated(run)) is not None:
         return stated, "the class as stated"
     sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
     small = run.modes.hz and sizes.size
     size = float(np.median(sizes)) if small else response_sizes(problem)[0]
     rates = possible_rates(problem)
-    words = "the modes beside a rest as large as the median response" if small else "a rest as large as the response"
+    part = "a non-parametric part as large as the"
+    words = f"the modes beside {part} median response" if small else f"{part} response"
     return dataclasses.replace(problem.prior, gain_bound=size, decay_rate=float(rates[len(rates) // 2])), words
 
 
@@ -161,61 +148,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, 
     if chosen is None or chosen.gain_bound > found.safety * response_sizes(problem)[0]:
         chosen, what = _reference(run, problem)
         note += (
-            f"\nNot taken: a rest larger than every response says nothing. In its place {what}: |G| <= {chosen.gain_bound:.4g} in"
-            f" |z| < {chosen.decay_rate:.5g}"
+            f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
+            f" |G| <= {chosen.gain_bound:.4g} in |z| < {chosen.decay_rate:.5g}"
         )
     return dataclasses.replace(run, prior=PriorChoice(**prior_fields(chosen), note=note)), chosen
-
-
-def sample_words(identification: Identification, model: Any, order: int) -> str:
-    """Whether a model keeps all samples, or which not."""
-    problem = identification.problem
-    residuals = model_residuals(problem, model)
-    outside = [
-        (float(ratio), _place(residual.kind, float(at), of_entry(problem, *residual.entry)))
-        for residual in residuals
-        for at, ratio in zip(residual.axis, residual.ratio, strict=True)
-        if ratio > 1 + 1e-5
-    ]
-    total = sum(residual.axis.size for residual in residuals)
-    largest = max(float(residual.ratio.max()) for residual in residuals)
-    if not outside:
-        return f"The model of order {order} keeps all {total} samples within their bounds (largest |residual|/bound {largest:.4g})."
-    return (
-        f"The model of order {order} leaves {len(outside)} of {total} samples outside their bounds: {_named(outside)}."
-    )
-
-
-def unused_words(validation: Validation) -> str:
-    """What lines that were not used say of the small model."""
-    data: Any = validation.data
-    ratio = data.ratio(validation.residuals)
-    joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
-    outside = []
-    for k, i, j in np.argwhere(ratio > 1):
-        entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
-        place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
-        outside.append((float(ratio[k, i, j]), place))
-    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
-    text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
-    if not outside:
-        return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
-    return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
-
-
-def of_entry(data: Any, output: int | None, input: int | None) -> str:
-    """Which entry, output or column a sample is of, where there are several."""
-    if len(data.outputs) == len(data.inputs) == 1:
-        return ""
-    parts = [str(side[k].name) for side, k in ((data.outputs, output), (data.inputs, input)) if k is not None]
-    return f" ({' / '.join(parts)})" if parts else ""
-
-
-def _place(kind: str, at: float, of: str = "") -> str:
-    return (f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s") + of
-
-
-def _named(outside: list[tuple[float, str]]) -> str:
-    largest = sorted(outside, reverse=True)[:_MOST_NAMED]
-    text = ", ".join(f"{place} ({ratio:.4g} bounds)" for ratio, place in largest)
-    return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")

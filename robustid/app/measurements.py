@@ -1,15 +1,17 @@
-"""From the files that a run file names to bounded responses and records: all channels, or one entry."""
+"""From the files that a run file names to bounded responses and records: all entries, or one."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from robustid.app.run_file import DELAY_NOTE, RecordSource, RunFile
+from robustid.app.options import RecordSource
+from robustid.app.run_file import DELAY_NOTE, RunFile
 from robustid.core import digest
 from robustid.data import (
     FrequencyResponse,
@@ -24,7 +26,12 @@ from robustid.data import (
 )
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
-Say = Callable[[str], None]
+
+class Say(Protocol):
+    """Where progress goes: what is done now, and how much of it is."""
+
+    def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
+        """Say it."""
 
 
 class Measured(NamedTuple):
@@ -36,51 +43,57 @@ class Measured(NamedTuple):
 
 def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     """All data of a run file, read from `folder`, and the run file with what was read and chosen."""
-    _check_files(run, folder)
-    found, records = [], []
-    for k, source in enumerate(run.record, start=1):
-        name = source.file or source.dataset
-        raw = _named(f"[[record]] {k}, {name}", lambda source=source: _read_record(source, folder))
-        made = _named(f"[[record]] {k}, {name}", lambda source=source, raw=raw: [_prepared(r, source) for r in raw])
-        say(f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}")
-        explicit = _with_past(source, raw[0])
-        found.append(_with_digest(explicit, raw, f"[[record]] {k}, {name}"))
-        records.append((source.use, made))
-    responses, sources = [], []
-    for k, source in enumerate(run.frequency, start=1):
-        place = f"[[frequency]] {k}, {source.file}"
-        given = {"fields": source.fields, "dt": source.dt, "bound": source.bound, "frequency_unit": source.unit}
-        frf = _named(
-            place, lambda source=source, given=given: load(folder / str(source.file), kind="frequency", **given)
-        )
-        say(f"read {source.file}: {frf.omega.size} lines")
-        sources.append(_with_digest(source, [frf], place))
-        responses.append(_sampled(frf, place))
-    run = dataclasses.replace(run, record=tuple(found), frequency=tuple(sources))
-    run = _with_method(run, records)
-    estimated, samples = _bounded(run, records)
-    if run.channel is not None:
-        responses = [frf.entry(*run.channel) for frf in [*estimated, *responses]]
-        samples = [record.entry(*run.channel) for record in samples]
-    else:
-        responses = [*estimated, *responses]
-    data = Measured(tuple(responses), tuple(samples))
-    run, data = _without_delay(run, data)
-    if run.lines.band_hz is not None:
-        data = data._replace(responses=tuple(frf.band(*run.lines.band_hz) for frf in data.responses))
-    return run, data
-
-
-def _check_files(run: RunFile, folder: Path) -> None:
     for source in (*run.record, *run.frequency):
         if source.file is not None and not (folder / source.file).is_file():
             raise InputError(f"there is no file {folder / source.file}; names are seen from the folder of the run file")
+    run, records = _records(run, folder, say)
+    run, read = _responses(run, folder, say)
+    run = _with_method(run, records)
+    estimated, samples = _bounded(run, records)
+    responses = [*estimated, *read]
+    if run.entry is not None:
+        responses = [frf.entry(*run.entry) for frf in responses]
+        samples = [record.entry(*run.entry) for record in samples]
+    run, data = _without_delay(run, Measured(tuple(responses), tuple(samples)))
+    if (band := run.frequency_points.band_hz) is not None:
+        data = data._replace(responses=tuple(frf.band(*band) for frf in data.responses))
+    return run, data
 
 
-def _named(place: str, build: Callable[[], Any]) -> Any:
+def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:
+    """The records, prepared, with what each is used for."""
+    sources, records = [], []
+    for k, source in enumerate(run.record, start=1):
+        name = source.file or source.dataset
+        place = f"[[record]] {k}, {name}"
+        with _said_of(place):
+            raw = _read_record(source, folder)
+            made = [_prepared(record, source) for record in raw]
+        say(f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}")
+        sources.append(_with_digest(_with_past(source, raw[0]), raw, place))
+        records.append((source.use, made))
+    return dataclasses.replace(run, record=tuple(sources)), records
+
+
+def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[FrequencyResponse]]:
+    """The responses that were measured elsewhere."""
+    sources, responses = [], []
+    for k, source in enumerate(run.frequency, start=1):
+        place = f"[[frequency]] {k}, {source.file}"
+        given = {"fields": source.fields, "dt": source.dt, "bound": source.bound, "frequency_unit": source.unit}
+        with _said_of(place):
+            frf: Any = load(folder / str(source.file), kind="frequency", **given)
+        say(f"read {source.file}: {frf.omega.size} frequency points")
+        sources.append(_with_digest(source, [frf], place))
+        responses.append(_sampled(frf, place))
+    return dataclasses.replace(run, frequency=tuple(sources)), responses
+
+
+@contextlib.contextmanager
+def _said_of(place: str) -> Iterator[None]:
     """Say of which source a sentence is."""
     try:
-        return build()
+        yield
     except (InputError, InputTypeError, FileFormatError) as error:
         raise type(error)(f"{place}: {error}") from None
 
@@ -131,7 +144,7 @@ def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:
 
 
 def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
-    names = [channel.name for channel in record.outputs]
+    names = [output.name for output in record.outputs]
     if missing := [name for name in weights if name not in names]:
         raise InputError(f"combine names {missing[0]!r}; the outputs are {', '.join(names)}")
     w = np.array([weights.get(name, 0.0) for name in names])
@@ -139,7 +152,7 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     if bound is not None:
         used = w != 0
         bound = bound[:, used] @ np.abs(w[used])
-    units = {channel.unit for channel, weight in zip(record.outputs, w, strict=True) if weight}
+    units = {output.unit for output, weight in zip(record.outputs, w, strict=True) if weight}
     label = " + ".join(name if weights[name] == 1 else f"{weights[name]:g} {name}" for name in weights)
     output = (label, units.pop() if len(units) == 1 else "")
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
@@ -150,7 +163,7 @@ def _sampled(frf: FrequencyResponse, place: str) -> FrequencyResponse:
         raise InputError(f"{place}: no sample time in it; give dt = ...")
     if frf.bound is None:
         raise InputError(
-            f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every line)"
+            f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every frequency point)"
         )
     return frf
 
@@ -165,9 +178,9 @@ def _with_method(run: RunFile, records: list) -> RunFile:
 
 
 def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list[TimeRecord]]:
-    """The response of the records that are used for one, and the samples of the others; bounds from rest where there is one."""
-    rest = next((made[0] for use, made in records if use == "rest"), None)
-    noise = None if rest is None else bounds_from_noise_floor(rest, factor=run.estimate.rest_factor)
+    """The response of the records that are used for one, and the samples of the others, with bounds from the noise floor."""
+    quiet = next((made[0] for use, made in records if use == "noise_floor"), None)
+    noise = None if quiet is None else bounds_from_noise_floor(quiet, factor=run.estimate.noise_floor_factor)
     excited = [record for use, made in records if use == "response" for record in made]
     estimated = []
     if excited:
@@ -177,7 +190,9 @@ def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list
     samples = []
     for record in (record for use, made in records if use == "samples" for record in made):
         if record.bound is None and noise is None:
-            raise InputError('a [[record]] with use = "samples" needs bound = ..., or another record with use = "rest"')
+            raise InputError(
+                'a [[record]] with use = "samples" needs bound = ..., or another record with use = "noise_floor"'
+            )
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
     return estimated, samples
 

@@ -1,0 +1,187 @@
+"""What a value must be, said in one sentence where it isn't, and how an option is described once for every way to state it."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from robustid.errors import InputError, InputTypeError
+
+AUTO = "auto"
+Check = Callable[[str, Any], Any]  # (name, value) -> the value to take; raises with the name in the sentence
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Option:
+    """Description of one option: the key of a run file, and where these are given, that of the command line and of Python.
+
+    Attributes
+    ----------
+    check : callable (name, value)
+        Returns the value to take; raises InputError or InputTypeError with `name` in its sentence.
+    help : str or callable
+        What the option does, in whole sentences; a callable is asked when the text is shown.
+    unit : str
+        Of numbers; empty for none.
+    flag : str, optional
+        Its spelling on the command line; None where it has no place there.
+    text : callable (name, text), optional
+        From text of the command line to what `check` takes, where that isn't the plain type of the field.
+    metavar : str, optional
+        Form of that text, such as LOW:HIGH.
+    keyword : str, optional
+        Its name as an argument of `identify_reduced`.
+    """
+
+    check: Check
+    help: str | Callable[[], str]
+    unit: str = ""
+    flag: str | None = None
+    text: Callable[[str, Any], Any] | None = None
+    metavar: str | None = None
+    keyword: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """The help as text."""
+        return self.help if isinstance(self.help, str) else self.help()
+
+
+def key(check: Check, default: Any = None, **described: Any) -> Any:
+    """A field of a section, with the description of its option; default None: left to the program."""
+    return dataclasses.field(default=default, metadata={"option": Option(check=check, **described)})
+
+
+def options(kind: Any) -> Iterator[tuple[dataclasses.Field, Option]]:
+    """The fields of a section that can be stated."""
+    return ((field, field.metadata["option"]) for field in dataclasses.fields(kind) if "option" in field.metadata)
+
+
+def section(kind: Any, content: Any, place: str) -> Any:
+    """A section of the kind, every key known and of the right type."""
+    if not isinstance(content, Mapping):
+        raise InputTypeError(f"{place} must be a section with keys; got {_got(content)}")
+    checks = {field.name: option.check for field, option in options(kind)}
+    refuse_unknown(content, checks, place)
+    return kind(**{name: checks[name](f"{place} {name}", value) for name, value in content.items()})
+
+
+def refuse_unknown(
+    content: Iterable[str], known: Iterable[str], place: str, word: str = "key", error: type = InputError
+) -> None:
+    """Raise an error with the nearest known key for one that isn't."""
+    known = list(known)
+    for name in content:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            raise error(f"{place} has no {word} {name!r}; the nearest is {near!r} (all: {', '.join(known)})")
+
+
+def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:
+    """Text, one of the choices where there are any (upper or lower case); a callable is asked for them when they are needed."""
+
+    def check(name: str, value: Any) -> str:
+        if not isinstance(value, str):
+            raise InputTypeError(f"{name} must be text in quotes; got {_got(value)}")
+        known = {choice.lower(): choice for choice in (choices() if callable(choices) else choices)}
+        if known and value.lower() not in known:
+            raise InputError(f"{name} must be one of {', '.join(known.values())}; got {value!r}")
+        return known.get(value.lower(), value)
+
+    return check
+
+
+def number(above: float = -math.inf, least: float = -math.inf) -> Check:
+    """A finite number."""
+
+    def check(name: str, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputTypeError(f"{name} must be a number; got {_got(value)}")
+        if not math.isfinite(value):
+            raise InputError(f"{name} must be finite; got {value}")
+        if value <= above or value < least:
+            limit = f"at least {least:g}" if value > above else f"above {above:g}" if above else "positive"
+            raise InputError(f"{name} must be {limit}; got {value:g}")
+        return float(value)
+
+    return check
+
+
+def whole(least: int = 0, most: float = math.inf) -> Check:
+    """A whole number."""
+
+    def check(name: str, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputTypeError(f"{name} must be a whole number; got {_got(value)}")
+        if not least <= value <= most:
+            limit = f"at least {least}" if value < least else f"at most {most}"
+            raise InputError(f"{name} must be {limit}; got {value}")
+        return value
+
+    return check
+
+
+def flag(name: str, value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise InputTypeError(f"{name} must be true or false; got {_got(value)}")
+    return value
+
+
+def several(item: Check, size: int | None = None) -> Check:
+    """An array, of `size` items where that is given."""
+
+    def check(name: str, value: Any) -> tuple:
+        if not isinstance(value, list | tuple):
+            raise InputTypeError(f"{name} must be an array in [ ]; got {_got(value)}")
+        if size is not None and len(value) != size:
+            raise InputError(f"{name} must have {size} items; got {len(value)}")
+        return tuple(item(f"{name}, item {k + 1},", one) for k, one in enumerate(value))
+
+    return check
+
+
+def table(item: Check) -> Check:
+    """A table of names and values."""
+
+    def check(name: str, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping) or not value:
+            raise InputTypeError(f"{name} must be a table such as {{ name = value }}; got {_got(value)}")
+        return {part: item(f"{name} {part}", one) for part, one in value.items()}
+
+    return check
+
+
+def either(*checks: Check) -> Check:
+    """What passes one of the checks; the sentence is that of the last."""
+
+    def check(name: str, value: Any) -> Any:
+        for one in checks[:-1]:
+            try:
+                return one(name, value)
+            except (InputError, InputTypeError):
+                continue
+        return checks[-1](name, value)
+
+    return check
+
+
+def auto_or(item: Check) -> Check:
+    """What passes the check, or the word auto."""
+
+    def check(name: str, value: Any) -> Any:
+        if isinstance(value, str):
+            if value == AUTO:
+                return value
+            raise InputError(f'{name} must be "{AUTO}" or a number; got {value!r}')
+        return item(name, value)
+
+    return check
+
+
+def _got(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else shown[:57] + "..."

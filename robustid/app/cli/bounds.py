@@ -1,0 +1,177 @@
+"""robustid bounds: how far every consistent system can be from the identified model, with certificates."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import Force, Output
+from robustid.app.cli.terminal import counted, in_words, say, shown, step
+from robustid.app.options import WorstCase
+from robustid.errors import InputError
+
+_OPTIONS = {name: f"--{name}" for name in ("omega", "directions", "rtol", "resume")}
+_OPTIONS |= {"executor": "--workers", "identification": "the identification"}
+_WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
+_GIVEN = (
+    "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
+    " call worst_case_over_poles with the intervals that you know"
+)
+_BOXES = "bounding the error over the pole-uncertainty box"
+_BOUNDING, _BETWEEN = "bounding the error at every frequency", "bounding the error between the frequencies"
+
+
+def bounds(
+    *,
+    source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
+    omega: Annotated[
+        list[float] | None,
+        typer.Option(help="Frequency in rad/s. Repeatable. Default: about 70 over the range of the data."),
+    ] = None,
+    points: Annotated[
+        int | None,
+        typer.Option(min=2, help="So many frequencies, equally spaced from the lowest to the Nyquist frequency."),
+    ] = None,
+    how: WorstCase,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of processes. Default: all cores where it is worth it.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Folder for finished frequencies: an interrupted run goes on from there.")
+    ] = None,
+    output: Output = Path("bounds"),
+    force: Force = False,
+) -> None:
+    """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
+
+    [bold]Example[/bold]: robustid bounds result --circle --resume unfinished -o bounds
+
+    Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
+    program, 130 interrupted.
+    """
+    from robustid.app.files import load_result
+
+    if omega and points:
+        raise InputError("--omega and --points both say at which frequencies; give one of them")
+    written, written_poles = files.result_files(output), files.result_files(_beside(output))
+    files.check_outputs([*written, *(written_poles if how.over_poles else ())], files.sources(source), force)
+    console = terminal.console()
+    identification = load_result(source, "identification")
+    asked: Any = _spaced(identification, points) if points else omega
+    spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
+    with in_words(_OPTIONS), _resumable(console, resume):
+        error = _bounded(console, identification, asked, how, spread)
+    certified = _certified(console, error)
+    error.save(output)
+    say(console, error.summary(), *([circle_words(error)] if how.circle else []))
+    terminal.say_written(console, *written)
+    if how.over_poles:
+        with in_words(_OPTIONS), _resumable(console, resume):
+            band = _over_poles(console, error, spread)
+        if band is None:
+            say(console, _GIVEN)
+        else:
+            certified &= _certified(console, band)
+            band.save(_beside(output))
+            say(console, "with every pole in the pole-uncertainty box that the data leave:", band.summary())
+            terminal.say_written(console, *written_poles)
+    terminal.repeat_warnings(console, identification)
+    if not certified:
+        terminal.warn(console, "a certificate does not hold: robustid verify names it")
+    raise typer.Exit(0 if certified else 1)
+
+
+def _beside(output: Path) -> Path:
+    """Where the band over poles goes: NAME-poles."""
+    base = files.result_files(output)[0].with_suffix("")
+    return base.with_name(base.name + "-poles")
+
+
+@contextlib.contextmanager
+def _resumable(console: Any, resume: Path | None) -> Iterator[None]:
+    """Say on Ctrl-C where what is finished can be found."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if resume is not None:
+            terminal.warn(console, f"finished frequencies are in {resume}: the same command goes on from there")
+        raise
+
+
+def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spread: dict[str, Any]) -> Any:
+    """The bounds at the frequencies, and between them where asked."""
+    from robustid.guarantees import worst_case_error
+
+    with shown(console, _BOUNDING) as show:
+        asked = {"directions": how.directions, "rtol": how.rtol, "progress": counted(show, _BOUNDING)}
+        error = worst_case_error(identification, omega=omega, **asked, **spread)
+    if how.circle:
+        with shown(console, _BETWEEN) as show:
+            error.on_circle(how.rtol, progress=counted(show, _BETWEEN), **spread)
+    return error
+
+
+def _certified(console: Any, result: Any) -> bool:
+    with step(console, "verifying every certificate"):
+        return result.certified
+
+
+def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
+    """The band that covers the box which the data leave to the poles that they suggest; None for other poles."""
+    from robustid.advice import suggest_kautz
+    from robustid.guarantees import worst_case_over_poles
+
+    problem = error.identification.problem
+    found = suggest_kautz(problem.frequency[0]) if problem.frequency else None
+    if found is None or not _same_poles(found.basis, problem.parametric):
+        return None
+    with shown(console, _BOXES) as show:
+        return worst_case_over_poles(
+            error.identification,
+            found.omega_interval,
+            found.damping_interval,
+            delay=found.delay,
+            omega=error.omega,
+            progress=counted(show, _BOXES),
+            **spread,
+        )
+
+
+def _same_poles(one: Any, other: Any) -> bool:
+    import numpy as np
+
+    if one is None or other is None or one.poles.shape != other.poles.shape:
+        return False
+    return np.allclose(one.poles, other.poles, atol=1e-6)
+
+
+def circle_words(error: Any) -> str:
+    """The bound on the whole circle in words."""
+    found = error.circle
+    text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to pi/dt"
+    return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
+
+
+def _spaced(identification: Any, points: int) -> Any:
+    """Equally spaced frequencies over the range of the default ones."""
+    import numpy as np
+
+    from robustid.guarantees import default_grid
+
+    grid = default_grid(identification)
+    return np.linspace(grid[0], grid[-1], points)
+
+
+def _processes(identification: Any, omega: Any, directions: int, asked: int | None) -> int | None:
+    """How many processes; None for this one. The work: about 10 ms a side, growing with the third power of the coefficients."""
+    if asked is not None:
+        return None if asked == 1 else asked
+    cores, count = os.cpu_count() or 1, 70 if omega is None else len(omega)
+    work = count * directions * (0.01 + 4e-7 * identification.coefficients.size**3)
+    return min(cores, count) if cores > 1 and count > 1 and work > _WORTH_PROCESSES else None

@@ -1,0 +1,67 @@
+"""The files that a command may write, and those of saved results that it reads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from robustid.errors import InputError
+
+
+def result_files(output: Path) -> tuple[Path, Path]:
+    """NAME.npz and NAME.json, which hold an identification or bounds."""
+    if output.suffix.lower() in (".mat", ".csv", ".tsv", ".txt", ".html"):
+        raise InputError(
+            f"--output {output}: an identification is written as NAME.npz and NAME.json; leave {output.suffix} out"
+        )
+    if output.is_dir():
+        raise InputError(f"--output {output} is a folder; give a name in it, such as {output / 'result'}")
+    base = output.with_suffix("") if output.suffix in (".npz", ".json") else output
+    return base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")
+
+
+def check_ending(output: Path, endings: Sequence[str]) -> None:
+    """Refuse the name of a file of another kind."""
+    if output.suffix.lower() not in endings:
+        *others, last = endings
+        raise InputError(f"--output {output} must end in {', '.join(others)} or {last}")
+
+
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force: bool) -> None:
+    """Refuse, before anything is computed, what could not be written or would destroy something."""
+    read, paths = {path.resolve() for path in inputs}, [path for path in outputs if path is not None]
+    for path in paths:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give the name of a file in it")
+        if path.resolve() in read:
+            raise InputError(f"{path} is one of the files to be read; choose another name for the output")
+        if [other.resolve() for other in paths].count(path.resolve()) > 1:
+            raise InputError(f"{path} would be written twice; choose different names")
+        if path.exists() and not force:
+            raise InputError(f"{path} exists; choose another name, or pass --force to replace it")
+        if not path.parent.is_dir():
+            raise InputError(f"the folder {path.parent} does not exist; create it first")
+        if not os.access(path.parent, os.W_OK):
+            raise InputError(f"the folder {path.parent} can't be written to; choose another one")
+
+
+def new_folder(wanted: Path) -> Path:
+    """Create the folder, or the next free of its name with -2, -3, …"""
+    folder, k = wanted, 1
+    while True:
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:
+            k += 1
+            folder = wanted.with_name(f"{wanted.name}-{k}")
+        except OSError as error:
+            raise InputError(f"the folder {folder} can't be created: {error.strerror}; give another --output") from None
+
+
+def sources(path: Path) -> list[Path]:
+    """The files that may be read for `path`."""
+    from robustid.core import paths
+
+    return [path, *paths(path)]

@@ -1,0 +1,154 @@
+"""robustid identify: from files to a verdict with its proof, and a model."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robustid.app.cli import files, terminal
+from robustid.app.cli.options import First, Force, Output, Report
+from robustid.app.cli.terminal import step
+from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice, RecordSource, ResponseSource
+from robustid.errors import InputError, SizeError
+
+
+def identify(
+    *,
+    frequency: Annotated[
+        list[Path] | None, typer.Option("--frequency", help="Frequency response: .csv, .npz or .mat. Repeatable.")
+    ] = None,
+    time: Annotated[
+        list[Path] | None, typer.Option("--time", help="Time record: .csv, .npz or .mat. Repeatable.")
+    ] = None,
+    responses: ResponseSource,
+    records: RecordSource,
+    points: FrequencyPoints,
+    first: First = None,
+    general: General,
+    mode: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Parametric pair, e.g. 17.67:0.004; "none" for none; default: from the data. Repeatable.',
+            metavar="HZ:DAMPING",
+        ),
+    ] = None,
+    modes: Modes,
+    prior: PriorChoice,
+    how: Identify,
+    output: Output = Path("result"),
+    report: Report = None,
+    reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
+    force: Force = False,
+) -> None:
+    """Decide whether measurements fit a class of systems, with a proof, and build a model.
+
+    Without --mode, --gain and --decay the program chooses them from the data and says how.
+    Files are written at the end, all together.
+
+    [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
+    --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay 1.1 --report report.html
+
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
+    70 an error of the program, 130 interrupted.
+    """
+    from robustid.app.cli.reading import Files
+    from robustid.identification import Prior
+
+    paths = [*(frequency or []), *(time or [])]
+    if not paths:
+        raise InputError("--frequency and --time are both missing; give at least one file")
+    gain, decay = prior.gain_bound, prior.decay_rate
+    if (gain is None) != (decay is None):
+        raise InputError("--gain and --decay make one prior; give both, or neither to have it suggested")
+    wanted = None if gain is None or decay is None else Prior(gain_bound=gain, decay_rate=decay)
+    files.check_outputs([*files.result_files(output), report], paths, force)
+    console, entry = terminal.console(), general.entry
+    asked = [
+        Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True),
+        Files(paths=time or [], source=records, entry=entry, first=first, bounded=True),
+    ]
+    lines, samples = (one.read(console) for one in asked)
+    modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
+    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=wanted)
+    finish(console, result, output, report, reduce=reduce)
+    raise typer.Exit(terminal.EXIT[result.status])
+
+
+def _with_pairs(modes: Modes, texts: list[str] | None, dt: float) -> Modes:
+    """Modes with the pairs of --mode HZ:DAMPING, checked in Hz; none for "none"."""
+    if not texts:
+        return modes
+    pairs = [] if texts == ["none"] else [_pair(text, dt) for text in texts]
+    return dataclasses.replace(modes, hz=tuple(hz for hz, _ in pairs), damping=tuple(d for _, d in pairs))
+
+
+def _pair(text: str, dt: float) -> tuple[float, float]:
+    try:
+        hz, damping = (float(number) for number in text.split(":"))
+    except ValueError:
+        raise InputError(f'--mode must be HZ:DAMPING such as 17.67:0.004, or "none"; got {text!r}') from None
+    if not 0 < damping < 1:
+        raise InputError(
+            f"--mode {text}: the damping is a ratio between 0 and 1, not percent (10 % is 0.1); got {damping:g}"
+        )
+    nyquist = 0.5 / dt
+    if not 0 < hz * math.sqrt(1 - damping**2) < nyquist:
+        raise InputError(
+            f"--mode {text}: the frequency must lie between 0 and the Nyquist frequency, {nyquist:g} Hz at dt = {dt:g} s;"
+            f" got {hz:g} Hz"
+        )
+    return hz, damping
+
+
+def identified(console: Any, how: Identify, **data: Any) -> Any:
+    """Return the identification of data, as `propose` takes them, with the choices that were made as its notes."""
+    from robustid.app.proposal import propose
+    from robustid.identification import identify as solve
+
+    try:
+        with step(console, "choosing modes and prior from the data"):
+            proposal = propose(**data)
+        problem = proposal.problem
+        with step(console, f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"):
+            result = solve(problem, **how.arguments)
+    except SizeError as error:
+        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
+        raise SizeError(
+            f"{count}. Use a part of them: --band LOW:HIGH keeps the frequency points between two frequencies in Hz,"
+            " --first N the first N time samples"
+        ) from None
+    return dataclasses.replace(result, notes=proposal.choices)
+
+
+def finish(
+    console: Any, result: Any, output: Path, report: Path | None, *, reduce: bool, title: str | None = None
+) -> None:
+    """Compute and render everything; only then write, and show what was found."""
+    from robustid.advice import diagnose
+    from robustid.core import atomic_write
+    from robustid.reduction import reduce_within_bounds
+    from robustid.report import render_report, render_summary
+
+    reduction, diagnosis, page = None, "", ""
+    if reduce:
+        with step(console, "searching for the smallest order"):
+            reduction = reduce_within_bounds(result)
+    if not result.consistent:
+        with step(console, "what would help: other modes, other priors"):
+            diagnosis = diagnose(result).summary()
+    if report is not None:
+        page = render_report(result, reduction=reduction, title=title)
+    summary = render_summary(result, reduction)
+    result.save(output)
+    if report is not None:
+        with atomic_write(report) as file:
+            file.write(page)
+    console.print(summary)
+    if diagnosis:
+        terminal.say(console, "\n" + diagnosis)
+    terminal.say_written(console, *files.result_files(output), report)
+    terminal.repeat_warnings(console, result)

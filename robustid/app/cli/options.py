@@ -1,0 +1,101 @@
+"""Options of commands from their descriptions: a parameter that is a section becomes one option for each field with a flag."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import typing
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from robustid.app.checks import Option, options
+from robustid.app.options import PARTS
+
+Output = Annotated[Path, typer.Option("--output", "-o", help="Where results go: NAME.npz and NAME.json.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write the HTML report here.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+First = Annotated[
+    int | None, typer.Option("--first", help="Use only the first so many samples of every record.", metavar="SAMPLES")
+]
+FLAGS = {
+    field.name: option.flag
+    for kind in PARTS.values()
+    for field, option in options(kind)
+    if option.flag and field.name != "bound"
+}
+_METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
+
+
+class Only(NamedTuple):
+    """In an annotation: the fields of a section that a command takes."""
+
+    names: tuple[str, ...]
+
+
+def only(*names: str) -> Only:
+    """Some fields of a section: ``asked: Annotated[WorstCase, only("rtol", "directions")]``."""
+    return Only(names)
+
+
+def opened(command: Callable[..., None]) -> Callable[..., None]:
+    """Return the command as typer reads it: with options in place of sections; equal flags are one option."""
+    hints = typing.get_type_hints(command, include_extras=True)
+    parameters: dict[str, inspect.Parameter] = {}
+    parts: dict[str, tuple[Any, dict[str, tuple[str, Option]]]] = {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        kind, chosen = _section(hints[name])
+        if kind is None:
+            parameters[name] = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
+            continue
+        parts[name] = kind, {}
+        types = typing.get_type_hints(kind)
+        for field, option in options(kind):
+            if option.flag and (chosen is None or field.name in chosen):
+                title = option.flag.lstrip("-").replace("-", "_")
+                parts[name][1][field.name] = title, option
+                parameters.setdefault(title, _parameter(title, option, types[field.name], field.default))
+
+    @functools.wraps(command)
+    def called(**given: Any) -> None:
+        built = {name: _built(kind, fields, given) for name, (kind, fields) in parts.items()}
+        shared = {title for _, fields in parts.values() for title, _ in fields.values()}
+        command(**{name: value for name, value in given.items() if name not in shared}, **built)
+
+    called.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
+    called.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}
+    return called
+
+
+def _section(hint: Any) -> tuple[Any, tuple[str, ...] | None]:
+    """The section that an annotation names, and which of its fields; None for any other type."""
+    kind, *extras = typing.get_args(hint) if typing.get_origin(hint) is Annotated else [hint]
+    if not dataclasses.is_dataclass(kind):
+        return None, None
+    return kind, next((extra.names for extra in extras if isinstance(extra, Only)), None)
+
+
+def _parameter(title: str, option: Option, kind: Any, default: Any) -> inspect.Parameter:
+    """One option of the command line."""
+    if option.text is not None:  # several texts where the value is a table
+        kind = str | None if "Mapping" not in str(kind) else list[str] | None
+    shown = typer.Option(
+        option.flag,
+        help=option.sentence.replace("[", "\\["),  # no markup of rich
+        metavar=option.metavar or _METAVARS.get(option.unit),
+    )
+    return inspect.Parameter(title, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, shown])
+
+
+def _built(kind: Any, fields: dict[str, tuple[str, Option]], given: dict[str, Any]) -> Any:
+    """The section with what was given, every value checked under the name of its option."""
+    values = {}
+    for name, (title, option) in fields.items():
+        value, flag = given[title], str(option.flag)
+        if value is None or value == []:
+            continue
+        values[name] = option.check(flag, value if option.text is None else option.text(flag, value))
+    return kind(**values)

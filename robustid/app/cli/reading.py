@@ -1,0 +1,197 @@
+"""From files to measurements: what was read is said, and what is wrong with it names an option."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.app.checks import options
+from robustid.app.cli.terminal import say, warn
+from robustid.app.options import RecordSource, ResponseSource
+from robustid.data import FrequencyResponse, TimeRecord, load
+from robustid.data.io import Origin, origin
+from robustid.errors import FileFormatError, InputError, InputTypeError
+
+_NOTE = "given on the command line"
+_SAME_STEP = 1e-6
+_MOST_NAMED = 4
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Files:
+    """Files of one kind, how they are read, and which part of them is used.
+
+    Attributes
+    ----------
+    paths : sequence of Path
+    source : ResponseSource or RecordSource
+        Its `file` is that of each.
+    entry : optional
+        Output and input, by number or name.
+    band_hz : (float, float), optional
+    first : int, optional
+        Samples of records.
+    bounded : bool
+        Whether sample time and bound are needed.
+    """
+
+    paths: Sequence[Path]
+    source: ResponseSource | RecordSource
+    entry: tuple[int | str, int | str] | None = None
+    band_hz: tuple[float, float] | None = None
+    first: int | None = None
+    bounded: bool = False
+
+    def __post_init__(self) -> None:
+        stated = {option.flag: getattr(self.source, field.name) for field, option in options(self.source)}
+        stated |= {"--band": self.band_hz, "--first": self.first, "--dt": None, None: None}
+        if not self.paths and (given := [flag for flag, value in stated.items() if value is not None]):
+            raise InputError(f"{given[0]} is given without a file: add --{self.kind} FILE, or leave {given[0]} out")
+        if self.first is not None and self.first < 1:
+            raise InputError(f"--first must be positive; got {self.first}")
+        if self.first is not None and getattr(self.source, "initial", None) == "periodic":
+            raise InputError("--first cuts a record, which --initial periodic needs whole; leave one of them out")
+
+    @property
+    def kind(self) -> str:
+        """Frequency or time."""
+        return "frequency" if isinstance(self.source, ResponseSource) else "time"
+
+    def read(self, out: Any) -> list[Any]:
+        """The measurements, one line said about each."""
+        seen: set[Path] = set()
+        data = []
+        for path in self.paths:
+            data.append(self._read_one(out, path))
+            if path.resolve() in seen:
+                warn(out, f"{path} is given twice: its samples count twice")
+            seen.add(path.resolve())
+        return data
+
+    def _read_one(self, out: Any, path: Path) -> Any:
+        how, unit = self.source, getattr(self.source, "unit", None)
+        with _named(path, self.kind):
+            found = origin(path, self.kind, how.fields)
+            if found.kind not in (None, self.kind):
+                other = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
+                wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
+                raise InputError(
+                    f"{path.name} holds {found.kind} data; {other if self.bounded else f'{wanted} is needed'}"
+                )
+            initial = getattr(how, "initial", None)
+            data: Any = load(path, kind=self.kind, fields=how.fields, dt=how.dt, bound=how.bound,
+                             frequency_unit=unit, initial=initial)  # fmt: skip
+            if self.bounded:
+                self._check_bounded(path, data)
+            if how.bound is not None:
+                data = data.with_bound(data.bound, note=_NOTE)
+            words, data = self._entry_of(data, path)
+            data = self._part_of(data)
+        say(out, f"read {path}: " + _described(data, words) + _unit_words(found, unit))
+        if found.unit_known and unit is not None:
+            warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
+        if how.dt and found.dt and abs(found.dt - how.dt) > _SAME_STEP * how.dt:
+            warn(out, f"--dt {how.dt:g} s is used; {path.name} has {found.dt:.6g} s ({found.dt_from})")
+        return data
+
+    def _check_bounded(self, path: Path, data: Any) -> None:
+        if data.dt is None:
+            raise InputError(f"{path.name} has no sample time: give --dt")
+        if data.bound is None:
+            what = "the radius of the error disc of every frequency point"
+            what = what if self.kind == "frequency" else "the half-width of the error"
+            raise InputError(f"{path.name} has no error bound: give --{self.kind}-bound ({what}), or a column bound")
+
+    def _entry_of(self, data: Any, path: Path) -> tuple[str, Any]:
+        """The entry that is asked for, else the whole matrix, and what it is in words."""
+        outputs, inputs = len(data.outputs), len(data.inputs)
+        size = f"{outputs} output{'s' * (outputs > 1)} and {inputs} input{'s' * (inputs > 1)}"
+        words = f"{_names(data.outputs)} / {_names(data.inputs)}"
+        if self.entry is None:
+            hint = " (--entry OUTPUT,INPUT for one entry)" if self.bounded else ""
+            return (words if outputs * inputs == 1 else f"{words}, all of {size}{hint}"), data
+        try:
+            one = data.entry(*self.entry)
+        except (InputError, InputTypeError):
+            asked = ",".join(map(str, self.entry))
+            names = "" if outputs * inputs == 1 else f": {words}"
+            raise InputError(f"--entry {asked} (OUTPUT,INPUT) isn't in {path.name}, which has {size}{names}") from None
+        if (outputs, inputs) == (1, 1):
+            return words, data
+        words = f"{one.outputs[0]} / {one.inputs[0]} (one entry of {size}; without --entry the whole matrix)"
+        return words, one
+
+    def _part_of(self, data: Any) -> Any:
+        """The band and the first samples asked for."""
+        if self.band_hz is not None:
+            return data.band(*self.band_hz)
+        if self.first is None:
+            return data
+        if data.initial == "periodic":
+            raise InputError("--first cuts the record, which is periodic and needed whole; leave --first out")
+        arrays = {name: getattr(data, name) for name in ("u", "y", "bound", "reference")}
+        return dataclasses.replace(data, **{k: v[: self.first] for k, v in arrays.items() if v is not None})
+
+
+def _names(signals: Sequence[Any]) -> str:
+    return ", ".join(map(str, signals)) if len(signals) <= _MOST_NAMED else f"{len(signals)} signals"
+
+
+def _described(data: FrequencyResponse | TimeRecord, words: str) -> str:
+    if isinstance(data, FrequencyResponse):
+        what, axis, symbol = f"frequency response, {data.omega.size} frequency points", data.freq_hz, "Hz"
+    else:
+        what, axis, symbol = f"time record, {data.time.size} samples", data.time, "s"
+    text = f"{what}, {axis[0]:.5g} to {axis[-1]:.5g} {symbol}, {words}, "
+    text += "continuous time" if data.dt is None else f"dt = {data.dt:g} s"
+    if isinstance(data, FrequencyResponse):
+        return text + (", with covariance" if data.covariance is not None else "")
+    if data.reference is not None:
+        count = data.reference.shape[1]
+        text += f"; {count} reference{'s' * (count > 1)}"
+    return text + ("; in steady state" if data.initial == "periodic" else "")
+
+
+def _unit_words(found: Origin, unit: str | None) -> str:
+    """Which unit the frequencies were read in, where the file doesn't say it."""
+    if found.unit_known:
+        return ""
+    return "; omega read as Hz" if unit == "Hz" else "; omega read as rad/s (--frequency-unit Hz if the file has Hz)"
+
+
+@contextlib.contextmanager
+def _named(path: Path, kind: str) -> Iterator[None]:
+    """Name the file and the options in what is wrong with it."""
+    try:
+        yield
+    except (InputError, InputTypeError, FileFormatError) as error:
+        words = _in_options(str(error), kind)
+        raise type(error)(words if path.name in words else f"{path.name}: {words}") from None
+
+
+def _in_options(text: str, kind: str) -> str:
+    """A sentence of the library, with the options of the command line in place of the arguments of Python."""
+    beyond = re.search(r"`omega` must not exceed pi/dt = (\S+) rad/s; got (\S+) rad/s", text)
+    if beyond:
+        nyquist, got = (float(group) / (2 * np.pi) for group in beyond.groups())
+        return (
+            f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
+            " --frequency-unit: an omega column is in rad/s unless it says Hz"
+        )
+    field = f"--{kind}-field"
+    for pattern, words in (
+        (r"`fields=\{'(\w+)': \.\.\.\}`", rf"{field} \1=NAME"),
+        (r"`fields\['(\w+)'\]`", rf"{field} \1"),
+        (r"`fields`", f"{field} ROLE=NAME"),
+        (r"`dt`", "--dt"),
+        (r"`frequency_unit`", "--frequency-unit"),
+        (r"`low_hz` = (\S+) and `high_hz` = (\S+) Hz", r"\1 and \2 Hz (--band)"),
+    ):
+        text = re.sub(pattern, words, text)
+    return text

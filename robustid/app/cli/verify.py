@@ -1,0 +1,107 @@
+"""robustid verify: whether the proofs in a file hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robustid.app.cli import terminal
+from robustid.app.cli.bounds import circle_words
+from robustid.app.cli.terminal import counted, in_words, say, shown
+
+_ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+
+
+def verify(
+    source: Annotated[
+        Path, typer.Argument(help="A saved identification or saved bounds (NAME, NAME.npz or NAME.json).")
+    ],
+    exact: Annotated[
+        bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid[exact].")
+    ] = False,
+) -> None:
+    """Evaluate every proof in a file again, from its numbers and without a solver.
+
+    Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
+    130 interrupted.
+    """
+    from robustid.app.files import load_result
+    from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+
+    console = terminal.console()
+    with in_words({"exact": "--exact"}):
+        result = load_result(source)
+        failed = _identification_failures(console, getattr(result, "identification", result), exact)
+        if isinstance(result, WorstCaseError):
+            failed += _bound_failures(console, result, exact)
+        elif isinstance(result, WorstCaseOverPoles):
+            failed += _band_failures(console, result, exact)
+    how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
+    say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", _ASSUMED)
+    for name in failed:
+        console.print(f"[red]FAILED[/red]     {terminal.plain(name)}", highlight=False, soft_wrap=True)
+    console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
+    raise typer.Exit(1 if failed else 0)
+
+
+def _identification_failures(console: Any, result: Any, exact: bool) -> list[str]:
+    """Print what an identification claims; the names of what does not hold."""
+    from robustid.identification import pose, verify_margin_exactly
+
+    say(console, f"claimed    {result.status.value}", f"           {_margin(result)}")
+    failed = []
+    for check in result.verification.checks:
+        word = "verified" if check.holds else "FAILED"
+        say(console, f"{word:<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})")
+        failed += [] if check.holds else [check.name]
+    if exact:
+        rows, sarason = (data := pose(result.problem, result.sections).data).rows, data.sarason
+        if not verify_margin_exactly(result.certificate, rows, sarason):
+            failed.append("certificate of the margin, in ball arithmetic")
+    return failed
+
+
+def _margin(result: Any) -> str:
+    low, high = f"{result.margin_lower:.6g}", f"{result.margin:.6g}"
+    if result.certificate.value > 1:
+        return f"no system of the class keeps every |residual| below {low} times its bound: the class is refuted"
+    return f"margin {high}, reached by a system of the class, and proved not below {low}"
+
+
+def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
+    """Print what the bounds claim; the names of what does not hold."""
+    upper, count, intervals = error.sigma_upper, error.omega.size, error.parameters.lower.size
+    text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
+    say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
+    failed = _claim_failures(console, error, exact)
+    if error.known_circle is not None:
+        say(console, circle_words(error))
+        if not error.circle_supported:
+            failed.append("bound on the circle, from its ends of arcs")
+    say(console, "recorded   what was attained: as the computation found it, not evaluated again")
+    return failed
+
+
+def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
+    """Print what a band over poles claims; the names of what does not hold."""
+    say(console, "claimed    of all poles in a box:", band.summary())
+    if not band.covered:
+        return ["cells of poles: they leave out a part of the box"]
+    failed = _claim_failures(console, band, exact)
+    return failed if band.supported else [*failed, "bounds, from those of the cells"]
+
+
+def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:
+    """Evaluate every certificate, count those that hold, name the others."""
+    total = result.claim_count
+    failed, words = [], "evaluating certificates"
+    with shown(console, words) as show:
+        progress = counted(show, words)
+        for done, claim in enumerate(result.claims(), start=1):
+            failed += [] if claim.verify(exact) else [claim.name]
+            progress(done, total)
+    word = "FAILED" if failed else "verified"
+    say(console, f"{word:<11}{total - len(failed)} of {total} certificates hold")
+    return failed

@@ -1,0 +1,113 @@
+"""What is found, in sentences: whether the data fit, which samples lie outside, how far the truth can be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.advice import diagnose
+from robustid.app.choices import SPARE
+from robustid.app.measurements import Say
+from robustid.app.run_file import RunFile
+from robustid.data import FrequencyResponse
+from robustid.errors import Status
+from robustid.guarantees import WorstCaseError
+from robustid.identification import Identification, Validation, model_residuals
+from robustid.report import at_most
+
+_MOST_NAMED = 6
+_FIXED_POLES = (
+    "The poles were taken from these data, which leave them a pole-uncertainty box. This bound holds for the poles as they were"
+    " taken, not for the box: over_poles = true in [worst_case] covers it (minutes{})."
+)
+
+
+def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
+    """Whether the data fit, and if not, what would help."""
+    factor = run.identify.inflate
+    wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
+    if result.status is not Status.INCONSISTENT:
+        return [f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
+    say("what would help: other modes, other priors")
+    needed = float(SPARE * result.margin * (factor if isinstance(factor, float) else 1.0))
+    return [
+        diagnose(result).summary(),
+        f"Nothing was widened{' further' if wider else ''}. To go on with wider bounds, state them: inflate = {needed:.4g}"
+        f' (10 % more than this class needs) or inflate = "auto", in [identify]; every result then says so.',
+    ]
+
+
+def sample_words(identification: Identification, model: Any, order: int) -> str:
+    """Whether a model keeps all samples, or which not."""
+    problem = identification.problem
+    residuals = model_residuals(problem, model)
+    outside = [
+        (float(ratio), _place(residual.kind, float(at), of_entry(problem, *residual.entry)))
+        for residual in residuals
+        for at, ratio in zip(residual.axis, residual.ratio, strict=True)
+        if ratio > 1 + 1e-5
+    ]
+    total = sum(residual.axis.size for residual in residuals)
+    largest = max(float(residual.ratio.max()) for residual in residuals)
+    if not outside:
+        return f"The model of order {order} keeps all {total} samples within their bounds (largest |residual|/bound {largest:.4g})."
+    return (
+        f"The model of order {order} leaves {len(outside)} of {total} samples outside their bounds: {_named(outside)}."
+    )
+
+
+def unused_words(validation: Validation) -> str:
+    """What lines that were not used say of the small model."""
+    data: Any = validation.data
+    ratio = data.ratio(validation.residuals)
+    joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
+    outside = []
+    for k, i, j in np.argwhere(ratio > 1):
+        entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
+        place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
+        outside.append((float(ratio[k, i, j]), place))
+    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
+    text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
+    if not outside:
+        return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
+    return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
+
+
+def of_entry(data: Any, output: int | None, input: int | None) -> str:
+    """Which entry, output or column a sample is of, where there are several."""
+    if len(data.outputs) == len(data.inputs) == 1:
+        return ""
+    parts = [str(side[k].name) for side, k in ((data.outputs, output), (data.inputs, input)) if k is not None]
+    return f" ({' / '.join(parts)})" if parts else ""
+
+
+def _place(kind: str, at: float, of: str = "") -> str:
+    return (f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s") + of
+
+
+def _named(outside: list[tuple[float, str]]) -> str:
+    largest = sorted(outside, reverse=True)[:_MOST_NAMED]
+    text = ", ".join(f"{place} ({ratio:.4g} bounds)" for ratio, place in largest)
+    return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")
+
+
+def error_words(error: WorstCaseError) -> str:
+    """How far every consistent system can be from the small model."""
+    upper = error.upper
+    size = np.abs(np.reshape(error.nominal, upper.shape))
+    k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
+    problem = error.identification.problem
+    place = f"{error.omega[k] / (2 * np.pi):.5g} Hz{of_entry(problem, int(i), int(j))}"
+    entries = "" if upper[0].size == 1 else " in every entry"
+    text = (
+        f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
+        f" (largest at {place}), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the response."
+    )
+    circle = error.known_circle
+    return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
+
+
+def fixed_poles_words(single: bool) -> str:
+    """Why the bound doesn't cover other poles, where they were taken from the data."""
+    return _FIXED_POLES.format("" if single else "; of one entry, entry = [output, input]")

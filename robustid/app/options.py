@@ -1,0 +1,402 @@
+"""The options of every step, stated once: the sections of a run file, with name, default, check, meaning and spelling of each key.
+
+A run file is validated by these sections, `robustid run --keys` lists them, the commands take from them the options that have a
+`flag`, and `identify_reduced` those that have a `keyword`. Nothing here needs numpy: the command line starts with it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from robustid.app.checks import AUTO, auto_or, either, flag, key, number, several, table, text, whole
+from robustid.errors import InputError
+
+USES = ("response", "samples", "noise_floor")
+_SIGNALS = ("u", "y", "reference", "bound")
+_positive, _frequencies = number(above=0), number(least=0)
+_names = table(either(text(), several(either(text(), several(text())))))
+_DIGEST = "Digest of the data that were read, by which other data are noticed; written by the program."
+_NOTE = "How the program chose these values, in words; written by the program."
+_DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
+
+
+def band(name: str, content: str) -> tuple[float, float]:
+    """Two frequencies from LOW:HIGH."""
+    try:
+        low, high = (float(part) for part in content.split(":"))
+    except ValueError:
+        raise InputError(f"{name} must be LOW:HIGH in Hz, such as 5:200; got {content!r}") from None
+    return low, high
+
+
+def _output_input(name: str, content: str) -> list[int | str]:
+    """Two numbers or names from OUTPUT,INPUT."""
+    parts = [part.strip() for part in content.split(",")]
+    if len(parts) != 2 or not all(parts):
+        raise InputError(f"{name} must be OUTPUT,INPUT, by number or name, such as 0,0; got {content!r}")
+    return [int(part) if part.isdigit() else part for part in parts]
+
+
+def _roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The name in the file of every role; a role that may be repeated has several signals."""
+    found: dict[str, list[str]] = {}
+    for pair in content:
+        role, sign, title = pair.partition("=")
+        if not sign:
+            raise InputError(f"{name} must be ROLE=NAME, such as u=current; got {pair!r}")
+        found.setdefault(role, []).append(title)
+    for role, titles in found.items():
+        if len(titles) > 1 and role not in repeated:
+            raise InputError(f"{name} {role} is given {len(titles)} times; give one name")
+    return {role: titles[0] if len(titles) == 1 else titles for role, titles in found.items()}
+
+
+def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
+    return _roles(name, content, _SIGNALS)
+
+
+def _response_fields() -> str:
+    from robustid.data.io import FREQUENCY
+
+    known = "; ".join(f"{role}: {', '.join(names)}" for role, names in FREQUENCY.items())
+    return (
+        "Name in the file of every role: omega=w, real=Re, imag=Im, values=G.data, bound=eps. Recognised without it, upper or"
+        f" lower case: {known}; in .npz and .mat the sample time as dt, Ts or T."
+    )
+
+
+def _record_fields() -> str:
+    from robustid.data.io import TIME
+
+    known = "; ".join(f"{role}: {', '.join(names)}" for role, names in TIME.items())
+    return (
+        "Name in the file of every role, repeated for several signals: time=t, u=current, y=angle, y=speed, reference=setpoint"
+        f" (closed loop), bound=eps. Recognised without it, with numbers for several (u1, u2, ...): {known}."
+    )
+
+
+def _initial() -> Iterable[str]:
+    from robustid.data import INITIAL
+
+    return INITIAL
+
+
+def _past() -> Iterable[str]:
+    from robustid.data import PAST
+
+    return PAST
+
+
+def _objectives() -> Iterable[str]:
+    from robustid.identification import OBJECTIVES
+
+    return OBJECTIVES
+
+
+def _forms() -> Iterable[str]:
+    from robustid.identification import FORMS
+
+    return FORMS
+
+
+def _solver(name: str, value: Any) -> str:
+    wanted = text()(name, value)
+    if wanted not in (AUTO, "structured"):
+        from robustid.identification.solver import solver_name
+
+        try:
+            solver_name(wanted)  # refuses what isn't installed
+        except InputError as error:
+            raise InputError(str(error).replace("`solver`", name)) from None
+    return wanted
+
+
+def _directions(name: str, value: Any) -> int:
+    from robustid.guarantees import LEAST, MOST
+
+    return whole(LEAST, MOST)(name, value)
+
+
+def _probability(name: str, value: Any) -> float:
+    if (wanted := number()(name, value)) <= 0 or wanted >= 1:
+        raise InputError(f"{name} must be between 0 and 1; got {wanted:g}")
+    return wanted
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RecordSource:
+    """A time record: where it is, what is made of it before use, and what it is used for."""
+
+    file: str | None = key(text(), help="File with inputs and outputs, seen from the folder of the run file.")
+    dataset: str | None = key(text(), help="Published measurements by name, in place of a file.")
+    use: str = key(
+        text(USES),
+        "response",
+        help="What the record is for: response (a frequency response is estimated), samples (as they are), or noise_floor (a"
+        " record without excitation that bounds the others).",
+    )
+    fields: Mapping[str, Any] | None = key(
+        _names, help=_record_fields, flag="--time-field", text=_signal_roles, metavar="ROLE=NAME"
+    )
+    dt: float | None = key(_positive, **_DT)
+    bound: float | None = key(
+        _positive, help="Half-width of the error interval of every sample, in units of y.", flag="--time-bound"
+    )
+    initial: str | None = key(
+        text(_initial),
+        help="State before the first sample: rest (zero initial conditions, default), free, or periodic (in steady state).",
+        flag="--initial",
+    )
+    combine: Mapping[str, float] | None = key(
+        table(number()), help="One output in place of all: a weighted sum of outputs, by name."
+    )
+    start: float | None = key(number(least=0), help="Start of the part of the record that is used.", unit="s")
+    stop: float | None = key(_positive, help="End of the part of the record that is used.", unit="s")
+    past: str | None = key(text(_past), help="What is known of the input before that part: known, unknown or periodic.")
+    detrend: str | None = key(text(("mean", "linear")), help="Take out the mean or a straight line.")
+    until: float | None = key(_positive, help="The trend is that of the record up to here.", unit="s")
+    decimate: int | None = key(whole(2), help="Keep one sample of so many, after a filter.", unit="samples")
+    digest: str | None = key(text(), help=_DIGEST)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ResponseSource:
+    """A frequency response that was measured elsewhere."""
+
+    file: str | None = key(text(), help="File with the response, seen from the folder of the run file.")
+    fields: Mapping[str, Any] | None = key(
+        _names, help=_response_fields, flag="--frequency-field", text=_roles, metavar="ROLE=NAME"
+    )
+    dt: float | None = key(_positive, **_DT)
+    bound: float | None = key(
+        _positive,
+        help="Radius of the error disc of every frequency point, in units of the response.",
+        flag="--frequency-bound",
+    )
+    unit: str | None = key(
+        text(("rad/s", "Hz")),
+        help="Unit of an omega column that doesn't say it: rad/s (default) or Hz.",
+        flag="--frequency-unit",
+    )
+    digest: str | None = key(text(), help=_DIGEST)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """How the records become a frequency response with bounds."""
+
+    method: str | None = key(
+        text(("periodic", "local", "welch")),
+        help="periodic, local (any excitation) or welch (a first look, smeared). Default: periodic where there is a period,"
+        " else local.",
+        flag="--method",
+    )
+    period: int | None = key(whole(2), help="Period of the excitation.", unit="samples")
+    probability: float = key(
+        _probability, 0.95, help="Of the bound, for all lines and entries at once.", flag="--probability"
+    )
+    noise_floor_factor: float = key(
+        number(least=1), 1.5, help="Bounds are so many times the noise floor, where a record gives it."
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Delay:
+    """A delay that is taken out of all data."""
+
+    seconds: float | str = key(
+        auto_or(_frequencies), 0.0, help='The delay, or "auto": estimated from the response.', unit="s"
+    )
+    note: str | None = key(text(), help=_NOTE)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FrequencyPoints:
+    """Which frequency points are used; the others are kept to test what was found."""
+
+    band_hz: tuple[float, float] | None = key(
+        several(_frequencies, 2),
+        help="Use only the points between two frequencies.",
+        unit="Hz",
+        flag="--band",
+        text=band,
+        metavar="LOW:HIGH",
+    )
+    every: int = key(whole(1), 1, help="Use one of so many.")
+    near_hz: float | None = key(_positive, help="Use all points so near to a mode too.", unit="Hz")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Modes:
+    """Poles of the parametric part; without `hz` they are taken from the response."""
+
+    hz: tuple[float, ...] | None = key(several(_positive), help="Frequencies of the modes; [] for none.", unit="Hz")
+    damping: tuple[float, ...] | None = key(several(_positive), help="Damping ratios of the modes.")
+    count: int | None = key(whole(1), help="How many modes are looked for in the response, where hz doesn't say them.")
+    repeat: int = key(
+        whole(1),
+        1,
+        help="Multiplicity of each pair; 2 absorbs small errors of the poles.",
+        flag="--repeat",
+        keyword="repeat",
+    )
+    delay: int | None = key(
+        whole(),
+        help="Delay of the pairs; default: from the data.",
+        unit="samples",
+        flag="--delay",
+        keyword="delay",
+    )
+    hz_interval: tuple | None = key(
+        several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of hz.", unit="Hz"
+    )
+    damping_interval: tuple | None = key(
+        several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of damping."
+    )
+    note: str | None = key(text(), help=_NOTE)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PriorChoice:
+    """Class of the non-parametric part; without numbers it is taken from the curve of the smallest gain bound."""
+
+    gain_bound: float | None = key(
+        _positive, help="Prior: gain bound K of the non-parametric part, in units of the response.", flag="--gain"
+    )
+    decay_rate: float | None = key(
+        number(above=1), help="Prior: decay rate rho > 1 of the non-parametric part, per sample.", flag="--decay"
+    )
+    scaling: tuple | None = key(
+        several(several(_positive)), help="Of MIMO responses: sizes of the entries, one row an output."
+    )
+    note: str | None = key(text(), help=_NOTE)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Identify:
+    """How the consistency is decided, and the factor on all bounds."""
+
+    inflate: float | str = key(
+        auto_or(_positive),
+        1.0,
+        help='Factor on all bounds, said in every result. "auto": the smallest with which the class (without a prior: the modes'
+        " beside a non-parametric part as large as the median response, at the middle decay rate) is consistent, and 10 % more;"
+        " 1 where it is without.",
+        keyword="inflate",
+    )
+    inflate_note: str | None = key(text(), help=_NOTE)
+    objective: str = key(
+        text(_objectives),
+        "center",
+        help="Which of the systems becomes the model: center (the middle of all that are consistent), margin (the one that fits"
+        " best), gain (smallest K) or order (smallest Hankel nuclear norm, the easiest to reduce).",
+        flag="--objective",
+        keyword="objective",
+    )
+    solver: str = key(
+        _solver,
+        "auto",
+        help="auto, structured, cvxpy, or an installed cvxpy solver.",
+        flag="--solver",
+        keyword="solver",
+    )
+    accuracy: float = key(
+        _positive,
+        1e-4,
+        help="Width of the proven interval of the margin.",
+        flag="--accuracy",
+        keyword="accuracy",
+    )
+    form: str = key(
+        text(_forms),
+        "auto",
+        help="The finite problem: orthonormal (exact, up to 200 coefficients), classical (the same as published, for small data),"
+        " taylor (any number of samples), sections (fewer coefficients where the frequency points fill a part of the circle only,"
+        " as in oversampled data), or auto.",
+        flag="--form",
+        keyword="form",
+    )
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments of `robustid.identify`."""
+        return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form")}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SmallModel:
+    """What the small model must have."""
+
+    rigid_body: int | None = key(
+        whole(1),
+        help="Rigid-body modes of the small model, two poles at z = 1 each, as in `reduce_within_bounds`.",
+        keyword="rigid_body",
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WorstCase:
+    """What is bounded of all consistent systems."""
+
+    compute: bool = key(flag, True, help="Bound the worst-case error, the longest part of a run.", keyword="worst_case")
+    at_hz: tuple[float, ...] | None = key(
+        several(_frequencies), help="Frequencies of the bounds; default about 70 over the range of the data.", unit="Hz"
+    )
+    directions: int = key(
+        _directions,
+        16,
+        help="Sides of the polygon around the values at a frequency, 3 to 360.",
+        flag="--directions",
+        keyword="directions",
+    )
+    rtol: float = key(
+        _positive,
+        0.05,
+        help="Aim for the distance of the bounds from what is attained, relative.",
+        flag="--rtol",
+        keyword="rtol",
+    )
+    circle: bool = key(
+        flag,
+        False,
+        help="Bound the error at every frequency, between those evaluated too; may take long.",
+        flag="--circle",
+    )
+    over_poles: bool = key(
+        flag,
+        False,
+        help="Cover the pole-uncertainty box that the data leave too; may take minutes.",
+        flag="--poles",
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class General:
+    """What a run is about."""
+
+    title: str | None = key(text(), help="Heading of the report.")
+    entry: tuple | None = key(
+        several(either(whole(), text()), 2),
+        help="Output and input, by number from 0 or by name, of the one entry of a MIMO response that is used; default all.",
+        flag="--entry",
+        text=_output_input,
+        metavar="OUTPUT,INPUT",
+    )
+
+
+# As they stand in a run file.
+PARTS: dict[str, Any] = {
+    "": General,
+    "[[record]]": RecordSource,
+    "[[frequency]]": ResponseSource,
+    "[estimate]": Estimate,
+    "[delay]": Delay,
+    "[frequency_points]": FrequencyPoints,
+    "[modes]": Modes,
+    "[prior]": PriorChoice,
+    "[identify]": Identify,
+    "[small_model]": SmallModel,
+    "[worst_case]": WorstCase,
+}

@@ -1,0 +1,73 @@
+"""A problem from data alone, for `robustid identify` and `demo`: modes and prior are suggested where they aren't stated."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from robustid.advice import response_sizes, suggest_kautz, suggest_prior
+from robustid.app.choices import basis_of, default_prior
+from robustid.app.options import Modes
+from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
+from robustid.core import Frozen
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.identification import MixedProblem, Prior
+
+
+@dataclasses.dataclass(frozen=True)
+class Proposal(Frozen):
+    """A problem with everything that it needs, and how each part was chosen.
+
+    Attributes
+    ----------
+    problem : MixedProblem
+    choices : tuple of str
+        One paragraph per choice that the program made.
+    """
+
+    problem: MixedProblem
+    choices: tuple[str, ...]
+
+
+def propose(
+    *,
+    frequency: Sequence[FrequencyResponse] = (),
+    time: Sequence[TimeRecord] = (),
+    modes: Modes | None = None,
+    prior: Prior | None = None,
+) -> Proposal:
+    """Propose a `MixedProblem`.
+
+    Parameters
+    ----------
+    frequency, time : sequences of experiments
+    modes : Modes, optional
+        Poles of the parametric part; without, or without `hz`, those of the first frequency response.
+    prior : Prior, optional
+        None to take it from the curve of the smallest gain bound.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        Data without sample time or bound, with different signals or sample times.
+    """
+    choices, modes = [], modes or Modes()
+    placeholder = prior or default_prior((*frequency, *time))
+    # Refuses what lacks a sample time or a bound, before anything is computed from it.
+    dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
+    if modes.hz is not None:
+        basis = basis_of(dataclasses.replace(modes, delay=1 if modes.delay is None else modes.delay), dt)
+    elif frequency:
+        suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
+        basis = suggestion.basis
+        choices.append(MODES_NOTE + suggestion.summary())
+    problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
+    if prior is None:
+        found = suggest_prior(problem)
+        choices.append(PRIOR_NOTE + found.summary())
+        chosen = found.prior
+        if chosen is None:  # nothing fits: a class large enough to show the contradiction of the data themselves
+            size = 100 * response_sizes(problem)[0]
+            chosen = dataclasses.replace(placeholder, gain_bound=size or 1.0, decay_rate=float(found.decay_rates[0]))
+        problem = dataclasses.replace(problem, prior=chosen)
+    return Proposal(problem, tuple(choices))

@@ -1,0 +1,85 @@
+"""The result of a run."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import TYPE_CHECKING
+
+from robustid.app.run_file import RunFile
+from robustid.core import Frozen
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.identification import Identification
+from robustid.reduction import Reduction
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class IdentifiedReduced(Frozen):
+    """Everything that was found on the way from measurements to a small model, and how.
+
+    Attributes
+    ----------
+    identification : Identification
+    reduction : Reduction
+        The smallest model that was found inside the bounds (those times the margin, where the data contradict the class).
+    worst_case, error : WorstCaseError or None
+        Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent.
+    over_poles : WorstCaseOverPoles or None
+        With the poles anywhere in the pole-uncertainty box, around the small model.
+    findings : tuple of str
+        What can be said, in sentences: the contradiction and what would resolve it, samples outside their bounds, the error of
+        the small model.
+    run_file : RunFile
+        Every choice, made explicit; `run_file.text()` as TOML.
+    """
+
+    identification: Identification
+    reduction: Reduction
+    worst_case: WorstCaseError | None
+    error: WorstCaseError | None
+    over_poles: WorstCaseOverPoles | None
+    findings: tuple[str, ...]
+    run_file: RunFile
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """How the program made what was left to it, one paragraph each."""
+        return self.run_file.choices
+
+    @property
+    def model(self) -> control.StateSpace:
+        """The small model."""
+        return self.reduction.model
+
+    @property
+    def consistent(self) -> bool:
+        """True if a system of the class keeps every sample within its (stated) bound."""
+        return self.identification.consistent
+
+    def __repr__(self) -> str:
+        found = self.identification
+        return (
+            f"<IdentifiedReduced: {found.status.name.lower()}, margin {found.margin:.6g}, order {self.reduction.order}>"
+        )
+
+    def summary(self) -> str:
+        """The findings, then the identification, in plain text."""
+        return "\n".join([*self.findings, "", self.identification.summary()])
+
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
+        """Write the page of everything, with the run file in it; see `write_report`."""
+        from robustid.report import write_report
+
+        write_report(
+            self.identification,
+            path,
+            reduction=self.reduction,
+            title=title or self.run_file.title,
+            worst_case=self.error,
+            over_poles=self.over_poles,
+            findings=self.findings,
+            run_file=self.run_file.text(),
+        )

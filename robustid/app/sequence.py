@@ -1,0 +1,177 @@
+"""From bounded data, or a problem, to the small model and its error: the steps in their order."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.app import choices, findings
+from robustid.app.folder import RunFolder
+from robustid.app.measurements import Measured, Say
+from robustid.app.options import Modes, PriorChoice
+from robustid.app.result import IdentifiedReduced
+from robustid.app.run_file import MODES_NOTE, RunFile
+from robustid.data import FrequencyResponse
+from robustid.errors import InconsistentDataError, InputError
+from robustid.guarantees import (
+    WorstCaseError,
+    WorstCaseOverPoles,
+    default_grid,
+    worst_case_error,
+    worst_case_over_poles,
+)
+from robustid.identification import Identification, MixedProblem, identify, prior_fields, validate
+from robustid.mfd import RigidBody
+from robustid.reduction import Reduction, reduce_within_bounds
+from robustid.report import at_most
+
+
+@dataclasses.dataclass(frozen=True)
+class Surroundings:
+    """Where progress goes, where results are kept, and who computes."""
+
+    say: Say
+    folder: RunFolder = dataclasses.field(default_factory=RunFolder)
+    executor: Any = None
+
+    def counted(self, words: str) -> dict[str, Any]:
+        """Arguments of what is computed at many frequencies: workers, finished ones, progress."""
+        progress = lambda done, count: self.say(words, done, count)  # noqa: E731
+        return {"executor": self.executor, "resume": self.folder.unfinished, "progress": progress}
+
+
+def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
+    """The result with modes, frequency points, bounds and prior as the run file says, or chosen."""
+    # Refuses what lacks a sample time or a bound, before anything is computed from it.
+    placeholder = choices.placeholder(run, data)
+    everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
+    dt, say, folder = everything.dt, around.say, around.folder
+    _check_frequencies(run, dt)
+    if run.worst_case.over_poles and not everything.entries.single:
+        raise InputError(
+            "[worst_case] over_poles = true bounds one entry: add entry = [output, input], by number or name, or leave it out"
+        )
+    folder.responses(data.responses)
+    run = choices.with_modes(run, data, say)
+    parts = [choices.chosen_points(run, frf) for frf in data.responses]
+    basis = choices.basis_of(run.modes, dt)
+    used = [points for points, _ in parts]
+    problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
+    run = choices.with_inflation(run, problem, say)
+    problem = _inflated(problem, run)
+    folder.choices(run)
+    run, prior = choices.with_prior(run, problem, say)
+    folder.choices(run)
+    unused = [choices.inflated(left, run) for _, left in parts if left is not None]
+    return _decided(run, dataclasses.replace(problem, prior=prior), unused, around)
+
+
+def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> IdentifiedReduced:
+    """The result with the class as the problem states it."""
+    run = dataclasses.replace(
+        run,
+        prior=PriorChoice(**prior_fields(problem.prior)),
+        modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
+    )
+    _check_frequencies(run, problem.dt)
+    run = choices.with_inflation(run, problem, around.say)
+    return _decided(run, _inflated(problem, run), [], around)
+
+
+def _check_frequencies(run: RunFile, dt: float) -> None:
+    """Refuse what is stated in Hz above the Nyquist frequency of the data."""
+    for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
+        if stated and max(stated) > 0.5 / dt * (1 + 1e-9):
+            raise InputError(
+                f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
+            )
+
+
+def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
+    wide = {kind: tuple(choices.inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
+    return dataclasses.replace(problem, **wide)
+
+
+def _decided(
+    run: RunFile, problem: MixedProblem, unused: list[FrequencyResponse], around: Surroundings
+) -> IdentifiedReduced:
+    """Consistency, the small model, its error, and what can be said of them."""
+    result = _identified(run, problem, around)
+    around.say("searching for the smallest order")
+    bodies = run.small_model.rigid_body
+    reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
+    found = findings.class_words(run, result, around.say)
+    found.append(findings.sample_words(result, reduction.model, reduction.order))
+    found += [findings.unused_words(validate(reduction.model, points)) for points in unused]
+    error = small = band = None
+    if result.consistent and run.worst_case.compute:
+        run, error, small = _bounded(run, result, reduction, around)
+        found.append(findings.error_words(small))
+        if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
+            found.append(findings.fixed_poles_words(problem.entries.single))
+    if result.consistent and run.worst_case.over_poles:
+        band, words = _over_poles(run, result, reduction, around)
+        found.append(words)
+    return IdentifiedReduced(
+        identification=result,
+        reduction=reduction,
+        worst_case=error,
+        error=small,
+        over_poles=band,
+        findings=tuple(found),
+        run_file=run,
+    )
+
+
+def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Identification:
+    """Margin and model: those of an unfinished run of exactly this problem, or computed."""
+    before = around.folder.identification(problem, run.identify.objective)
+    if before is not None:
+        around.say("margin and model: taken from the unfinished run")
+        return before
+    around.say(f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples")
+    result = identify(problem, **run.identify.arguments)
+    result = dataclasses.replace(result, notes=(*result.notes, *run.choices))
+    around.folder.identified(result)
+    return result
+
+
+def _bounded(
+    run: RunFile, result: Identification, reduction: Reduction, around: Surroundings
+) -> tuple[RunFile, WorstCaseError, WorstCaseError]:
+    """Error of every consistent system around the identified and around the small model."""
+    asked = run.worst_case
+    if asked.at_hz is None:
+        run = run.changed("worst_case", at_hz=tuple((default_grid(result) / (2 * np.pi)).tolist()))
+        around.folder.choices(run)
+    omega = 2 * np.pi * np.array(run.worst_case.at_hz)
+    counted = around.counted("bounding the error at every frequency")
+    error = worst_case_error(result, omega=omega, directions=asked.directions, rtol=asked.rtol, **counted)
+    small = error.with_model(reduction.model)
+    if asked.circle:
+        small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
+    return run, error, small
+
+
+def _over_poles(
+    run: RunFile, result: Identification, reduction: Reduction, around: Surroundings
+) -> tuple[WorstCaseOverPoles | None, str]:
+    """Error around the small model with the poles anywhere in the pole-uncertainty box, and what to say of it."""
+    modes = run.modes
+    if not modes.hz or modes.hz_interval is None:
+        return None, "There are no poles to vary: over_poles has nothing to bound."
+    try:
+        band = worst_case_over_poles(
+            result,
+            2 * np.pi * np.array(modes.hz_interval),
+            np.array(modes.damping_interval),
+            delay=modes.delay or 0,
+            model=reduction.model,
+            **around.counted("bounding the error over the pole-uncertainty box"),
+        )
+    except (InputError, InconsistentDataError) as error:
+        return None, f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
+    text = f"With the poles anywhere in the pole-uncertainty box: within {at_most(band.upper.max())} of the small model"
+    return band, f"{text} at {band.omega.size} frequencies."
