@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 import robustid as rid
 from robustid.advice import suggest_kautz
 from robustid.errors import DatasetNotFoundError
-from robustid.report import plot_residuals, write_report
 
 SAME = 0.006  # relative distance below which modes of two entries are one
 LIGHT = 0.05  # damping ratio above which a pair is part of the smooth rest
@@ -220,8 +219,8 @@ def main(argv=None):
     plot_entries(widened(frf.band(*case.band), factor, note), result, error, case.unit).savefig(
         out / "response.png", dpi=110
     )
-    plot_residuals(result).savefig(out / "residuals.png", dpi=110)
-    write_report(result, out / "report.html", title=case.title, worst_case=error)
+    rid.plot.residuals(result).savefig(out / "residuals.png", dpi=110)
+    rid.write_report(result, out / "report.html", title=case.title, worst_case=error)
     print(f"\nPictures and report: {out}")
 
 

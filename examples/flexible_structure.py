@@ -15,7 +15,6 @@ import numpy as np
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.core.simulation import response
-from robustid.report import plot_frequency_response, plot_residuals, write_report
 
 # A class has to be named before its prior is asked for; suggest_prior uses neither of these numbers.
 PLACEHOLDER = rid.Prior(gain_bound=1.0, decay_rate=1.1)
@@ -76,11 +75,11 @@ def main(argv=None):
     for name, (result, reduced) in results.items():
         models = {f"reduced, order {reduced.order}": reduced.model, "truth (simulated)": data.truth}
         stem = name.split(" (")[0].replace(" ", "_")
-        plot_frequency_response(result, models).savefig(out / f"response_{stem}.png", dpi=110)
-        plot_residuals(result, {f"reduced, order {reduced.order}": reduced.model}).savefig(
+        rid.plot.bode(result, models=models).savefig(out / f"response_{stem}.png", dpi=110)
+        rid.plot.residuals(result, models={f"reduced, order {reduced.order}": reduced.model}).savefig(
             out / f"residuals_{stem}.png", dpi=110
         )
-    write_report(best, out / "report.html", reduction=smaller, title="Flexible structure: both modes parametric")
+    rid.write_report(best, out / "report.html", reduction=smaller, title="Flexible structure: both modes parametric")
     print(f"\nPictures and report: {out}")
 
 

@@ -16,7 +16,6 @@ import robustid as rid
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
 from robustid.errors import DatasetNotFoundError
 from robustid.identification.residuals import model_residuals
-from robustid.report import plot_frequency_response, plot_residuals, plot_time_response, write_report
 
 NAME = "two_mass/MultisineTypeA.mat"
 PERIOD = 2500
@@ -86,10 +85,10 @@ def say_what_it_is_worth(result, out):
     lines, stretch = result.problem.frequency[0], result.problem.time[0]
     reduced = rid.reduce_within_bounds(result)
     models = {f"reduced, order {reduced.order}": reduced.model}
-    plot_frequency_response(result, models).savefig(out / "response.png", dpi=110)
-    plot_time_response(result, models).savefig(out / "time.png", dpi=110)
-    plot_residuals(result, models).savefig(out / "residuals.png", dpi=110)
-    write_report(result, out / "report.html", reduction=reduced, title="Motor bench: current to torsion")
+    rid.plot.bode(result, models=models).savefig(out / "response.png", dpi=110)
+    rid.plot.time_response(result, models=models).savefig(out / "time.png", dpi=110)
+    rid.plot.residuals(result, models=models).savefig(out / "residuals.png", dpi=110)
+    rid.write_report(result, out / "report.html", reduction=reduced, title="Motor bench: current to torsion")
 
     residuals = model_residuals(result.problem, reduced.model)
     peak = int(np.argmax(np.abs(lines.values)))

@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 import robustid as rid
 from robustid.errors import DatasetNotFoundError
 from robustid.mfd import mode_table, suggest_order
-from robustid.report import plot_fit, plot_stabilisation
 
 DT = 1 / 6400
 PERIOD = 8192
@@ -123,8 +122,8 @@ def main(argv=None):
                 f"{mode.hz:8.1f}{100 * mode.damping:14.2f}{mode.participation:8.2f}  "
                 f"{frf.inputs[mode.input].name} to {frf.outputs[mode.output].name}"
             )
-    plot_fit(best, lines).savefig(out / "response.png", dpi=110)
-    plot_stabilisation(sweep).savefig(out / "stabilisation.png", dpi=110)
+    rid.plot.bode(best, data=lines).savefig(out / "response.png", dpi=110)
+    rid.plot.stabilisation(sweep).savefig(out / "stabilisation.png", dpi=110)
     plot_time(test[0], validations[sweep.suggested][0]).savefig(out / "time.png", dpi=110)
     print(f"\nPictures: {out}")
 

@@ -16,7 +16,6 @@ from motor_torsion import PERIOD, SPARE, opened
 
 import robustid as rid
 from robustid.advice import diagnose, suggest_kautz, suggest_prior
-from robustid.report import plot_nyquist, plot_worst_case, write_report
 
 CROSSOVERS_HZ = (0.5, 1.0, 2.0, 3.0, 4.0)  # of the integral controllers, by the static gain
 DIRECTIONS = 8  # sides of each polygon: upper bounds at most 8 % above the truth
@@ -97,10 +96,10 @@ def main(argv=None):
         "   prove them. Not guaranteed says that this condition fails, not that a consistent plant is unstable."
     )
 
-    plot_worst_case(error).savefig(out / "guaranteed.png", dpi=110)
-    plot_nyquist(error).savefig(out / "nyquist.png", dpi=110)
+    rid.plot.bode(error).savefig(out / "guaranteed.png", dpi=110)
+    rid.plot.nyquist(error).savefig(out / "nyquist.png", dpi=110)
     title = "Motor bench: what is guaranteed"
-    write_report(result, out / "report.html", reduction=reduced, worst_case=error, title=title)
+    rid.write_report(result, out / "report.html", reduction=reduced, worst_case=error, title=title)
     print(f"\nPictures and report: {out}")
 
 

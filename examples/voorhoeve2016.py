@@ -49,7 +49,6 @@ from wafer_stage import errors, experiment, modal
 import robustid as rid
 from robustid.advice import suggest_kautz
 from robustid.mfd import FractionProblem, fit_fraction
-from robustid.report import plot_fit
 
 BASES = {"monomial": "monomial", "scaled monomial": "scaled", "data-dependent orthonormal": "orthonormal"}
 SENSED = np.eye(4, 3)  # shapes of the rigid body at the outputs, up to a change of coordinates: the gauge has none
@@ -198,7 +197,7 @@ def main(argv=None):
     print(f"1. Figure 4: 4x4, {lines} lines, order {order} with three rigid-body modes, left fraction")
     body = rid.RigidBody(3, side="output", directions=SENSED)
     fit = rid.fit_mfd(frf, order=order, weight=weight, rigid_body=body)
-    plot_fit(fit, frf).savefig(out / "figure_4.png", dpi=110)
+    rid.plot.bode(fit, data=frf).savefig(out / "figure_4.png", dpi=110)
     print(
         f"   {fit.status.value}; {len(fit.history)} steps, condition - 1 at most {fit.condition_numbers.max() - 1:.0e}"
     )

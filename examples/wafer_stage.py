@@ -16,7 +16,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.report import plot_convergence, plot_fit
 
 MASS, SIDES = 12.0, np.array([0.62, 0.5])  # kg, m: a plate, evenly filled
 FORCES = np.array([[-0.19, -0.21], [0.23, -0.17], [0.02, 0.2]])  # where the actuators act, m from the centre
@@ -164,8 +163,8 @@ def main(argv=None):
     print(np.array2string(rigid.rigid_directions, precision=3, suppress_small=True))
     print(f"Condition number of every normal matrix - 1: at most {rigid.condition_numbers.max() - 1:.0e}")
 
-    plot_fit(rigid, frf).savefig(out / "wafer_stage.png", dpi=110)
-    plot_convergence(rigid).savefig(out / "wafer_stage_steps.png", dpi=110)
+    rid.plot.bode(rigid, data=frf).savefig(out / "wafer_stage.png", dpi=110)
+    rid.plot.convergence(rigid).savefig(out / "wafer_stage_steps.png", dpi=110)
     plot_low(frf, truth, fits).savefig(out / "wafer_stage_low.png", dpi=110)
     print(f"\nPictures: {out}")
 

@@ -15,7 +15,6 @@ import numpy as np
 import robustid as rid
 from robustid.core.simulation import response
 from robustid.guarantees import response_tube
-from robustid.report import plot_nyquist, plot_tube, plot_worst_case, write_report
 
 # Between the samples, where nothing was measured: from 0 Hz to the Nyquist frequency, and around the light mode.
 FREQUENCIES_HZ = np.array(
@@ -75,14 +74,14 @@ def main(argv=None):
             f" ({'proved' if weight.certified else 'NOT PROVED'})."
         )
 
-    plot_worst_case(error).savefig(out / "guaranteed.png", dpi=110)
-    plot_worst_case(small).savefig(out / "guaranteed_reduced.png", dpi=110)
-    plot_nyquist(error).savefig(out / "nyquist.png", dpi=110)
+    rid.plot.bode(error).savefig(out / "guaranteed.png", dpi=110)
+    rid.plot.bode(small).savefig(out / "guaranteed_reduced.png", dpi=110)
+    rid.plot.nyquist(error).savefig(out / "nyquist.png", dpi=110)
     tube = response_tube(result, input="step", horizon=TUBE)
     print(f"\nThe step response, over {TUBE} samples:\n{tube.summary()}")
-    plot_tube(tube).savefig(out / "step.png", dpi=110)
+    rid.plot.time_response(tube).savefig(out / "step.png", dpi=110)
     title = "Flexible structure: what is guaranteed"
-    write_report(result, out / "report.html", reduction=reduced, worst_case=error, tube=tube, title=title)
+    rid.write_report(result, out / "report.html", reduction=reduced, worst_case=error, tube=tube, title=title)
     print(f"\nPictures and report: {out}")
 
 

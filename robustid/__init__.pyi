@@ -75,4 +75,5 @@ from .mfd import suggest_order as suggest_order
 from .reduction import balanced_truncation as balanced_truncation
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous
+from .report import plot as plot
 from .report import write_report as write_report

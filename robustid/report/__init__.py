@@ -1,38 +1,22 @@
-"""What people see: plots, a summary at the terminal, and a report as one HTML page."""
+"""What people see: a report as one HTML page, a summary at the terminal, and plots."""
 
-from robustid.report.frf_plots import plot_frf
-from robustid.report.html import render_report, write_report
-from robustid.report.margin_by_order import plot_margins
-from robustid.report.mfd_plots import plot_convergence, plot_fit, plot_fit_poles, plot_orders, plot_stabilisation
-from robustid.report.mfd_view import FitView
-from robustid.report.plots import plot_frequency_response, plot_hankel, plot_poles, plot_residuals, plot_time_response
+from robustid.report import plot
+from robustid.report.document import Verdict
 from robustid.report.poles import PoleRow, pole_table
-from robustid.report.text import render_summary
-from robustid.report.worst_case_facts import at_most, same
-from robustid.report.worst_case_plots import plot_nyquist, plot_tube, plot_worst_case
+from robustid.report.sections.claims import same
+from robustid.report.words import at_least, at_most
+from robustid.report.write import render_report, render_summary, verdict, write_report
 
 __all__ = [
-    "FitView",
     "PoleRow",
+    "Verdict",
+    "at_least",
     "at_most",
-    "plot_convergence",
-    "plot_fit",
-    "plot_fit_poles",
-    "plot_frequency_response",
-    "plot_frf",
-    "plot_hankel",
-    "plot_margins",
-    "plot_nyquist",
-    "plot_orders",
-    "plot_poles",
-    "plot_residuals",
-    "plot_stabilisation",
-    "plot_time_response",
-    "plot_tube",
-    "plot_worst_case",
+    "plot",
     "pole_table",
     "render_report",
     "render_summary",
     "same",
+    "verdict",
     "write_report",
 ]

@@ -1,4 +1,4 @@
-"""Poles in engineer's terms: natural frequency, damping, time constant, delay."""
+"""Poles in words and numbers: natural frequency, damping, time constant, delay."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.identification import check_model
-from robustid.report.style import number
+from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:
     import control
 
 # The rounded pole of a (double) integrator lies this close to z = 1.
 _INTEGRATOR = 1e-7
-_HZ = 2 * np.pi
 
 
 @dataclasses.dataclass(frozen=True)
 class PoleRow:
-    """A real pole or a conjugate pair, in engineer's terms.
+    """A real pole or a conjugate pair.
 
     Attributes
     ----------
@@ -48,7 +47,7 @@ class PoleRow:
 
 
 def pole_table(model: control.StateSpace) -> list[PoleRow]:
-    """Poles of a model with their natural frequency, damping and time constant, by frequency.
+    """Return the poles of a model with their natural frequency, damping and time constant, by frequency.
 
     ``s = log(z)/dt``, ``hz = |s|/2π``, ``damping = -Re(s)/|s|``.
 
@@ -94,7 +93,7 @@ def _pole_row(pole: complex, dt: float) -> PoleRow:
         return PoleRow(pole, count, 0.0, np.nan, modulus, np.inf)
     s = complex(np.log(pole)) / dt if dt else pole
     damping = -s.real / abs(s) if s else np.nan
-    return PoleRow(pole, count, abs(s) / _HZ, damping, modulus, -1 / s.real if s.real else np.inf)
+    return PoleRow(pole, count, abs(s) / HZ, damping, modulus, -1 / s.real if s.real else np.inf)
 
 
 def describe_pole(row: PoleRow) -> str:

@@ -1,8 +1,7 @@
-"""How things look, in every medium: colours, dashes, and numbers with sensible digits."""
+"""How things look, in every medium: colours, dashes and markers."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 # Okabe and Ito's palette: told apart with every kind of colour blindness, and by their grey when printed.
@@ -14,6 +13,7 @@ FURTHER = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 # Colour is never the only difference: models also differ by their dashes and markers.
 DASHES = ("dash", "dashdot", "dot")
 MARKERS = ("square-open", "diamond-open", "triangle-up-open")
+FINE = 0.45  # size of a curve or marker that must not hide what is around it
 
 MATPLOTLIB: dict[Any, Any] = {
     "font.size": 9.5,
@@ -33,28 +33,7 @@ MATPLOTLIB: dict[Any, Any] = {
     "legend.frameon": False,
 }
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
 
 def further(index: int) -> tuple[str, str, str]:
     """Colour, dash and marker of the further model number `index`."""
     return FURTHER[index % len(FURTHER)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)]
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number for people: significant digits, powers of ten as such.
-
-    Examples
-    --------
-    >>> number(17.67321), number(5.2e-7, 2), number(float("inf")), number(float("nan"))
-    ('17.67', '5.2×10⁻⁷', '∞', '–')
-    """
-    if math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    text = f"{value:.{digits}g}"
-    if "e" in text:
-        mantissa, exponent = text.split("e")
-        text = f"{mantissa}×10{str(int(exponent)).translate(_SUPERSCRIPT)}"
-    return text.replace("-", "−", 1) if text.startswith("-") else text

@@ -72,7 +72,7 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys,
     for words in (
         "read run1.csv: time record, 600 samples, 0 to 5.99 s, x [mm], [red]phi[/red] / force [N], torque [Nm]",
         "Statistical bound, 95 %",
-        "20 lines, 1 to 20 Hz, 1 Hz apart",
+        "20 points, 1 to 20 Hz, 1 Hz apart",
         "scatter over 6 periods",
         f"lowest {found.coherence[:, 0].min():.3g} at",
         "x [mm] / force [N]",

@@ -50,9 +50,9 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path):
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     for heading in (
         "What is guaranteed",
-        "Guarantee with the poles anywhere in a box",
+        "Guarantee over a pole-uncertainty box",
         "Guaranteed response in time",
-        "What the guarantee rests on",
+        "What the guarantee depends on",
     ):
         assert heading in page.text
     assert "Not proved" not in page.text

@@ -17,7 +17,7 @@ from robustid.identification.formulation.columns import ShiftColumns
 from robustid.identification.residuals import largest_ratio
 from robustid.identification.solver.design import DenseDesign, ShiftDesign
 from robustid.identification.solver.paths import margin_path
-from robustid.report.facts import experiments
+from robustid.report.sections.assumptions import experiments
 from support.problems import judge_margin, random_problem
 
 

@@ -13,8 +13,8 @@ from scipy.special import chdtri
 import robustid as rid
 from robustid.data import load, save
 from robustid.errors import InputError
-from robustid.report.mfd_charts import response_charts
-from robustid.report.mfd_view import FitView
+from robustid.report.sections.fit_charts import response_charts
+from robustid.report.sections.fit_view import FitView
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
 
 # --- what a bound means -------------------------------------------------------------------------------------------------

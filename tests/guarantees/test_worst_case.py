@@ -258,9 +258,7 @@ def test_every_certificate_verifies_and_forged_ones_do_not():
     error = small_error()
     consistent, found = error.consistent_set, error.values[0]
     assert all(claim.verify() for claim in value_set_claims(consistent, found))
-    lower = ValueSet(
-        found.omega, found.directions, found.support - 1e-6, found.points, found.slack, found.certificates
-    )
+    lower = ValueSet(found.omega, found.directions, found.support - 1e-6, found.points, found.slack, found.certificates)
     assert not any(claim.verify() for claim in value_set_claims(consistent, lower))
     here = consistent.with_node(found.omega)
     x, p, tail = here.value_weights(found.omega)

@@ -81,24 +81,12 @@ def test_rooms_import_only_backwards_and_through_the_face_of_a_room():
             assert other in ROOMS, f"{path} imports {module}"
             assert ROOMS.index(other) <= ROOMS.index(room), f"{path} imports {module}"
             is_face = MODULES[module].name == "__init__.py"
-            if name == "robustid.app.cli.fit" and module == "robustid.report.mfd_facts":
-                continue
             assert other == room or is_face, f"{path} reaches past the face of {other}: {module}"
-
-
-TIED = {  # circles that are still to be cut
-    "robustid.report.frf_text",
-    "robustid.report.mfd_text",
-    "robustid.report.text",
-    "robustid.report.frf_page",
-    "robustid.report.html",
-    "robustid.report.mfd_page",
-}
 
 
 def test_no_file_is_part_of_an_import_circle():
     arrows = {name: {m for m in imported(name) if m in MODULES and m != name} for name, path in MODULES.items()}
-    circles = {name for name in arrows if name in reached(name, arrows)} - TIED
+    circles = {name for name in arrows if name in reached(name, arrows)}
     assert not circles, f"these import each other, directly or through others: {sorted(circles)}"
 
 

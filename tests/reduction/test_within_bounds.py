@@ -226,25 +226,6 @@ def test_misuse_is_named():
         rid.reduce_within_bounds(still, rigid_body=rid.RigidBody(1))
 
 
-def test_chart_of_order_against_margin(tmp_path):
-    from robustid.report import plot_margins, write_report
-    from robustid.report.margin_by_order import margin_chart
-
-    result = rid.identify(structure(0))
-    reduction = rid.reduce_within_bounds(result)
-    layers = {layer.name: layer for layer in margin_chart(reduction).panels[0].layers}
-    assert list(zip(layers["smallest found"].x, layers["smallest found"].y, strict=True)) == list(reduction.tried)
-    assert layers["chosen order 4"].y == [reduction.margin]
-    assert np.all(layers["beyond the bounds"].y > 1)
-    assert plot_margins(reduction).axes[0].get_xlabel() == "order [–]"
-    write_report(result, tmp_path / "report.html", reduction=reduction)
-    assert "Best model of every order: at the samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    with pytest.raises(rid.InputError, match="tries no orders"):
-        plot_margins(rid.balanced_truncation(result.model, order=10))
-    with pytest.raises(rid.InputTypeError, match="reduce_within_bounds"):
-        plot_margins(result)
-
-
 def test_a_start_on_the_circle_is_drawn_inside():
     """Two lines next to each other that differ: the linear fit puts a pole between them, on the circle to rounding."""
     frf = rid.FrequencyResponse([50.0, 50.001, 60.0], [1.0, 1.5, 1.0], bound=0.01, dt=0.01)

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 import robustid as rid
-from robustid.report import charts, render_summary
+from robustid.guarantees import CircleBound
+from robustid.report import render_summary
+from robustid.report.charts import Chart, Layer, Panel
 
 NASTY = "<script>alert(1)</script>"
 
@@ -50,19 +52,25 @@ def identified(tilt: Any = None, **names: Any) -> rid.Identification:
     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes))
 
 
-def named(panel: charts.Panel, name: str) -> charts.Layer:
+def named(panel: Panel, name: str) -> Layer:
     return next(layer for layer in panel.layers if layer.name == name)
 
 
-def layers(chart: charts.Chart, panel: int = 0) -> dict[str, charts.Layer]:
+def layers(chart: Chart, panel: int = 0) -> dict[str, Layer]:
     return {layer.name: layer for layer in chart.panels[panel].layers}
 
 
-def printed(result: rid.Identification, reduction: Any = None) -> str:
+def with_circle(error: rid.WorstCaseError) -> rid.WorstCaseError:
+    """A copy whose bound on the whole circle is there already; three arcs, not computed."""
+    edges = np.array([0.0, 10.0, 100.0, np.pi / error.identification.problem.dt])
+    return error.with_circle(CircleBound(edges, np.array([0.4, 0.9, 0.123456]), 0.3, True, ()))
+
+
+def printed(result: Any, reduction: Any = None, *, width: int = 160, **options: Any) -> str:
     import rich.console
 
-    console = rich.console.Console(file=io.StringIO(), width=160)
-    console.print(render_summary(result, reduction))
+    console = rich.console.Console(file=io.StringIO(), width=width)
+    console.print(render_summary(result, reduction, **options))
     return console.file.getvalue()  # type: ignore[attr-defined]
 
 

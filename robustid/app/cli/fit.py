@@ -65,7 +65,7 @@ def fit(
     """
     from robustid.app.cli.reading import Files
     from robustid.mfd import RigidBody, RollOff
-    from robustid.report import FitView, mfd_facts, render_report, render_summary
+    from robustid.report import render_report, render_summary, verdict
 
     wanted, model_file = _order(order), _model_file(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
@@ -85,7 +85,7 @@ def fit(
         terminal.say(console, sweep.summary())
     console.print(render_summary(result, data=frf))
     terminal.say_written(console, model_file, report)
-    raise typer.Exit(0 if mfd_facts.verdict(FitView(result)).key == "consistent" else 1)
+    raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
 
 
 def _weight(source: Path, frf: Any, relative: bool | None) -> dict[str, Any]:

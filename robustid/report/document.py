@@ -1,0 +1,156 @@
+"""What a report is made of, before any medium: `html` and `terminal` each render every kind of block once.
+
+A subject builds blocks (`sections`); its page and its summary at the terminal are outlines of the same blocks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from robustid.report.charts import Chart
+
+Role = Literal["", "soft", "caution", "warning"]
+Kind = Literal["", "text", "n", "whole", "share"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Heading:
+    """Heading of a part (level 2) or of what stands in one (3)."""
+
+    text: str
+    level: int = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Text:
+    """Paragraph; the words in `code` are set as those of a program."""
+
+    text: str
+    role: Role = ""
+    id: str = ""
+    code: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """The outcome in one word and one sentence, with the numbers beside it; `key` chooses the colour."""
+
+    key: str
+    word: str
+    sentence: str
+    numbers: tuple[tuple[str, str], ...] = ()
+    id: str = "verdict"
+
+
+@dataclasses.dataclass(frozen=True)
+class Facts:
+    """Names with their words: (what, in which words)."""
+
+    rows: Sequence[tuple[str, str]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """Head of a column (a line break: where it may break), a shorter one for the terminal, and what its cells hold.
+
+    kind: "n" numbers; "text" long text, which may break anywhere; "whole" what never breaks; "share" numbers with a bar.
+    """
+
+    head: str
+    kind: Kind = ""
+    short: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Share:
+    """Cell with a bar as long as the share."""
+
+    text: str
+    share: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Rows of cells.
+
+    Attributes
+    ----------
+    marks : sequence of bool
+        Whether the claim of each row holds; none for a table without claims.
+    strong : sequence of bool
+        Which rows stand out.
+    empty : str
+        What is said in place of rows.
+    title, note : str
+        Shown at the terminal, where no heading and no text stands beside the table.
+    most : int or None
+        Most rows at the terminal; a page shows all.
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[str | Share]]
+    marks: Sequence[bool] = ()
+    strong: Sequence[bool] = ()
+    empty: str = ""
+    title: str = ""
+    note: str = ""
+    most: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawing:
+    """A chart in full size; `titled`: each of its figures under a heading; `beside`: in two columns."""
+
+    chart: Chart
+    titled: bool = False
+    beside: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Charts of many entries in columns; `small` ones under one legend for all."""
+
+    charts: Sequence[Chart]
+    columns: int
+    small: bool = True
+    titled: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class Beside:
+    """Parts beside each other where the window is wide enough."""
+
+    parts: Sequence[Sequence[Block]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Code:
+    """Text whose line breaks stay."""
+
+    text: str
+    id: str = ""
+
+
+Block = Heading | Text | Verdict | Facts | Table | Drawing | Grid | Beside | Code
+
+
+@dataclasses.dataclass(frozen=True)
+class Document:
+    """A page: its title, what stands at its head, its body, and its last lines."""
+
+    title: str
+    head: Sequence[Block]
+    body: Sequence[Block]
+    foot: Sequence[Text] = ()
+
+    def blocks(self) -> Iterator[Block]:
+        """Every block in its order, those beside each other one after another."""
+        todo = [*self.head, *self.body, *self.foot]
+        while todo:
+            block = todo.pop(0)
+            if isinstance(block, Beside):
+                todo = [inner for part in block.parts for inner in part] + todo
+            else:
+                yield block

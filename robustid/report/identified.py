@@ -1,0 +1,187 @@
+"""What every section about an identification shares: names and units, the models to be drawn, and their frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from robustid.core import responses as values_at
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification, Residual, check_model
+from robustid.report.charts import Axis
+from robustid.report.curves import around
+from robustid.report.style import NOMINAL, further
+from robustid.report.words import HZ, matrix_unit_label, units
+
+if TYPE_CHECKING:
+    from robustid.reduction import Reduction
+
+Models = Mapping[str, Any] | None
+DIRECTIONS = "combinations of outputs / combinations of inputs"
+_GRID = 800  # points of a response, evenly spaced in log frequency
+_AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
+_BLOCK = 64  # frequencies evaluated at once: memory grows with states^2 times this
+_NOWHERE = np.zeros(0)
+
+
+def siso(identification: Identification) -> bool:
+    """Whether there is one input and one output."""
+    return len(identification.problem.outputs) == len(identification.problem.inputs) == 1
+
+
+def unit(identification: Identification) -> str:
+    """Unit of the transfer function, "mm/N"; empty where neither signal has one, or entries have different ones."""
+    found = units(identification.problem.outputs, identification.problem.inputs)
+    return found.pop() if len(found) == 1 else ""
+
+
+def in_unit(text: str, identification: Identification) -> str:
+    """A number with the unit of the transfer function."""
+    return f"{text} {unit(identification)}".rstrip()
+
+
+def mixed(identification: Identification) -> bool:
+    """Whether the entries have different units."""
+    return len(units(identification.problem.outputs, identification.problem.inputs)) > 1
+
+
+def sigma_unit(identification: Identification) -> str:
+    """Unit of singular values, in brackets."""
+    return matrix_unit_label(identification.problem.outputs, identification.problem.inputs)
+
+
+def transfer(identification: Identification, output: int = 0, input_: int = 0) -> str:
+    """Name of an entry of the transfer function, "displacement [mm] / force [N]"."""
+    problem = identification.problem
+    return f"{problem.outputs[output]} / {problem.inputs[input_]}"
+
+
+def where(identification: Identification, residual: Residual) -> str:
+    """Name the entry of the response, or the output of a record, that residuals are about."""
+    problem, (output, input_) = identification.problem, residual.entry
+    if residual.kind == "time":
+        return str(problem.outputs[output or 0])
+    if output is not None and input_ is not None:
+        return transfer(identification, output, input_)
+    if input_ is not None:
+        return f"all outputs / {problem.inputs[input_]}, one bound"
+    if isinstance(problem.frequency[residual.index], FrequencyResponse):
+        return "all entries, one bound"
+    return DIRECTIONS
+
+
+def started(record: Any) -> str:
+    """How a time record begins, in words."""
+    words = {
+        "rest": "from zero initial conditions",
+        "free": "from an unknown state",
+        "periodic": "in periodic steady state",
+    }
+    return words[record.initial]
+
+
+def numbered(text: str, index: int, count: int) -> str:
+    """The text, with a number where there are several such things."""
+    return f"{text} ({index + 1})" if count > 1 else text
+
+
+class Shown(NamedTuple):
+    """A model to be drawn, under its name and with its looks."""
+
+    name: str
+    model: Any
+    colour: str
+    dash: str
+    marker: str
+
+
+def shown_models(identification: Identification, models: Models = None) -> list[Shown]:
+    """The nominal model and the further ones."""
+    out = [Shown(f"nominal model, order {identification.order}", identification.model, NOMINAL, "solid", "circle")]
+    if models is None:
+        return out
+    if not isinstance(models, Mapping):
+        raise InputTypeError(f"`models` must map names to control.StateSpace; got {type(models).__name__}")
+    for k, (name, model) in enumerate(models.items()):
+        if not isinstance(name, str):
+            raise InputTypeError(f"`models` must have text as names; got {name!r}")
+        out.append(Shown(name, checked_model(f"models[{name!r}]", model, identification), *further(k)))
+    return out
+
+
+def checked_model(name: str, model: Any, identification: Identification) -> Any:
+    """Return the model, if it has the signals and the time base of the data."""
+    system, dt = check_model(name, model), identification.problem.dt
+    p, q = len(identification.problem.outputs), len(identification.problem.inputs)
+    if (system.noutputs, system.ninputs) != (p, q):
+        raise InputError(
+            f"`{name}` must have {p} output{'s' * (p > 1)} and {q} input{'s' * (q > 1)}; got {system.noutputs} and"
+            f" {system.ninputs}"
+        )
+    if system.nstates and (system.dt is True or abs(system.dt - dt) > 1e-9 * dt):
+        raise InputError(
+            f"`{name}` must be discrete with dt = {dt:g} s, as the data; got dt = {system.dt}."
+            f" Sample it first: control.sample_system(model, {dt:g})"
+        )
+    return system
+
+
+def further_models(reduction: Reduction | None, models: Models) -> dict[str, Any]:
+    """The reduced model under its name, and the other ones."""
+    out: dict[str, Any] = {}
+    if reduction is not None:
+        out[f"reduced model, order {reduction.order}"] = reduction.model
+    if models is not None and not isinstance(models, Mapping):
+        raise InputTypeError(f"`models` must map names to control.StateSpace; got {type(models).__name__}")
+    return out | dict(models or {})
+
+
+def band(problem: Any) -> tuple[float, float]:
+    """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s."""
+    high = np.pi / problem.dt
+    points = problem.angles[problem.angles > 0] / problem.dt
+    starts = [points.min()] if points.size else [2 * high / max(t.u.shape[0], 2) for t in problem.time]
+    return min([*starts, high / 4]) / 2, high
+
+
+def shown_band(identification: Identification, omega: np.ndarray = _NOWHERE) -> tuple[float, float]:
+    """The `band` of the data, down to the lowest of further frequencies, rad/s."""
+    low, high = band(identification.problem)
+    return min([low, *omega[omega > 0].tolist()]), high
+
+
+def hertz(problem: Any, low: float, high: float) -> Axis:
+    """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said."""
+    at_zero = bool(problem.angles.size) and problem.angles[0] == 0
+    note = " (samples at 0 Hz are drawn at the left end)" if at_zero else ""
+    return Axis(label=f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
+
+
+def responses(
+    models: list[Any], problem: Any, ends: tuple[float, float], wanted: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
+    omega = _grid(models, problem, *ends, wanted)
+    return omega, [_evaluate(model, omega * problem.dt) for model in models]
+
+
+def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
+    """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
+    base = np.geomspace(low, high, _GRID)
+    step = base[1] / base[0] - 1
+    extra = [base, wanted, problem.angles[problem.angles > 0] / problem.dt]
+    for model in models:
+        poles = model.poles()
+        s = np.log(poles[np.abs(poles) > 0].astype(complex)) / problem.dt
+        narrow = (s.imag > 0) & (np.abs(s.real) < 4 * step * s.imag) & (s.real != 0)
+        extra += [around(pole, _AROUND) for pole in s[narrow]]
+    omega = np.unique(np.concatenate(extra))
+    return omega[(omega >= low) & (omega <= high)]
+
+
+def _evaluate(model: Any, angles: np.ndarray) -> np.ndarray:
+    parts = np.array_split(angles, max(1, angles.size // _BLOCK))
+    return np.concatenate([values_at(model, part) for part in parts])

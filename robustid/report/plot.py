@@ -1,0 +1,425 @@
+"""Figures with matplotlib, of whatever result is given: `robustid.plot.bode(result)`.
+
+Each returns a `matplotlib.figure.Figure`. With `ax`, matplotlib axes or a sequence of them (one for each panel, in the order of the
+figure), it is drawn there instead, in the style of these axes; their figure is returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+from robustid.identification import Identification
+from robustid.mfd import MatrixFraction, OrderSweep
+from robustid.reduction import Reduction
+from robustid.report.charts import Chart, in_rows, lighter, side_by_side
+from robustid.report.identified import siso
+from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts
+from robustid.report.sections.fit_view import FitView
+from robustid.report.sections.model import model_chart
+from robustid.report.sections.pole_box import pole_box_chart
+from robustid.report.sections.poles import pole_chart
+from robustid.report.sections.reduction import hankel_chart, margin_chart
+from robustid.report.sections.residuals import residual_chart
+from robustid.report.sections.response_view import ResponseView
+from robustid.report.sections.time import answer_charts, time_chart
+from robustid.report.sections.tube import tube_chart
+from robustid.report.with_matplotlib import draw
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.figure import Figure
+
+    Models = Mapping[str, control.StateSpace] | None
+
+__all__ = [
+    "bode",
+    "convergence",
+    "hankel",
+    "nyquist",
+    "orders",
+    "poles",
+    "residuals",
+    "stabilisation",
+    "time_response",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+def bode(
+    result: Any,
+    *,
+    models: Models = None,
+    data: FrequencyResponse | None = None,
+    records: TimeRecord | Sequence[TimeRecord] | None = None,
+    ax: Any = None,
+) -> Figure:
+    r"""Draw magnitude and phase, entry by entry: outputs below each other, inputs beside each other.
+
+    Of an Identification: the models, and every sample with its disc (bars: \|value\| ± bound, and the phase
+    ± arcsin(bound/\|value\|) of that disc; any phase where it holds 0); of a MIMO problem also the singular values. Of a
+    WorstCaseError or a WorstCaseOverPoles: the range that no consistent system leaves, and the error of the model, guaranteed and
+    reached; proved at their frequencies, interpolated for the eye between them; a bound on the whole circle is drawn if it
+    has been computed. Of a MatrixFraction: samples, model with its standard deviation, residual. Of a FrequencyResponse:
+    bound, noise and distortion, singular values, coherence, and the spectra of the records. Of a model its response.
+
+    Parameters
+    ----------
+    result : Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse or control.StateSpace
+    models : mapping of str to control.StateSpace, optional
+        Further models with the sample time of an identification's data, such as a reduced one.
+    data : FrequencyResponse, optional
+        What a MatrixFraction was fitted to: gives the names of the signals and the noise.
+    records : TimeRecord or sequence of TimeRecord, optional
+        What a FrequencyResponse was estimated from.
+    ax : matplotlib axes or sequence of them, optional
+        One for each panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Of many frequency points the smallest and largest values of short intervals are drawn.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        If a model has other signals or another sample time, `data` isn't what was fitted, or an argument doesn't belong
+        to this kind of result.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> experiment = rid.flexible_structure(lines=5)
+    >>> prior = rid.Prior(gain_bound=20.0, decay_rate=1.04)
+    >>> result = rid.identify(rid.MixedProblem(frequency=experiment.frequency, prior=prior))
+    >>> figure = rid.plot.bode(result, models={"the plant itself": experiment.truth})
+    >>> figure.axes[1].get_xlabel()
+    'frequency [Hz]'
+    """
+    import control
+
+    kinds: dict[type, tuple[Callable[..., Chart], tuple[str, ...]]] = {
+        Identification: (_identified_bode, ("models",)),
+        WorstCaseError: (_guaranteed_bode, ()),
+        WorstCaseOverPoles: (pole_box_chart, ()),
+        MatrixFraction: (_fit_bode, ("data",)),
+        FrequencyResponse: (_response_bode, ("records",)),
+        control.StateSpace: (model_chart, ()),
+    }
+    return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
+
+
+def _identified_bode(identification: Identification, models: Models = None) -> Chart:
+    found = frequency.frequency_charts(identification, models)
+    if siso(identification):
+        return found[0]
+    sigma = frequency.sigma_chart(identification, models).panels
+    return side_by_side("frequency", lighter(found), len(identification.problem.inputs), sigma)
+
+
+def _guaranteed_bode(error: WorstCaseError) -> Chart:
+    found = guarantee_charts.worst_case_charts(error)
+    if siso(error.identification):
+        return found[0]
+    sigma = guarantee_charts.worst_case_sigma_chart(error).panels
+    return side_by_side("guarantee", lighter(found), len(error.identification.problem.inputs), sigma)
+
+
+def _fit_bode(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    view = FitView(fit, data)
+    return side_by_side("fit", fit_charts.response_charts(view), view.nu)
+
+
+def _response_bode(frf: FrequencyResponse, records: Any = None) -> Chart:
+    view = ResponseView(frf, records)
+    spectra = response_charts.spectrum_charts(view)
+    further = (response_charts.overview_charts(view), spectra[: view.nu], spectra[view.nu :])
+    groups = ([panel for chart in group for panel in chart.panels] for group in further)
+    return side_by_side("frf", response_charts.entry_charts(view), view.nu, *groups)
+
+
+def time_response(result: Identification | ResponseTube, *, models: Models = None, ax: Any = None) -> Figure:
+    """Draw a response in time.
+
+    Of an Identification: every record with the interval of each sample against the models (a record from an unknown state is
+    compared with the best free response of the parametric part added), and their step and pulse responses. Of a
+    ResponseTube: the model inside the tube that no consistent system leaves, and the records of the same input; proved at
+    the samples of the tube.
+
+    Parameters
+    ----------
+    result : Identification or ResponseTube
+    models, ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01, outputs=["torsion [rad]"])
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
+    >>> [axes.get_ylabel() for axes in rid.plot.time_response(result).axes]
+    ['torsion [rad]', 'torsion [rad]', 'torsion [rad]']
+    >>> len(rid.plot.time_response(rid.response_tube(result, input="step", horizon=4)).axes)
+    1
+    """
+    kinds = {Identification: (_identified_time, ("models",)), ResponseTube: (tube_chart, ())}
+    return _drawn(kinds, result, {"models": models}, ax)
+
+
+def _identified_time(identification: Identification, models: Models = None) -> Chart:
+    chart, columns = time_chart(identification, models), len(identification.problem.inputs)
+    if siso(identification):
+        return chart
+    answers = side_by_side("answers", lighter(answer_charts(identification, models)), columns)
+    return in_rows(chart, columns, answers.panels)
+
+
+def residuals(result: Identification, *, models: Models = None, ax: Any = None) -> Figure:
+    r"""Draw \|residual\|/bound of every sample, with the limit 1 and the margin, and the samples that touch it.
+
+    A panel for each entry or output, or for what shares a bound (the norm of those samples together). Samples within 1 % of
+    max(1, margin) are marked; beyond a ratio of 3 the axis is logarithmic, and ratios below 1e-3 are drawn at 1e-3.
+
+    Parameters
+    ----------
+    result : Identification
+    models, ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
+    >>> rid.plot.residuals(result).axes[0].get_ylabel()
+    '|residual| / bound'
+    """
+    return _drawn({Identification: (_residuals, ("models",))}, result, {"models": models}, ax)
+
+
+def _residuals(identification: Identification, models: Models = None) -> Chart:
+    chart = residual_chart(identification, models)
+    return in_rows(chart, len(identification.problem.inputs)) if chart.grid else chart
+
+
+def nyquist(result: WorstCaseError, *, ax: Any = None) -> Figure:
+    """Draw at every frequency the polygon that holds every consistent value, values that are reached, and the discs of the data.
+
+    Beside it the polygons of the largest errors around the model, to scale. Of a MIMO problem a row for every entry, at the
+    frequencies at which the largest singular value of the error is largest.
+
+    Parameters
+    ----------
+    result : WorstCaseError
+    ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> frf = rid.FrequencyResponse([1.0, 5.0], [1.0, 0.9 - 0.2j], bound=0.05, dt=0.1)
+    >>> result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.4)))
+    >>> figure = rid.plot.nyquist(rid.worst_case_error(result, omega=[2.0], directions=4))
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['Values at the frequencies', 'Largest errors, around the model']
+    """
+    return _drawn({WorstCaseError: (guarantee_charts.nyquist_chart, ())}, result, {}, ax)
+
+
+def poles(
+    result: Identification | MatrixFraction,
+    *,
+    models: Models = None,
+    data: FrequencyResponse | None = None,
+    ax: Any = None,
+) -> Figure:
+    """Draw poles in their plane, and damping over frequency.
+
+    Of an Identification in the z-plane with the unit circle and the circle 1/rho; of a MatrixFraction with one standard deviation.
+
+    Parameters
+    ----------
+    result : Identification or MatrixFraction
+    models, data, ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> omega = np.linspace(1, 9, 60)
+    >>> fit = rid.fit_mfd(rid.FrequencyResponse(omega, 1 / ((1j * omega) ** 2 + 0.2j * omega + 16)), order=2)
+    >>> [axes.get_xlabel() for axes in rid.plot.poles(fit).axes]
+    ['real part of s/2π [Hz]', 'natural frequency [Hz]']
+    """
+    kinds = {Identification: (pole_chart, ("models",)), MatrixFraction: (_fit_poles, ("data",))}
+    return _drawn(kinds, result, {"models": models, "data": data}, ax)
+
+
+def _fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    return fit_charts.fit_pole_chart(FitView(fit, data))
+
+
+def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Any = None) -> Figure:
+    """Draw the Hankel singular values of the full model, with the order that a reduction chose.
+
+    Parameters
+    ----------
+    result : Identification
+    reduction : Reduction, optional
+        Of `identification.model`.
+    ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
+    >>> rid.plot.hankel(result).axes[0].get_title(loc="left")
+    'Hankel singular values'
+    """
+    return _drawn({Identification: (hankel_chart, ("reduction",))}, result, {"reduction": reduction}, ax)
+
+
+def convergence(result: MatrixFraction, *, ax: Any = None) -> Figure:
+    """Draw the cost after every iteration, and the condition number of its normal matrix less one, not below machine epsilon.
+
+    Source: `voorhoeve2016` figure 5.
+
+    Parameters
+    ----------
+    result : MatrixFraction
+    ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> omega = np.linspace(1, 9, 60)
+    >>> values = (1 + 0.1 * np.cos(9 * omega)) / ((1j * omega) ** 2 + 0.2j * omega + 16)
+    >>> fit = rid.fit_mfd(rid.FrequencyResponse(omega, values), order=2)
+    >>> [axes.get_ylabel() for axes in rid.plot.convergence(fit).axes]
+    ['cost [–]', 'κ − 1 [–]']
+    """
+    return _drawn({MatrixFraction: (_convergence, ())}, result, {}, ax)
+
+
+def _convergence(fit: MatrixFraction) -> Chart:
+    return fit_charts.convergence_chart(FitView(fit))
+
+
+def orders(result: OrderSweep | Reduction, *, ax: Any = None) -> Figure:
+    """Draw what was found at every order.
+
+    Of an OrderSweep: singular values of the subspace estimate; cost, MDL and AIC. Of a Reduction from `reduce_within_bounds`: the
+    largest error over what is allowed, at the samples and where nothing was measured.
+
+    Parameters
+    ----------
+    result : OrderSweep or Reduction
+    ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If a Reduction comes from a truncation, which tried no orders.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> small = rid.reduce_within_bounds(rid.identify(rid.MixedProblem(time=record, prior=prior)))
+    >>> rid.plot.orders(small).axes[0].get_xlabel()
+    'order [–]'
+    """
+    return _drawn({OrderSweep: (order_sweep.order_chart, ()), Reduction: (_tried, ())}, result, {}, ax)
+
+
+def _tried(reduction: Reduction) -> Chart:
+    if not reduction.tried:
+        raise InputError("`result` must be from reduce_within_bounds: a truncation tries no orders against the samples")
+    return margin_chart(reduction)
+
+
+def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:
+    """Draw every oscillating pole of every order at its frequency, over the sum of all magnitudes.
+
+    A physical mode keeps its frequency and damping from order to order.
+
+    Parameters
+    ----------
+    result : OrderSweep
+        From `suggest_order`.
+    ax
+        As for `bode`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> s = 1j * np.linspace(1, 9, 60)
+    >>> noise = 0.003 * np.exp(1j * np.random.default_rng(0).uniform(0, 7, 60))
+    >>> frf = rid.FrequencyResponse(s.imag, (1 + noise) / (s**2 + 0.2 * s + 16))
+    >>> rid.plot.stabilisation(rid.suggest_order(frf, orders=[2, 3])).axes[0].get_ylabel()
+    'order [–]'
+    """
+    return _drawn({OrderSweep: (order_sweep.stabilisation_chart, ())}, result, {}, ax)
+
+
+def _drawn(
+    kinds: Mapping[type, tuple[Callable[..., Chart], tuple[str, ...]]], result: Any, options: dict[str, Any], ax: Any
+) -> Figure:
+    """Draw the chart that belongs to the kind of the result; refuse other kinds, and options that don't belong to this one."""
+    kind = next((kind for kind in kinds if isinstance(result, kind)), None)
+    if kind is None:
+        names = [kind.__name__ for kind in kinds]
+        wanted = ", ".join(names[:-1]) + " or " * (len(names) > 1) + names[-1]
+        raise InputTypeError(f"`result` must be of class {wanted}; got {type(result).__name__}")
+    chart, belonging = kinds[kind]
+    given = {name: value for name, value in options.items() if value is not None}
+    for name in given:
+        if name not in belonging:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")
+    return draw(chart(result, **given), ax)

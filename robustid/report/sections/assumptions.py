@@ -1,0 +1,217 @@
+"""What an identification assumed: the prior, the parametric part, and the experiments with their bounds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.data import TimeRecord
+from robustid.identification import Identification
+from robustid.report.document import Block, Code, Column, Facts, Heading, Table, Text
+from robustid.report.identified import DIRECTIONS, mixed, siso, started, unit, where
+from robustid.report.poles import delay_words, describe_pole, pole_rows
+from robustid.report.words import HZ, number
+
+_LONG = 100  # letters of the names in one cell
+CHOSEN = "Chosen by the program from these data"
+CAUTION = (
+    "These are assumptions. Data can refute them, never prove them: a consistent result says that nothing"
+    " measured so far contradicts them."
+)
+
+
+def assumptions_section(identification: Identification) -> list[Block]:
+    """What was assumed, what the program chose, and what was measured."""
+    return [
+        Heading("What was assumed"),
+        Facts(assumptions(identification)),
+        *chosen(identification),
+        Text(CAUTION, "caution"),
+        Table(
+            [
+                *(Column("Measured"), Column("Entry or signal", "text"), Column("Samples", "n")),
+                *(Column("Range", "whole"), Column("Bound", "whole"), Column("Source of the bound", "text")),
+            ],
+            [(row.name, row.of, str(row.samples), *row[3:]) for row in experiments(identification)],
+        ),
+    ]
+
+
+def chosen(identification: Identification) -> list[Block]:
+    """The choices of the program, with their reasons."""
+    if not identification.notes:
+        return []
+    return [Heading(CHOSEN, 3), *(Code(note) for note in identification.notes)]
+
+
+def assumptions(identification: Identification) -> list[tuple[str, str]]:
+    """Names of the assumptions, with their words."""
+    problem, prior = identification.problem, identification.problem.prior
+    tau = problem.dt / np.log(prior.decay_rate)
+    words = (
+        f"The non-parametric part G satisfies {_size_words(identification)} in |z| < ρ = {number(prior.decay_rate, 6)}"
+        f" (z: one sample of delay): its poles lie within |z| ≤ {number(1 / prior.decay_rate, 6)}, and its impulse"
+        f" response stays below K ρ⁻ᵏ{'' if siso(identification) else ' in the same sense'}, a time constant of"
+        f" {number(tau, 3)} s."
+    )
+    if identification.prior != prior:
+        words += f" The model itself needs only K = {number(identification.prior.gain_bound)}."
+    out = [("Prior", words)]
+    if prior.scaling is not None:
+        out.append(("Scaling", _scaling_words(identification)))
+    if problem.entries.symmetric:
+        out.append(
+            ("Symmetry", "The response is a symmetric matrix: what one input does at another, that does at this.")
+        )
+    out.append(("Parametric part", _parametric_words(identification)))
+    if problem.parameter_bounds is not None:
+        out.append(("Intervals", _interval_words(identification)))
+    words = "Every sample lies within its bound of the response of the plant; see the table."
+    out.append(("Bounds", f"{words} {shared_words(identification)}".rstrip()))
+    return out
+
+
+def _parametric_words(identification: Identification) -> str:
+    problem, basis = identification.problem, identification.problem.parametric
+    if basis is None:
+        return "None: nothing is known about single modes."
+    rows = pole_rows(basis.poles, problem.dt)
+    times = Counter(describe_pole(row) for row in rows if row.modulus > 0)
+    listed = [words if count == 1 else f"{words} ({count} times)" for words, count in times.items()]
+    if times.total() < len(rows):  # poles at z = 0
+        listed.append(delay_words(basis))
+    free = "free " if problem.parameter_bounds is None else ""
+    kind = "coefficients" if siso(identification) else "matrices as coefficients"
+    return f"{basis.size} functions with {free}{kind} and fixed poles: {'; '.join(listed) or 'none'}."
+
+
+def _size_words(identification: Identification) -> str:
+    """How K bounds the non-parametric part."""
+    prior = identification.problem.prior
+    K, what = number(prior.gain_bound), unit(identification)
+    if siso(identification):
+        return f"|G| ≤ K = {K} {what}".rstrip()
+    if prior.scaling is not None:
+        return f"σmax(G ./ S) ≤ K = {K} (largest singular value, every entry divided by its S)"
+    if mixed(identification):
+        return f"σmax(G) ≤ K = {K} (largest singular value, in the different units of the entries)"
+    return f"σmax(G) ≤ K = {K} {what}".rstrip() + " (largest singular value)"
+
+
+def _scaling_words(identification: Identification) -> str:
+    problem = identification.problem
+    rows = problem.prior.scales(len(problem.outputs), len(problem.inputs))
+    listed = "; ".join(
+        f"{output.name}: {', '.join(number(value) for value in row)}"
+        for output, row in zip(problem.outputs, rows, strict=True)
+    )
+    return f"S, the sizes that count as alike, by output, for {', '.join(u.name for u in problem.inputs)}: {listed}."
+
+
+def shared_words(identification: Identification) -> str:
+    """What bounds that several samples share mean; empty where each has its own."""
+    return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
+
+
+def joint_words(kinds: set[str]) -> str:
+    """What the bounds of these kinds (`FrequencyResponse.joint`) mean that several samples share."""
+    words = ""
+    if "column" in kinds:
+        words += (
+            " The entries of a column share one bound: the errors of all outputs to one input, each divided by its bound, have a"
+            " root sum of squares of at most 1."
+        )
+    if "matrix" in kinds:
+        words += " All entries at a frequency point share one bound: their errors together lie in one ellipsoid."
+    return words.strip()
+
+
+def _interval_words(identification: Identification) -> str:
+    """The intervals of the parameters, and which of their ends are reached."""
+    problem, words = identification.problem, []
+    for name, (low, high) in zip(problem.parametric.labels, problem.parameter_bounds, strict=True):
+        if np.isfinite(low):
+            words.append(f"{name} {number(low)}" if low == high else f"{name} {number(low)} … {number(high)}")
+    if not words:
+        return "None of the coefficients of the parametric functions is bounded."
+    reached = [f"{name} is at the end {number(end)}" for name, end in identification.active_intervals]
+    what = f"Coefficients of the parametric functions, known beforehand: {'; '.join(words)}."
+    return f"{what} Where the margin is reached, or in the model, {'; '.join(reached)}." if reached else what
+
+
+class Experiment(NamedTuple):
+    """One row of the table of experiments."""
+
+    name: str
+    of: str
+    samples: int
+    span: str
+    bound: str
+    source: str
+
+
+def experiments(identification: Identification) -> list[Experiment]:
+    """What was measured, and where the bounds come from: of a MIMO problem for each entry or output that has bounds."""
+    problem = identification.problem
+    given = {"frequency": problem.frequency, "time": problem.time}
+    alike: dict[tuple[Any, ...], list[Experiment]] = {}
+    for r in identification.residuals:
+        row = _experiment(identification, r, given[r.kind][r.index])
+        shared = row.of if r.kind == "frequency" and None in r.entry else ""
+        alike.setdefault((r.kind, r.index, row._replace(of=shared)), []).append(row)
+    return [row for rows in alike.values() for row in _together(rows)]
+
+
+def _together(rows: list[Experiment]) -> list[Experiment]:
+    """Entries of one experiment that differ in nothing but their names, in one row."""
+    if len(rows) == 1:
+        return rows
+    if rows[0].of == DIRECTIONS:
+        return [rows[0]._replace(samples=sum(row.samples for row in rows))]
+    what = "outputs" if rows[0].name.startswith("time") else "entries"
+    names = "; ".join(row.of for row in rows)
+    listed = f": {names}" if len(names) <= _LONG else ""
+    return [rows[0]._replace(of=f"each of {len(rows)} {what}{listed}")]
+
+
+def _experiment(identification: Identification, residual: Any, data: Any) -> Experiment:
+    axis, bound, alone = residual.axis, residual.bound, siso(identification)
+    joint = getattr(data, "joint", "entry")
+    if joint == "matrix":
+        bound = data.bound
+    used = bound[np.isfinite(bound)]
+    low, high = number(used.min(), 3), number(used.max(), 3)
+    radius = f"± {low}" if low == high else f"± {low} … {high}"
+    if joint != "entry":
+        radius += " for one alone"
+    if isinstance(data, TimeRecord):
+        symbol, name = "s", f"time record, {started(data)}"
+        of = f"{data.outputs[0]}, input {data.inputs[0]}" if alone else where(identification, residual)
+    else:
+        if residual.tilt is not None:
+            size = np.abs(residual.tilt)
+            ends = number((bound / (1 + size)).min(), 3), number((bound / (1 - size)).max(), 3)
+            radius = "ellipses, half-axes {} … {}".format(*ends)
+        of, symbol, name = where(identification, residual), "Hz", "frequency response"
+        axis = axis / HZ
+    span = f"{number(axis.min())} … {number(axis.max())} {symbol}" if axis.size > 1 else f"{number(axis[0])} {symbol}"
+    return Experiment(name, of, used.size, span, radius, bound_source(data))
+
+
+def bound_source(data: Any) -> str:
+    """Kind of the bound of a response or record, and where it comes from.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> bound_source(rid.FrequencyResponse([1.0], [1.0], bound=0.1))
+    'hard: source not stated'
+    """
+    name = {"hard": "hard", "rest": "noise floor", "statistical": "statistical"}[data.bound_kind]
+    if data.note.startswith(name):
+        return data.note
+    if getattr(data, "probability", None) is not None:
+        name += f", {number(100 * data.probability, 6)} % jointly"
+    return f"{name}: {data.note or 'source not stated'}"

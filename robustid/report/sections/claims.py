@@ -1,0 +1,50 @@
+"""Claims that are evaluated again for a report, and what may stand beside an identification in one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from robustid.core import describe, digest
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Check, Identification
+from robustid.report.document import Column, Table, Verdict
+from robustid.report.words import number
+
+
+def checks_table(checks: Sequence[Check]) -> Table:
+    """Claims with their numbers and limits, and whether they hold."""
+    rows = [(check.name, number(check.measured), number(check.limit, 6)) for check in checks]
+    columns = [Column("Claim"), Column("Number", "n"), Column("Limit", "n")]
+    return Table(columns, rows, marks=[bool(check.holds) for check in checks], title="Verification")
+
+
+def certificates(count: int, hold: bool, id: str) -> Verdict:
+    """Number of the certificates, and whether each supports its bound now."""
+    if hold:
+        sentence = (
+            f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound."
+        )
+        return Verdict("consistent", "Proved", sentence, id=id)
+    sentence = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
+    sentence += " Don’t rely on these numbers."
+    return Verdict("failed", "Not proved", sentence, id=id)
+
+
+def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
+    """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
+    if not isinstance(value, kind):
+        raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
+    if not same(value.identification, identification):
+        raise InputError(
+            f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"
+            f" {function}(identification)"
+        )
+
+
+def same(one: Identification, other: Identification) -> bool:
+    """Whether both are one result, as two that were loaded from its files are."""
+    if one is other:
+        return True
+    (first, numbers), (second, others) = describe(one), describe(other)
+    return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)

@@ -1,0 +1,185 @@
+"""A matrix-fraction fit: its verdict, cost, checks, response, convergence and modes; its page and its summary."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.data import FrequencyResponse
+from robustid.mfd import FitStatus, MatrixFraction, ModeRow, OrderSweep
+from robustid.report.curves import most_drawn
+from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
+from robustid.report.sections.claims import checks_table
+from robustid.report.sections.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
+from robustid.report.sections.fit_view import FitView
+from robustid.report.sections.order_sweep import order_sweep_section
+from robustid.report.words import HZ, drawn_words, number, title
+
+_WORDS = {
+    FitStatus.STATIONARY: ("consistent", "Converged"),
+    FitStatus.FLAT: ("consistent", "Converged"),
+    FitStatus.EXACT: ("consistent", "Exact"),
+    FitStatus.BOUNDARY: ("weak", "At the stability boundary"),
+    FitStatus.LIMIT: ("undecided", "Not converged"),
+    FitStatus.STALLED: ("undecided", "Not converged"),
+}
+SIGMA = (
+    "±: one standard deviation, from what the fit leaves: errors of the model count as noise, and data with errors that"
+    " are correlated between lines are less sure than this says."
+)
+_CONVERGENCE = (
+    "Cost after every iteration. The polynomials are orthonormal for the data of each iteration, so that its normal matrix is"
+    " the identity but for rounding: κ − 1 lies near machine epsilon."
+)
+_PARTICIPATION = (
+    "f is the natural frequency |s|/2π. Participation: peak of the mode’s own response, every entry relative to the largest such"
+    " peak of that entry, relative to that of the largest mode."
+)
+_MOST_MODES = 40  # at the terminal
+
+
+def fit_page(
+    fit: MatrixFraction,
+    *,
+    data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
+    title: str | None = None,
+) -> Document:
+    """Build the page of a fit."""
+    view = FitView(fit, data)
+    sure = view.covariance is not None
+    return Document(
+        title or _title(view),
+        head=[fit_verdict(view)],
+        body=[
+            Heading("Fit"),
+            Facts(summary_rows(view)),
+            Heading("Verification"),
+            Text("Evaluated again from the state-space model and the numbers of the fit."),
+            checks_table(view.checks),
+            Heading("Frequency response"),
+            Text(_response_words(view, sure), "soft"),
+            Grid(response_charts(view), view.nu),
+            Heading("Convergence"),
+            Text(_CONVERGENCE, "soft"),
+            Drawing(convergence_chart(view)),
+            Heading("Poles and modes"),
+            Drawing(fit_pole_chart(view), beside=True),
+            modes_table(view),
+            Text(f"{_PARTICIPATION} {SIGMA if sure else ''}".rstrip(), "soft"),
+            *([] if order_sweep is None else order_sweep_section(order_sweep)),
+        ],
+    )
+
+
+def fit_summary(view: FitView) -> list[Block]:
+    """Build the summary of a fit at the terminal."""
+    sure = [Text(SIGMA, "soft")] if view.covariance is not None else []
+    return [fit_verdict(view), Facts(summary_rows(view)), checks_table(view.checks), modes_table(view), *sure]
+
+
+def _title(view: FitView) -> str:
+    return title("Matrix fraction", view.outputs, view.inputs)
+
+
+def _response_words(view: FitView, sure: bool) -> str:
+    points = view.omega.size
+    words = (
+        "Magnitude and phase of every entry; outputs below each other, inputs beside each other. Drag to zoom, double click to"
+        f" go back.{drawn_words(points, most_drawn(points, view.ny * view.nu), 'residual')}"
+    )
+    if sure:
+        return f"{words} σ is one standard deviation."
+    return f"{words} Without standard deviations: the fit is not at an optimum that leaves noise."
+
+
+def fit_verdict(view: FitView) -> Verdict:
+    """The outcome in one word and one sentence; a model that failed a check is never called converged."""
+    failed = [check.name.split(":")[0] for check in view.checks if not check.holds]
+    if failed:
+        key, word = "failed", "Not verified"
+        sentence = f"The fit ended with “{view.fit.status.value}”, but this doesn't hold: {'; '.join(failed)}."
+    else:
+        key, word = _WORDS[view.fit.status]
+        sentence = view.fit.status.value.removeprefix(f"{word.lower()}: ")
+        sentence = f"{sentence[0].upper()}{sentence[1:]}."
+    order = f"{view.fit.fraction.A.shape[0]}"
+    return Verdict(key, word, sentence, (("order", order), ("weighted residual, rms", number(_rms(view), 3))))
+
+
+def _rms(view: FitView) -> float:
+    """Root mean square of the weighted residual, per complex sample."""
+    return float(np.sqrt(2 * view.fit.cost / view.equations))
+
+
+def summary_rows(view: FitView) -> list[tuple[str, str]]:
+    """What was fitted to what, and how well, with the words."""
+    fit = view.fit
+    points = int(np.sum(np.any(view.used, axis=(1, 2))))
+    hz = view.omega / HZ
+    data = (
+        f"{points} frequency points, {number(hz[0])} to {number(hz[-1])} Hz; {view.ny} × {view.nu} (outputs × inputs)"
+    )
+    if points < view.omega.size:
+        data += f"; {view.omega.size - points} further points have no weight"
+    domain = "s" if view.dt is None else f"z, sample time {number(view.dt, 6)} s"
+    form = {"right": "N D⁻¹", "left": "D⁻¹ N"}[fit.fraction.form]
+    rows = [
+        ("Data", data),
+        ("Model", f"{form}, McMillan degree {fit.fraction.A.shape[0]}, in {domain}"),
+    ]
+    if fit.fraction.rigid_count:
+        rows.append(("Rigid body", _rigid_words(view)))
+    rows += [
+        ("Cost", f"{number(fit.cost, 5)} = Σ |W (P_o − P)|²; the start had {number(fit.start_cost, 5)}"),
+        ("Per real equation", f"{number(fit.cost / view.equations)} ({view.equations} real equations)"),
+        ("Weighted residual", f"{number(_rms(view))} root mean square per sample"),
+        ("Iterations", _iterations(view)),
+    ]
+    if fit.reflected:
+        words = f"{fit.reflected} of the best fit (cost {number(fit.unstable_cost, 5)}), reflected and fitted again"
+        rows.append(("Unstable poles", words))
+    return rows
+
+
+def _rigid_words(view: FitView) -> str:
+    count, directions = view.fit.fraction.rigid_count, view.fit.rigid_directions
+    words = f"{count} undamped mode{'s' * (count > 1)}, {2 * count} states"
+    if directions is None:
+        return words
+    side = "shapes at the outputs" if view.fit.fraction.form == "left" else "driven by the inputs in the directions"
+    rows = directions.T if view.fit.fraction.form == "left" else directions
+    listed = "; ".join(f"({', '.join(number(value, 4) for value in row)})" for row in rows)
+    return f"{words}, {side} {listed}"
+
+
+def _iterations(view: FitView) -> str:
+    methods = [step.method for step in view.fit.history]
+    if not methods:
+        return "none: the start was the end"
+    counts = ", ".join(f"{methods.count(name)} {name}" for name in dict.fromkeys(methods))
+    return f"{len(methods)} ({counts})"
+
+
+def modes_table(view: FitView) -> Table:
+    """Modes of the model, with their standard deviations where there are any."""
+    columns = [
+        Column("f [Hz]", "n", "Hz"),
+        Column("damping", "n", "Damping"),
+        Column("participation", "n", "Peak"),
+        Column("largest in", "text", "Largest in"),
+        Column("states", "n", "States"),
+    ]
+    rows, words = [mode_cells(view, row) for row in view.modes], "Modes; peak: relative to that of the largest"
+    return Table(columns, rows, empty="no poles", title=words, most=_MOST_MODES)
+
+
+def mode_cells(view: FitView, row: ModeRow) -> tuple[str, str, str, str, str]:
+    """Hz, damping, participation, where it is largest, and the number of states."""
+    where = view.entry(row.output, row.input)
+    if row.rigid:
+        return "rigid body", "–", "–", where, str(row.count)
+    if row.count == 1:
+        kind = f"{with_deviation(row.hz, row.hz_std)} (real)"
+        return kind, number(row.damping, 3), number(row.participation, 3), where, "1"
+    hz, damping = with_deviation(row.hz, row.hz_std), with_deviation(row.damping, row.damping_std)
+    return hz, damping, number(row.participation, 3), where, str(row.count)

@@ -1,0 +1,230 @@
+"""What is drawn of a matrix-fraction fit: the response of every entry, convergence, poles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.mfd import continuous
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis
+from robustid.report.curves import (
+    around,
+    cells_per_entry,
+    log_axis,
+    low_quantile,
+    magnitude_range,
+    next_to,
+    phase_curves,
+    position,
+    positive,
+    rounded,
+    thinned,
+    with_gaps,
+)
+from robustid.report.sections.fit_view import FitView
+from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL
+from robustid.report.words import HZ, number, unit_label
+
+EPSILON = float(np.finfo(float).eps)
+_GRID = 600  # points of a response, along the axis
+_DEPTH = 1e-12  # of the largest magnitude: a fit can leave little
+_AROUND = np.linspace(-1.4, 1.4, 21)  # phases across a light resonance
+
+
+def response_charts(view: FitView) -> list[Chart]:
+    """Magnitude and phase of every entry, row by row: samples, model, residual, and how sure the model is."""
+    log = log_axis(view.omega)
+    omega = model_grid(view, log)
+    values = view.response(omega)
+    deviation = None if view.covariance is None else view.covariance.response_std(omega)
+    cells = cells_per_entry(view.ny * view.nu)
+    charts = []
+    for i in range(view.ny):
+        for j in range(view.nu):
+            here = thinned(position(omega, log), [np.abs(values[:, i, j])], cells)
+            spread = None if deviation is None else deviation[here, i, j]
+            charts.append(_entry(view, i, j, omega[here], values[here, i, j], spread, cells))
+    return charts
+
+
+def _entry(
+    view: FitView, i: int, j: int, omega: np.ndarray, values: np.ndarray, deviation: np.ndarray | None, cells: int
+) -> Chart:
+    axis = frequency_axis(view.omega)
+    points, measured = view.omega, view.values[:, i, j]
+    error, used = np.abs(measured - view.fitted[:, i, j]), view.used[:, i, j]
+    kept = thinned(position(points, axis.log), [np.abs(measured), error], cells)
+    top = max(float(np.abs(measured).max()), float(np.abs(values).max()))
+    floors = [low_quantile(part) for part in (np.abs(measured), error[used]) if part.size]
+    span = magnitude_range(top, [*floors, top / 10], _DEPTH)
+    (angle,), phase_span = phase_curves([values])
+    name = f"model, order {view.fit.fraction.A.shape[0]}"
+    magnitude, phase = [], []
+    x = rounded(omega / HZ)
+    if deviation is not None:
+        low = np.maximum(np.abs(values) - deviation, span[0])
+        bounds: dict[str, Any] = {"low": rounded(low), "high": rounded(np.abs(values) + deviation)}
+        magnitude.append(
+            Layer(name="model ± σ", x=x, y=rounded(np.abs(values)), colour=NOMINAL, dash="solid", fill=True, **bounds)
+        )
+        magnitude.append(Layer(name="σ of the model", x=x, y=rounded(deviation), colour=FURTHER[0], dash="dash"))
+    if view.noise is not None:
+        at, level = rounded(points[kept] / HZ), rounded(view.noise[kept, i, j])
+        magnitude.append(Layer(name="σ of the data", x=at, y=level, colour=FAINT, dash="dot"))
+    # Drawn over the samples, thin: where both agree both are seen.
+    curve: dict[str, Any] = {"name": name, "x": x, "colour": NOMINAL, "dash": "solid", "size": 0.5}
+    unused = ~used & (measured != 0)  # a fit knows zeros where entries are missing
+    groups = ((used, "data", DATA, "circle"), (unused, "data without weight", FAINT, "circle-open"))
+    for mask, label, colour, marker in groups:
+        part = kept[mask[kept]]
+        if not part.size:
+            continue
+        style: dict[str, Any] = {"name": label, "x": rounded(points[part] / HZ), "colour": colour, "marker": marker}
+        near = angle[np.searchsorted(omega, points[part]).clip(0, omega.size - 1)]
+        turned = next_to(np.degrees(np.angle(measured[part])), near)
+        magnitude.append(Layer(y=rounded(np.abs(measured[part])), size=0.6, **style))
+        phase.append(Layer(y=rounded(turned), size=0.6, **style))
+    part = kept[used[kept]]
+    at, left = rounded(points[part] / HZ), rounded(error[part])
+    magnitude.append(Layer(name="residual |P_o − P|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
+    magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
+    phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
+    size = Axis(label=f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
+    panels = (
+        Panel(title=view.entry(i, j), x=axis, y=size, layers=tuple(magnitude)),
+        Panel(title="", x=axis, y=phase_axis(phase_span), layers=tuple(phase)),
+    )
+    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
+
+
+def model_grid(view: FitView, log: bool) -> np.ndarray:
+    """Frequencies of the curves: spread along the axis, and as many around each light pole as its resonance needs."""
+    points = view.omega
+    low, high = float(points[points > 0].min(initial=points.max())), float(points.max())
+    base = np.geomspace(low, high, _GRID) if log else np.linspace(points.min(), high, _GRID)
+    s = np.array([continuous(row.pole, view.dt or 0) for row in view.modes if row.count == 2 and not row.rigid])
+    s = s[np.isfinite(s)] if s.size else np.zeros(0, dtype=complex)
+    omega = np.unique(np.concatenate([base, *(around(pole, _AROUND) for pole in s)]))
+    return omega[(omega >= low if log else omega >= points.min()) & (omega <= high)]
+
+
+def convergence_chart(view: FitView) -> Chart:
+    """Cost after every iteration, and how far the condition number of its normal matrix is from one."""
+    fit = view.fit
+    steps = fit.history
+    iteration = np.arange(1.0, len(steps) + 1)
+    axis = Axis(label="iteration [–]", range=(-0.5, len(steps) + 0.5), tick=float(max(1, np.ceil(len(steps) / 12))))
+    cost, condition = (
+        [Layer(name="start", x=np.zeros(1), y=positive(np.array([fit.start_cost])), colour=DATA, marker="x", size=1.4)],
+        [],
+    )
+    looks = zip((NOMINAL, *FURTHER, ALERT, FAINT), ("circle", *MARKERS, "circle-open", "square"), strict=False)
+    for name, (colour, marker) in zip(dict.fromkeys(step.method for step in steps), looks, strict=False):
+        mine = np.array([step.method == name for step in steps])
+        style: dict[str, Any] = {"name": name, "colour": colour, "marker": marker}
+        values = np.array([step.cost for step in steps])
+        # Iterations of other methods in between are gaps of the line.
+        cost.append(Layer(x=iteration, y=positive(np.where(mine, values, np.nan)), dash="solid", **style))
+        excess = np.maximum(fit.condition_numbers - 1, EPSILON)
+        condition.append(Layer(x=iteration, y=np.where(mine, excess, np.nan), dash="solid", **style))
+    if np.isfinite(fit.unstable_cost):
+        name, level = "best fit, with unstable poles", positive(np.full(2, fit.unstable_cost))
+        cost.append(Layer(name=name, x=np.array(axis.range), y=level, colour=FAINT, dash="dash"))
+    panels = [Panel(title="Cost", x=axis, y=Axis(label="cost [–]", log=True, range=_decades(cost)), layers=tuple(cost))]
+    if condition:
+        floor = Layer(name="machine epsilon", x=np.array(axis.range), y=np.full(2, EPSILON), colour=FAINT, dash="dot")
+        top = max(1e-10, *(float(np.nanmax(layer.y)) for layer in condition))
+        y = Axis(label="κ − 1 [–]", log=True, range=(EPSILON / 3, 3 * top))
+        title = "Condition number κ of the normal matrix, less one"
+        panels.append(Panel(title=title, x=axis, y=y, layers=(*condition, floor)))
+    return Chart(name="convergence", panels=tuple(panels), linked=True)
+
+
+def _decades(layers: list[Layer]) -> tuple[float, float] | None:
+    values = np.concatenate([layer.y for layer in layers])
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return None
+    # At least a factor of two, so that the last digits of a flat cost don't fill the height.
+    return min(values.min() / 1.2, values.max() / 2), values.max() * 1.2
+
+
+def fit_pole_chart(view: FitView) -> Chart:
+    """Poles in their plane, and damping over frequency, with one standard deviation."""
+    rows, dt = view.modes, view.dt
+    plane = [_plane_layer(view, kind) for kind in (False, True) if any(row.rigid == kind for row in rows)]
+    damped = [row for row in rows if row.count == 2 and not row.rigid and row.damping > 0]
+    hz, damping, std = (np.array([getattr(row, part) for row in damped]) for part in ("hz", "damping", "damping_std"))
+    bars: dict[str, Any] = {}
+    if np.all(np.isfinite(std)):
+        bars = {"low": np.maximum(damping - std, damping / 100), "high": damping + std}
+    hover = tuple(_words(row) for row in damped)
+    modes = Layer(name="modes", x=hz, y=damping, colour=NOMINAL, marker="x", hover=hover, size=1.3, **bars)
+    if dt is None:
+        across = max((abs(row.pole.real) / HZ for row in rows), default=1.0) or 1.0
+        x = Axis(label="real part of s/2π [Hz]", range=(-1.1 * across, 0.15 * across))
+        y, title = Axis(label="imaginary part of s/2π [Hz]"), "Poles in the s-plane (upper half)"
+        height = 1.08 * max((row.pole.imag / HZ for row in rows), default=1.0) or 1.0
+        y = Axis(label=y.label, range=(-0.04 * height, height))
+        edge = Layer(name="stability boundary", x=np.zeros(2), y=np.array(y.range), colour=DATA, dash="solid")
+    else:
+        turn = np.linspace(0, 2 * np.pi, 361)
+        x, y = (Axis(label=f"{part} part of z [–]", range=(-1.12, 1.12)) for part in ("real", "imaginary"))
+        edge = Layer(name="stability boundary", x=np.cos(turn), y=np.sin(turn), colour=DATA, dash="solid")
+        title = "Poles in the z-plane"
+    log = log_axis(view.omega)
+    ends = np.concatenate([hz, view.omega[view.omega > 0][[0, -1]] / HZ])
+    reach = (ends.min() * 0.9, ends.max() * 1.1) if log else (0.0, ends.max() * 1.05)
+    x_hz = Axis(label="natural frequency [Hz]", log=log, range=(float(reach[0]), float(reach[1])))
+    y_damping = Axis(label="damping ratio [–]", log=True, range=(damping.min(initial=0.01) / 2, 2.0))
+    panels = (
+        Panel(title=title, x=x, y=y, layers=(edge, *plane), square=dt is not None),
+        Panel(title="Damping of the oscillating modes", x=x_hz, y=y_damping, layers=(modes,)),
+    )
+    return Chart(name="poles", panels=panels, columns=2)
+
+
+def _plane_layer(view: FitView, rigid: bool) -> Layer:
+    rows = [row for row in view.modes if row.rigid == rigid]
+    poles = np.array([complex(row.pole) for row in rows], dtype=complex)
+    hover = tuple(_words(row) for row in rows)
+    bars: dict[str, Any] = {}
+    if view.dt is None:
+        poles = poles / HZ
+        # The imaginary part of a light mode is its frequency.
+        std = np.array([row.hz_std if row.count == 2 else 0.0 for row in rows])
+        if np.all(np.isfinite(std)):
+            bars = {"low": np.imag(poles) - std, "high": np.imag(poles) + std}
+    else:
+        poles, hover = np.concatenate([poles, poles.conj()]), hover + hover
+    name, colour, marker = ("rigid body", ALERT, "square-open") if rigid else ("poles", NOMINAL, "x")
+    return Layer(
+        name=name, x=np.real(poles), y=np.imag(poles), colour=colour, marker=marker, hover=hover, size=1.3, **bars
+    )
+
+
+def _words(row: Any) -> str:
+    if row.rigid:
+        return f"rigid body, {row.count} states"
+    if row.count == 1:
+        return f"real pole, {with_deviation(row.hz, row.hz_std)} Hz"
+    return f"{with_deviation(row.hz, row.hz_std)} Hz, damping {with_deviation(row.damping, row.damping_std)}"
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Write the value with as many digits as its standard deviation leaves.
+
+    Examples
+    --------
+    >>> with_deviation(635.12345, 0.0213), with_deviation(0.0123456, 4e-5), with_deviation(17.67, float("nan"))
+    ('635.123 ± 0.021', '0.012346 ± 0.000040', '17.67')
+    """
+    if np.isnan(deviation) or deviation <= 0:
+        return number(value, 5)
+    if np.isinf(deviation):
+        return f"{number(value, 5)} (not determined)"
+    decimals = 1 - int(np.floor(np.log10(deviation)))
+    if not 0 <= decimals <= 9:
+        return f"{number(value, 6)} ± {number(deviation, 2)}"
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"

@@ -1,0 +1,209 @@
+"""The frequency response of an identification: models against samples with their discs, entry by entry, and singular values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.data import FrequencyResponse
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Chart, Layer, Panel, lighter, phase_axis
+from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
+from robustid.report.document import Block, Drawing, Grid, Heading, Text
+from robustid.report.identified import (
+    Models,
+    Shown,
+    hertz,
+    numbered,
+    responses,
+    shown_band,
+    shown_models,
+    sigma_unit,
+    siso,
+    transfer,
+)
+from robustid.report.sections.assumptions import shared_words
+from robustid.report.style import DATA, FAINT
+from robustid.report.words import HZ, number, unit_label
+
+LARGEST = "σmax of the "
+_MANY = 300  # points, above which their bars run into one another
+_NOWHERE = np.zeros(0)
+_SIGMA = (
+    "Of the response as a matrix, in the units of its entries: the largest amplification of any combination of the inputs. A"
+    " peak of the largest one is a mode. The data stand where every entry was measured; bars: the norm of the matrix of bounds."
+)
+
+
+def frequency_section(identification: Identification, models: Models) -> list[Block]:
+    """Frequency response, with the singular values of a MIMO response."""
+    entries, blocks = frequency_charts(identification, models), [Heading("Frequency response")]
+    bars = bars_words(identification)
+    if siso(identification):
+        return [*blocks, Text(bars, "soft"), Drawing(entries[0])]
+    drag = "outputs below each other, inputs beside each other. Drag to zoom, double click to go back."
+    return [
+        *blocks,
+        Text(f"Magnitude and phase of every entry; {drag}", "soft"),
+        Text(bars, "soft"),
+        Grid(lighter(entries), len(identification.problem.inputs)),
+        Heading("Singular values", 3),
+        Text(_SIGMA, "soft"),
+        Drawing(sigma_chart(identification, models)),
+    ]
+
+
+def bars_words(identification: Identification) -> str:
+    """What is drawn of the frequency samples."""
+    if not identification.problem.frequency:
+        return "No frequency samples were given; this is what the time records imply."
+    words = "Bars are the disc of each sample: magnitude ± bound, and the phases inside it."
+    if shared_words(identification):
+        words += " Of a bound that entries share they show what it leaves to one entry alone."
+    if not all(isinstance(f, FrequencyResponse) for f in identification.problem.frequency):
+        words += " Samples of combinations of signals aren’t drawn here; their residuals are, below."
+    return words
+
+
+def frequency_charts(
+    identification: Identification, models: Models = None, omega: np.ndarray = _NOWHERE
+) -> list[Chart]:
+    """Magnitude and phase of every entry, row by row: the models, at `omega` (rad/s) too, and every sample with its disc."""
+    problem, ends, shown = (
+        identification.problem,
+        shown_band(identification, omega),
+        shown_models(identification, models),
+    )
+    omega, values = responses([one.model for one in shown], problem, ends, omega)
+    pairs = np.ndindex(len(problem.outputs), len(problem.inputs))
+    return [_entry_chart(identification, (i, j), shown, omega, [v[:, i, j] for v in values], ends) for i, j in pairs]
+
+
+def _entry_chart(
+    identification: Identification,
+    entry: tuple[int, int],
+    shown: list[Shown],
+    omega: np.ndarray,
+    values: list[np.ndarray],
+    band: tuple[float, float],
+) -> Chart:
+    problem = identification.problem
+    output, input_ = problem.outputs[entry[0]], problem.inputs[entry[1]]
+    phases, span = phase_curves(values)
+    measured = _measured(problem, *entry)
+    reach = _range(measured, values)
+    magnitude, phase = [], []
+    for one, value, angle in zip(shown, values, phases, strict=True):
+        style: dict[str, Any] = {"name": one.name, "x": omega / HZ, "colour": one.colour, "dash": one.dash}
+        magnitude.append(Layer(y=np.abs(value), **style))
+        phase.append(Layer(y=with_gaps(angle), **style))
+    for name, at, value, bound in measured:
+        size, angle = np.abs(value), np.degrees(np.angle(value))
+        turn = np.where(bound >= size, 180.0, half_angle(size, bound))  # the disc holds 0: any phase
+        angle = next_to(angle, phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)])
+        hover = tuple(
+            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}, {number(p)}°"
+            for w, a, b, p in zip(at, size, bound, angle, strict=True)
+        )
+        x = np.maximum(at, band[0]) / HZ
+        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover}
+        ends = np.maximum(size - bound, reach[0]), size + bound
+        _add_samples(magnitude, np.maximum(size, reach[0]), ends, style)
+        _add_samples(phase, angle, (angle - turn, angle + turn), style)
+    axis, title = hertz(problem, *band), transfer(identification, *entry)
+    if siso(identification):
+        titles, label = ("Magnitude", "Phase"), title
+        turn_axis = phase_axis(span, f"phase [°] of\n{output.name} / {input_.name}", tick=90.0)
+    else:  # the name stands above
+        titles, label, turn_axis = (title, ""), f"magnitude{unit_label(output.unit, input_.unit)}", phase_axis(span)
+    size_axis = Axis(label=label, log=True, range=reach)
+    panels = (
+        Panel(title=titles[0], x=axis, y=size_axis, layers=tuple(magnitude)),
+        Panel(title=titles[1], x=axis, y=turn_axis, layers=tuple(phase)),
+    )
+    chart = "frequency" if siso(identification) else f"entry-{entry[0]}-{entry[1]}"
+    return Chart(name=chart, panels=panels, linked=True, grid=not siso(identification))
+
+
+def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Samples of an entry: name, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
+    responses, out = [f for f in problem.frequency if isinstance(f, FrequencyResponse)], []
+    for k, frf in enumerate(responses):
+        used, place = np.isfinite(frf.bound[:, output, input_]), (slice(None), output, input_)
+        if not used.any():
+            continue
+        what = "data with their discs" if frf.tilt is None else "data with discs around their ellipses"
+        what += "" if frf.joint == "entry" else " (shared bound)"
+        name = numbered(what, k, len(responses))
+        out.append((name, frf.omega[used], frf.values[place][used], frf.outer_radius[place][used]))
+    return out
+
+
+def _add_samples(
+    layers: list[Layer], y: np.ndarray, ends: tuple[np.ndarray, np.ndarray], style: dict[str, Any]
+) -> None:
+    """Samples with bars; so many that bars would hide everything: small ones on an area, behind the models."""
+    low, high = ends
+    if y.size <= _MANY:
+        layers.append(Layer(y=y, low=low, high=high, **style))
+        return
+    name = style["name"].replace("data with their discs", "bounds of the data")
+    layers[:0] = [
+        Layer(name=name, x=style["x"], y=y, colour=DATA, low=low, high=high, fill=True),
+        Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their discs", "")}),
+    ]
+
+
+def _range(measured: list[Any], values: list[np.ndarray]) -> tuple[float, float]:
+    """Holds all samples and the curves, but not the bottom of deep notches."""
+    sizes = [np.abs(value) for *_, value, _ in measured]
+    tops = [size + bound for size, (*_, bound) in zip(sizes, measured, strict=True)]
+    top = float(np.max(np.concatenate([*map(np.abs, values), *tops])))
+    floors = [low_quantile(np.abs(values[0])), *(float(s[s > 0].min(initial=top)) for s in sizes)]
+    return magnitude_range(top, floors)
+
+
+def sigma_chart(identification: Identification, models: Models = None, omega: np.ndarray = _NOWHERE) -> Chart:
+    """Singular values of the models over frequency, at `omega` (rad/s) too, and the largest one of what was measured."""
+    problem, shown = identification.problem, shown_models(identification, models)
+    ends = shown_band(identification, omega)
+    at, values = responses([one.model for one in shown], problem, ends, omega)
+    sizes = [np.linalg.svd(value, compute_uv=False) for value in values]
+    layers = [
+        Layer(name="further singular values", x=at / HZ, y=size, colour=FAINT, dash="solid") for size in sizes[0].T[1:]
+    ]
+    for one, size in zip(shown, sizes, strict=True):
+        layers.append(Layer(name=LARGEST + one.name, x=at / HZ, y=size[:, 0], colour=one.colour, dash=one.dash))
+    points, sigma, radius = measured_sigma(problem)
+    top = max(float(size.max()) for size in (*sizes, sigma + radius) if size.size)
+    low = min(float(size.min()) for size in (sizes[0][:, 0], sigma[sigma > 0]) if size.size)
+    reach = magnitude_range(top, [low, 2 * low_quantile(sizes[0])])
+    if points.size:
+        hover = tuple(
+            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}" for w, a, b in zip(points, sigma, radius, strict=True)
+        )
+        bars: dict[str, Any] = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius, "hover": hover}
+        x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
+        layers.append(Layer(name="σmax of the data", x=x, y=y, colour=DATA, marker="circle", **bars))
+    y_axis = Axis(label=f"singular value{sigma_unit(identification)}", log=True, range=reach)
+    panel = Panel(title="Singular values", x=hertz(problem, *ends), y=y_axis, layers=tuple(layers))
+    return Chart(name="sigma", panels=(panel,), linked=True)
+
+
+def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies (rad/s) at which every entry was measured, the largest singular value there, and how far the true one can be.
+
+    |E| <= R entry by entry has ||E|| <= ||R||. Of several experiments the one with the smallest bound counts, by entry.
+    """
+    shape = problem.angles.size, len(problem.outputs), len(problem.inputs)
+    values, radius = np.zeros(shape, complex), np.full(shape, np.inf)
+    for frf in problem.frequency:
+        if not isinstance(frf, FrequencyResponse):
+            continue
+        for k, node in enumerate(problem.node_index(frf.omega * problem.dt)):
+            better = frf.outer_radius[k] < radius[node]
+            values[node][better], radius[node][better] = frf.values[k][better], frf.outer_radius[k][better]
+    known = np.isfinite(radius).all(axis=(1, 2))
+    sigma, reach = (np.linalg.norm(part[known], 2, axis=(1, 2)) for part in (values, radius))
+    return problem.angles[known] / problem.dt, sigma, reach

@@ -1,0 +1,219 @@
+"""The guaranteed error of a model: the sentence, the worst frequencies, the certificates, what is assumed and was tested."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.guarantees import WorstCaseError
+from robustid.identification import Identification
+from robustid.report.charts import lighter
+from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
+from robustid.report.identified import in_unit, siso, transfer, unit
+from robustid.report.sections.assumptions import CAUTION
+from robustid.report.sections.claims import certificates, checked
+from robustid.report.sections.guarantee_charts import (
+    bounded_model,
+    nyquist_chart,
+    worst_case_charts,
+    worst_case_sigma_chart,
+)
+from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+
+_ROWS = 8  # worst frequencies
+_TINY = np.finfo(float).tiny
+
+
+def guarantee_section(identification: Identification, error: WorstCaseError) -> list[Block]:
+    """What is guaranteed of the response, with its certificates."""
+    checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
+    alone, entries = siso(identification), worst_case_charts(error)
+    blocks: list[Block] = [
+        Heading("What is guaranteed"),
+        Text(sentence(error), id="guarantee-sentence"),
+        certificates(error.claim_count, error.verify(), "certificates"),
+        Facts(rows(error)),
+        Heading("Worst frequencies", 3),
+        worst_table(error),
+        Text(_worst_words(alone), "soft"),
+    ]
+    if not alone:
+        blocks += [Heading("Largest error of every entry", 3), entry_table(error)]
+    blocks += [
+        Heading("Response with its guaranteed range", 3),
+        Text(
+            f"The range is proved at the frequencies that are marked in the {'lower' if alone else 'lowest'} panel; between them"
+            " it is interpolated for the eye. Where the response may be 0 its phase can be anything.",
+            "soft",
+        ),
+    ]
+    if alone:
+        blocks += [Drawing(entries[0]), Drawing(nyquist_chart(error), beside=True)]
+    else:
+        blocks += [
+            Grid(lighter(entries), len(identification.problem.inputs)),
+            Heading("Singular values with the guaranteed range of the largest one", 3),
+            Text(
+                "No singular value of a consistent system is farther from that of the model than the largest one of the"
+                " difference.",
+                "soft",
+            ),
+            Drawing(worst_case_sigma_chart(error)),
+        ]
+    if identification.problem.parametric is not None:
+        blocks += [Heading("Intervals of the parametric coefficients", 3), parameter_table(error)]
+    return blocks
+
+
+def sentence(error: WorstCaseError) -> str:
+    """The guarantee in plain words."""
+    upper, omega, alone = error.sigma_upper, error.omega, siso(error.identification)
+    relative = upper / np.maximum(_response(error), _TINY)
+    norm = "" if alone else " (largest singular value of the difference)"
+    worst = ""
+    if omega.size > 1:
+        worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
+    return (
+        "Every plant that agrees with the data and the assumptions has a response within"
+        f" {in_unit(at_most(upper.max()), error.identification)} of the {bounded_model(error)[0]}{norm},"
+        f" {at_frequencies(omega)}.{worst} the median over the frequencies is"
+        f" {at_most(100 * float(np.median(relative)))} % of the response."
+    )
+
+
+def _response(error: WorstCaseError) -> np.ndarray:
+    """Size of the response of the model, (F,): its largest singular value."""
+    return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
+
+
+def rows(error: WorstCaseError) -> list[tuple[str, str]]:
+    """Reach, gap, the whole circle, what is assumed and what was tested, with their words."""
+    identification, upper, lower = error.identification, error.sigma_upper, error.sigma_lower
+    gap = float(np.max(1 - lower / np.maximum(upper, _TINY)))
+    poles = (
+        " The guarantee is conditional on the poles: data that are consistent with them don’t validate them."
+        if identification.problem.parametric is not None
+        else ""
+    )
+    return [
+        (
+            "Reached",
+            f"A consistent system was found that is {in_unit(at_least(lower.max()), identification)} away from the model: no"
+            " bound can be smaller.",
+        ),
+        (
+            "Gap",
+            f"The guaranteed errors exceed those that are reached by {at_most(100 * gap)} % of themselves at most.",
+        ),
+        ("Between the frequencies", circle_words(error)),
+        (
+            "Assumed",
+            f"The class named above: K, ρ{_further(identification)} and the poles of the parametric part; and that every sample"
+            f" lies within its bound.{poles} {CAUTION}",
+        ),
+        (
+            "Tested",
+            f"That the assumptions and all {identification.problem.samples} samples don’t contradict each other (see the margin);"
+            " that every bound follows from its certificate; that the systems said to reach an error keep every sample within"
+            " its bound.",
+        ),
+    ]
+
+
+def _further(identification: Identification) -> str:
+    """What else the class of a MIMO problem assumes."""
+    problem = identification.problem
+    return ", the scaling" * (problem.prior.scaling is not None) + ", the symmetry" * problem.entries.symmetric
+
+
+def circle_words(error: WorstCaseError) -> str:
+    """The bound on the whole circle, where it has been computed; it takes long, and isn't computed here."""
+    circle = error.known_circle
+    if circle is None:
+        return (
+            "Nothing is claimed here: the bounds hold at the frequencies. A bound that holds on the whole circle was not"
+            " computed (WorstCaseError.hinf)."
+        )
+    start = circle.edges[0] / HZ
+    reach = "the whole circle" if start == 0 else f"all frequencies from {number(start)} Hz on"
+    rough = "" if circle.converged else " It was left coarser than asked."
+    return (
+        f"Over {reach} the error stays below {in_unit(at_most(circle.largest), error.identification)} (H-infinity norm of plant"
+        f" minus model), by {circle.bound.size} arcs and bounds of the second derivative between their ends.{rough}"
+    )
+
+
+def _bracketed(identification: Identification) -> str:
+    what = unit(identification)
+    return f" [{what}]" if what else ""
+
+
+def _worst_words(alone: bool) -> str:
+    norm = (
+        ""
+        if alone
+        else ", in the largest singular value of the difference: at most the norm of the matrix of the bounds of its entries"
+    )
+    return (
+        f"Guaranteed: no consistent system is farther from the model there{norm}. Reached: one that far away was found. The most"
+        " active constraint is the sample with the largest dual weight in the proofs: a smaller bound there helps first."
+    )
+
+
+def worst_table(error: WorstCaseError) -> Table:
+    """The frequencies with the largest guaranteed errors, largest first."""
+    size = dict(zip(error.omega.tolist(), _response(error).tolist(), strict=True))
+    label = _bracketed(error.identification)
+    columns = [
+        Column("f [Hz]", "n"),
+        Column(f"guaranteed{label}", "n"),
+        Column(f"reached{label}", "n"),
+        *(Column("gap", "n"), Column("of the response", "n"), Column("most active constraint", "text")),
+    ]
+    rows = [
+        (
+            number(w / HZ, 5),
+            at_most(high),
+            at_least(low),
+            f"{number(100 * (1 - low / high), 2)} %" if high else "–",
+            f"{at_most(100 * high / size[w])} %" if size[w] else "–",
+            sample,
+        )
+        for w, high, low, sample in error.worst(_ROWS)
+    ]
+    return Table(columns, rows)
+
+
+def entry_table(error: WorstCaseError) -> Table:
+    """The largest error of every entry."""
+    size, rows = np.abs(error.nominal.reshape(error.upper.shape)), []
+    for i, j in np.ndindex(size.shape[1:]):
+        k = int(np.argmax(error.upper[:, i, j]))
+        relative = float(np.median(error.upper[:, i, j] / np.maximum(size[:, i, j], _TINY)))
+        name, hz = transfer(error.identification, i, j), number(error.omega[k] / HZ, 5)
+        ends = at_most(error.upper[k, i, j]), at_least(error.lower[k, i, j])
+        rows.append((name, hz, *ends, f"{at_most(100 * relative)} %"))
+    columns = [
+        *(Column("Entry", "text"), Column("at [Hz]", "n")),
+        Column(f"guaranteed{_bracketed(error.identification)}", "n"),
+        *(Column("reached", "n"), Column("of the response (median)", "n")),
+    ]
+    return Table(columns, rows)
+
+
+def parameter_table(error: WorstCaseError) -> Table:
+    """The interval that holds every coefficient of the parametric part in every consistent system."""
+    identification, found = error.identification, error.parameters
+    rows, values = [], identification.parameters
+    for place in np.ndindex(found.lower.shape):
+        label = identification.problem.parametric.labels[place[0]]
+        if not siso(identification):
+            label += f": {transfer(identification, *place[1:])}"
+        low, high, value = (float(part[place]) for part in (found.lower, found.upper, values))
+        first, last = found.attained[place]
+        interval, reached = f"{at_least(low)} … {at_most(high)}", f"{number(first)} … {number(last)}"
+        rows.append((label, interval, reached, number(value)))
+    columns = [
+        *(Column("Function", "text"), Column(f"guaranteed{_bracketed(identification)}", "n")),
+        *(Column("reached", "n"), Column("nominal model", "n")),
+    ]
+    return Table(columns, rows)

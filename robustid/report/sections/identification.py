@@ -1,0 +1,231 @@
+"""An identification: the verdict, the consistency margin, its verification and parameters; its page and its summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.errors import Status
+from robustid.identification import Identification
+from robustid.report import words
+from robustid.report.document import Block, Column, Document, Facts, Heading, Table, Text, Verdict
+from robustid.report.identified import further_models, siso, unit
+from robustid.report.sections.assumptions import (
+    CAUTION,
+    assumptions,
+    assumptions_section,
+    chosen,
+    experiments,
+    shared_words,
+)
+from robustid.report.sections.claims import checks_table
+from robustid.report.sections.frequency import frequency_section
+from robustid.report.sections.guarantee import guarantee_section
+from robustid.report.sections.pole_box import pole_box_section
+from robustid.report.sections.poles import modes_table, poles_section, slowest_poles
+from robustid.report.sections.reduction import order_section, reduction_words
+from robustid.report.sections.residuals import active_section, active_table, residual_section
+from robustid.report.sections.run import findings_section, run_file_section
+from robustid.report.sections.sensitivity import sensitivity_section
+from robustid.report.sections.time import time_section
+from robustid.report.sections.tube import tube_section
+from robustid.report.words import number
+
+if TYPE_CHECKING:
+    import control
+
+    from robustid.advice import Sensitivity
+    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.reduction import Reduction
+
+_MOST_EXPERIMENTS = 6  # at the terminal
+
+
+def identification_page(
+    identification: Identification,
+    *,
+    title: str | None = None,
+    reduction: Reduction | None = None,
+    models: Mapping[str, control.StateSpace] | None = None,
+    worst_case: WorstCaseError | None = None,
+    tube: ResponseTube | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
+    sensitivity: Sensitivity | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
+) -> Document:
+    """Build the page of an identification, with what is guaranteed of it."""
+    guaranteed: list[Block] = []
+    if worst_case is not None:
+        guaranteed += guarantee_section(identification, worst_case)
+    if over_poles is not None:
+        guaranteed += pole_box_section(identification, over_poles, worst_case)
+    if tube is not None:
+        guaranteed += tube_section(identification, tube)
+    if sensitivity is not None:
+        guaranteed += sensitivity_section(identification, sensitivity)
+    problem, shown = identification.problem, further_models(reduction, models)
+    return Document(
+        title or words.title("Identification", problem.outputs, problem.inputs),
+        head=[identification_verdict(identification, reduction), *_warnings(identification)],
+        body=[
+            *findings_section(findings),
+            Heading("Consistency margin"),
+            Text(margin_words(identification)),
+            *assumptions_section(identification),
+            *guaranteed,
+            *frequency_section(identification, shown),
+            *time_section(identification, shown),
+            *residual_section(identification, shown),
+            *active_section(identification, refuted(identification)),
+            *order_section(identification, reduction),
+            *poles_section(identification, shown),
+            Heading("Verification"),
+            Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
+            checks_table(identification.verification.checks),
+            *_parameters_section(identification),
+            *run_file_section(run_file),
+        ],
+        foot=_foot(identification),
+    )
+
+
+def identification_summary(identification: Identification, reduction: Reduction | None = None) -> list[Block]:
+    """Build the summary at the terminal."""
+    active = active_table(identification, refuted(identification))
+    modes = modes_table(identification)
+    return [
+        identification_verdict(identification),
+        *_warnings(identification),
+        Facts(_overview(identification, reduction)),
+        *chosen(identification),
+        checks_table(identification.verification.checks),
+        *[active] * bool(active.rows),
+        *[modes] * bool(modes.rows),
+        slowest_poles(identification, reduction),
+        Text(CAUTION, "caution"),
+    ]
+
+
+def _overview(identification: Identification, reduction: Reduction | None) -> list[tuple[str, str]]:
+    rows = [("Margin", margin_interval(identification)), ("", margin_words(identification))]
+    measured = experiments(identification)
+    rows += [
+        (row.name, f"{row.of}: {row.samples} samples, {row.span}, {row.bound} (source: {row.source})")
+        for row in measured[:_MOST_EXPERIMENTS]
+    ]
+    if (more := len(measured) - _MOST_EXPERIMENTS) > 0:
+        rows.append(("", f"and {more} more; the HTML report lists all"))
+    if shared := shared_words(identification):
+        rows.append(("Bounds", shared))
+    rows += assumptions(identification)[:-1]  # the bounds stand with their experiments
+    rows.append(("Model", f"order {identification.order}, dt = {number(identification.problem.dt, 6)} s"))
+    if reduction is not None:
+        rows.append(("Reduced model", reduction_words(identification, reduction)))
+    return rows
+
+
+def _warnings(identification: Identification) -> list[Text]:
+    return [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
+
+
+def identification_verdict(identification: Identification, reduction: Reduction | None = None) -> Verdict:
+    """The verdict in plain words; a model that failed its verification is never called consistent."""
+    order = f"{identification.order}" + (f" → {reduction.order}" if reduction is not None else "")
+    return Verdict(*_said(identification), (("margin", margin_interval(identification)), ("order", order)))
+
+
+def refuted(identification: Identification) -> bool:
+    """Whether the verdict is that the data contradict the assumptions."""
+    return _said(identification)[0] == "inconsistent"
+
+
+def _said(identification: Identification) -> tuple[str, str, str]:
+    """Key, word and sentence of the verdict."""
+    count, status = identification.problem.samples, identification.status
+    if status is not Status.FAILED and not identification.verification.passed:
+        failed = "; ".join(c.name for c in identification.verification.checks if not c.holds)
+        return (
+            "failed",
+            "Not verified",
+            f"The solver's answer was “{status.name.lower()}”, but the numbers don't support"
+            f" it: {failed}. Don't rely on this result.",
+        )
+    sentences = {
+        Status.CONSISTENT: f"A system of the assumed class keeps all {count} samples within their bounds.",
+        Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {count} samples within"
+        " their bounds: a bound is too small, or an assumption is wrong.",
+        Status.UNDECIDED: "The proven interval of the margin contains 1: ask for a smaller `accuracy`.",
+        Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
+    }
+    if status is Status.CONSISTENT and identification.warnings:
+        return "weak", "Consistent, but the class says little", sentences[status]
+    return status.name.lower(), status.name.capitalize(), sentences[status]
+
+
+def margin_interval(identification: Identification) -> str:
+    """The proven interval of the margin."""
+    lower, upper = identification.margin_lower, identification.margin
+    if not 1e-3 < upper < 1e6:
+        first, last = number(lower, 2), number(upper, 2)
+    else:  # as many decimals in both
+        decimals = 5 - int(np.floor(np.log10(upper)))
+        first, last = (f"{value:.{decimals}f}" if value > 0 else "0" for value in (lower, upper))
+    return last if first == last else f"{first} … {last}"
+
+
+def margin_words(identification: Identification) -> str:
+    """What the margin means here."""
+    upper = identification.margin
+    meaning = (
+        "The consistency margin is the smallest factor on all bounds at which a system of the class still keeps every sample."
+        " Its upper end is reached by a system, its lower end is proved by a certificate; both were recomputed"
+        " from the numbers."
+    )
+    if identification.length:
+        meaning += (
+            f" They were found in a finite form of G, {identification.form}; what it leaves out moves no sample by more"
+            f" than {number(identification.tail, 2)} of its bound, and both ends allow for that."
+        )
+    if identification.status is Status.INCONSISTENT:
+        return f"{meaning} Here every bound would have to be {number(upper)} times as large."
+    if identification.status is not Status.CONSISTENT:
+        return meaning
+    if upper < 1e-3:
+        return f"{meaning} Here it is practically 0: the class could follow these samples exactly."
+    return f"{meaning} Here every bound could shrink to {number(100 * upper, 3)} % of its size."
+
+
+def _parameters_section(identification: Identification) -> list[Block]:
+    """Coefficients of the parametric part; none where there is no such part."""
+    problem = identification.problem
+    if problem.parametric is None:
+        return []
+    labels, values, what = problem.parametric.labels, identification.parameters, unit(identification)
+    if siso(identification):
+        columns = [Column("Function", "text"), Column(f"Coefficient [{what}]" if what else "Coefficient", "n")]
+        rows = [(label, number(float(value), 6)) for label, value in zip(labels, values, strict=True)]
+    else:
+        columns = [
+            *(Column("Coefficient matrix of"), Column("to", "text")),
+            *(Column(f"from {signal}", "n") for signal in problem.inputs),
+        ]
+        rows = [
+            (label if i == 0 else "", str(output), *(number(float(value), 6) for value in row))
+            for label, matrix in zip(labels, values, strict=True)
+            for i, (output, row) in enumerate(zip(problem.outputs, matrix, strict=True))
+        ]
+    return [Heading("Parameters"), Table(columns, rows)]
+
+
+def _foot(identification: Identification) -> list[Text]:
+    timing = ", ".join(f"{stage} {number(seconds, 2)} s" for stage, seconds in identification.timing.items())
+    return [
+        Text(
+            f"Objective “{identification.objective}”, solver “{identification.solver}”, accuracy of the margin"
+            f" {number(identification.accuracy, 2)}, sample time {number(identification.problem.dt, 6)} s."
+        ),
+        Text(f"Time: {timing}."),
+    ]

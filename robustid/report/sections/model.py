@@ -1,0 +1,52 @@
+"""The response of a model alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import InputError
+from robustid.identification import check_model
+from robustid.mfd import continuous, curve_points, resolvent
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, side_by_side
+from robustid.report.curves import around, low_quantile, magnitude_range, phase_curves, with_gaps
+from robustid.report.style import NOMINAL
+from robustid.report.words import HZ
+
+_POINTS, _AROUND = 600, np.linspace(-1.55, 1.55, 61)
+_BESIDE = 30  # times the slowest and the fastest pole
+
+
+def model_chart(model: Any) -> Chart:
+    """Magnitude and phase of every entry of a `control.StateSpace`, around its poles and up to the Nyquist frequency."""
+    system = check_model("result", model)
+    if system.dt is True:
+        raise InputError("`result` is discrete without a sample time; give it its dt in s")
+    dt = system.dt or 0.0
+    s = np.array([continuous(pole, dt) for pole in system.poles()], dtype=complex)
+    s = s[np.isfinite(s) & (np.abs(s) > 0)]
+    sizes = np.abs(s) if s.size else np.ones(1)
+    high = np.pi / dt if dt else _BESIDE * sizes.max()
+    low = min(sizes.min(), high) / _BESIDE
+    omega = np.concatenate(
+        [np.geomspace(low, high, _POINTS), *(around(p, _AROUND) for p in s if p.imag > 0 and p.real)]
+    )
+    omega = np.unique(omega[(omega >= low) & (omega <= high)])
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    values = resolvent(A, B, C, curve_points(omega, dt)) + D
+    charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
+    return side_by_side("model", charts, system.ninputs)
+
+
+def _entry(system: Any, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
+    size, ((angle,), span) = np.abs(values), phase_curves([values])
+    axis, name = frequency_axis(omega), f"model, order {system.nstates}"
+    magnitude = Axis(label="magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
+    drawn = [Layer(name=name, x=omega / HZ, y=y, colour=NOMINAL, dash="solid") for y in (size, with_gaps(angle))]
+    title = f"{system.output_labels[i]} / {system.input_labels[j]}"
+    panels = (
+        Panel(title=title, x=axis, y=magnitude, layers=(drawn[0],)),
+        Panel(title="", x=axis, y=phase_axis(span), layers=(drawn[1],)),
+    )
+    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)

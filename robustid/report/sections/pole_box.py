@@ -1,0 +1,189 @@
+"""The guarantee over a pole-uncertainty box: the sentence, the box before and after its cells are refuted, and the chart."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.core import response
+from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
+from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict
+from robustid.report.identified import in_unit, transfer
+from robustid.report.sections.claims import certificates, checked
+from robustid.report.sections.frequency import frequency_charts
+from robustid.report.sections.guarantee_charts import BAND, band_around, bounded_model, error_range
+from robustid.report.style import ALERT, FAINT, FURTHER
+from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+
+BOX = FURTHER[2]
+_ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
+
+
+def pole_box_section(
+    identification: Identification, band: WorstCaseOverPoles, error: WorstCaseError | None
+) -> list[Block]:
+    """What is guaranteed with the poles anywhere in their box, with its certificates."""
+    checked("over_poles", band, WorstCaseOverPoles, "worst_case_over_poles", identification)
+    words = "Proved at the marked frequencies; between them the ranges are interpolated for the eye."
+    words += " 0 Hz is drawn at the left end." if band.omega[0] == 0 else ""
+    return [
+        Heading("Guarantee over a pole-uncertainty box"),
+        Text(sentence(band), id="box-sentence"),
+        verdict(band),
+        Facts(rows(band, error)),
+        Heading("The pole-uncertainty box", 3),
+        box_table(band),
+        Text("f is the natural frequency. Left: the smallest box around the cells that are not refuted.", "soft"),
+        Heading("Response with its guaranteed ranges", 3),
+        Text(words, "soft"),
+        Drawing(pole_box_chart(band, error)),
+    ]
+
+
+def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None) -> Chart:
+    """Magnitude with its guaranteed range over the pole-uncertainty box, beside that at the fixed poles, and both errors.
+
+    Over the frequencies of the band; between them the distance of each end of a range from the model is interpolated: nothing is
+    proved there.
+    """
+    name, model, own = bounded_model(band)
+    fixed = _beside(band, error)
+    omega = band.omega if fixed is None else np.union1d(band.omega, fixed.omega)
+    magnitude = frequency_charts(band.identification, None if own else {name: model}, omega)[0].panels[0]
+    x = _reach(band, magnitude.x)
+    curve, bottom = named(magnitude, name), (magnitude.y.range or (0.0, 1.0))[0]
+    shown = curve.y[(curve.x >= x.range[0]) & (curve.x <= x.range[1])] if x.range else curve.y
+    ends = band.magnitude[np.isfinite(band.magnitude)]
+    span = max(bottom, 0.5 * float(shown.min())), 1.5 * float(max(shown.max(), ends.max(initial=0.0)))
+    areas = _area(f"any pole in the box ({band.omega.size} frequencies)", BOX, curve, band, band, span)
+    if fixed is not None:
+        areas += _area(f"the fixed poles ({fixed.omega.size} frequencies)", BAND, curve, band, fixed, span)
+    panels = (dataclasses.replace(behind(magnitude, areas, span), x=x), _errors(band, fixed, x))
+    return Chart(name="over_poles", panels=panels, linked=True)
+
+
+def _beside(band: WorstCaseOverPoles, error: WorstCaseError | None) -> WorstCaseError | None:
+    """The error at the fixed poles, of the model of the band, in its range of frequencies; None where there is none."""
+    if error is None:
+        return None
+    low, high = band.omega[0], band.omega[-1]
+    inside = tuple(v for v in error.values if low * (1 - 1e-9) <= v.omega <= high * (1 + 1e-9))
+    return dataclasses.replace(error.with_model(band.model), values=inside) if inside else None
+
+
+def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
+    """The axis over the frequencies of the band; as it was where they are none or one."""
+    hz = band.omega[band.omega > 0] / HZ
+    if hz.size < 2 or axis.range is None:
+        return axis
+    return dataclasses.replace(axis, range=(float(hz[0] / 1.05), float(min(hz[-1] * 1.05, axis.range[1]))))
+
+
+def _area(
+    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Any, span: tuple[float, float]
+) -> list[Layer]:
+    """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
+    proved = bounded.omega > 0  # a logarithmic axis has no 0
+    omega = bounded.omega[proved]
+    size = np.abs(response(band.model, omega * band.identification.problem.dt))
+    offsets = np.minimum(bounded.magnitude[proved], 10 * span[1]) - size[:, None]
+    found = band_around(name, curve, omega / HZ, offsets, span[0])
+    return [dataclasses.replace(layer, colour=colour) for layer in found]
+
+
+def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> Panel:
+    left = x.range[0] if x.range else 0.0
+    shown = [("error over the box", band.omega, band.upper.ravel(), BOX, "solid", "square")]
+    if fixed is not None:
+        shown.append(("error at the fixed poles", fixed.omega, fixed.upper.ravel(), ALERT, "dash", "circle"))
+    layers = []
+    for name, omega, upper, colour, dash, marker in shown:
+        hover = tuple(f"{number(w / HZ, 6)} Hz: at most {number(high)}" for w, high in zip(omega, upper, strict=True))
+        y = np.where(np.isfinite(upper) & (upper > 0), upper, np.nan)
+        layers.append(
+            Layer(name=name, x=np.maximum(omega / HZ, left), y=y, colour=colour, dash=dash, marker=marker, hover=hover)
+        )
+    span = error_range(layers) or (0.1, 1.0)
+    at = np.full(2, max(band.next_line / HZ, left))
+    layers.append(Layer(name=f"measure next: {_next(band)}", x=at, y=np.array(span), colour=FAINT, dash="dot"))
+    label = f"error |F − model| of\n{transfer(band.identification)}"
+    y_axis = Axis(label=label, log=True, range=span)
+    title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
+    return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
+
+
+def _next(band: WorstCaseOverPoles) -> str:
+    return f"{number(band.next_line / HZ, 5)} Hz"
+
+
+def sentence(band: WorstCaseOverPoles) -> str:
+    """The guarantee in plain words."""
+    upper, where = band.upper.ravel(), at_frequencies(band.omega)
+    known = np.isfinite(upper)
+    if not known.all():
+        return (
+            f"The box is too wide: at {np.sum(~known)} of the frequencies nothing is guaranteed ({where}), so that a plant whose"
+            " poles lie elsewhere in it may be arbitrarily far from the model."
+        )
+    size = np.abs(response(band.model, band.omega * band.identification.problem.dt))
+    relative = float(np.median(upper / np.maximum(size, np.finfo(float).tiny)))
+    return (
+        "Every plant that agrees with the data and the assumptions, its poles anywhere in the box below, has a response within"
+        f" {in_unit(at_most(upper.max()), band.identification)} of the {bounded_model(band)[0]}, {where}; the median is"
+        f" {at_most(100 * relative)} % of the response."
+    )
+
+
+def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
+    """The fixed poles, the cells, what to measure next and what is assumed, with their words."""
+    out = []
+    if (fixed := _beside(band, error)) is not None:
+        largest = in_unit(at_most(fixed.upper.max()), band.identification)
+        words = f"With the poles of the model the error at {fixed.omega.size} frequencies in this range is at most {largest}."
+        words += " Poles that were taken from data are known up to a box: then that over the box is the guarantee that holds."
+        out.append(("At the fixed poles", words))
+    left, gone = len(band.cells), len(band.refuted)
+    cells = f"{left + gone} cells cover the box; {gone} of them proved not to hold the poles, and left out."
+    out.append(("Cells", cells if left + gone > 1 else "The box was covered in one piece."))
+    out.append(("Measure next", f"A frequency point near {_next(band)}: the guaranteed error is largest there."))
+    out.append(
+        (
+            "Assumed",
+            "Besides the class named above, in place of its poles: as many modes as the model has, poles inside the box, and"
+            f" amplitudes of the modes at most {AMPLITUDE:g} times the model’s. Data can refute assumptions, never prove them.",
+        )
+    )
+    return out
+
+
+def verdict(band: WorstCaseOverPoles) -> Verdict:
+    """Whether the cells cover the box and each certificate supports its bound now."""
+    if band.covered:
+        return certificates(band.claim_count, band.verify(), "box-certificates")
+    sentence = "The cells leave out a part of the box. Don’t rely on these numbers."
+    return Verdict("failed", "Not proved", sentence, id="box-certificates")
+
+
+def box_table(band: WorstCaseOverPoles) -> Table:
+    """Natural frequency and damping of every mode, as stated and after the cells that are refuted."""
+    (omega, damping), box = band.poles, band.box
+    rows = [
+        (
+            f"{mode + 1}",
+            *(_interval(*hz / HZ) for hz in (box.omega[mode], omega[mode])),
+            *(_interval(*ratio) for ratio in (box.damping[mode], damping[mode])),
+        )
+        for mode in range(box.omega.shape[0])
+    ]
+    heads = ("mode", "f stated [Hz]", "f left [Hz]", "damping stated", "damping left")
+    return Table([Column(head, "n") for head in heads], rows)
+
+
+def _interval(low: float, high: float) -> str:
+    """Ends with as many digits as tell them apart, rounded outwards from beyond the rounding of the stated ones."""
+    digits = int(np.clip(2 + np.ceil(np.log10(high / max(high - low, 1e-9 * high))), 4, 10))
+    return f"{at_least(low * (1 + _ROUNDING), digits)} … {at_most(high * (1 - _ROUNDING), digits)}"

@@ -1,0 +1,147 @@
+"""Poles of an identification and its further models, and the modes of a MIMO parametric part with their residues."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Chart, Layer, Panel
+from robustid.report.document import Beside, Block, Column, Drawing, Heading, Table, Text
+from robustid.report.identified import Models, band, shown_models, siso, transfer, unit
+from robustid.report.poles import PoleRow, pole_table
+from robustid.report.style import DATA, FAINT, NOMINAL
+from robustid.report.words import HZ, number
+
+if TYPE_CHECKING:
+    from robustid.reduction import Reduction
+
+_LIGHT = 0.05  # damping, below which a pole stands out
+_MOST = 10  # poles or modes at the terminal
+_RANKS = (
+    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
+    " its resonance. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of"
+    " a structure has, larger where two modes share the poles, or where the data leave it open."
+)
+
+
+def poles_section(identification: Identification, models: Models) -> list[Block]:
+    """Poles of every model, and the modes of a MIMO parametric part."""
+    tables = [(Heading(one.name, 3), _table(pole_table(one.model))) for one in shown_models(identification, models)]
+    blocks: list[Block] = [
+        Heading("Poles"),
+        Drawing(pole_chart(identification, models), beside=True),
+        Beside(tables),
+        Text(
+            "f is the natural frequency |s|/2π with s = log(z)/dt, τ the time constant −1/Re s; bold: damping below 0.05.",
+            "soft",
+        ),
+    ]
+    modes = modes_table(identification)
+    return [*blocks, Heading("Modes"), modes, Text(_RANKS, "soft")] if modes.rows else blocks
+
+
+def slowest_poles(identification: Identification, reduction: Reduction | None) -> Table:
+    """Table of the slowest poles of the reduced model, or of the nominal one."""
+    model, name = (identification.model, "nominal") if reduction is None else (reduction.model, "reduced")
+    rows = sorted(pole_table(model), key=lambda row: -row.modulus)
+    kept, left = sorted(rows[:_MOST], key=lambda row: row.hz), rows[_MOST:]  # those left out only count
+    return _table([*kept, *left], f"Slowest poles of the {name} model")
+
+
+def _table(rows: list[PoleRow], title: str = "") -> Table:
+    columns = [
+        Column("f [Hz]", "n", "Hz"),
+        Column("damping", "n", "Damping"),
+        Column("|z|", "n"),
+        Column("τ [s]", "n", "Time constant [s]"),
+        Column("states", "n", "States"),
+    ]
+    light = [row.count == 2 and row.damping < _LIGHT for row in rows]
+    cells = [_cells(row) for row in rows]
+    return Table(columns, cells, strong=light, empty="no poles: a static gain", title=title, most=_MOST)
+
+
+def _cells(row: PoleRow) -> tuple[str, ...]:
+    if row.modulus == 0:
+        return "delay", "–", "0", "–", str(row.count)
+    numbers = number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3)
+    return *numbers, str(row.count)
+
+
+def modes_table(identification: Identification) -> Table:
+    """Table of the modes of the parametric part and their residue matrices; empty for a SISO problem, whose coefficients say
+    it all.
+    """
+    problem, rows = identification.problem, []
+    for mode in () if siso(identification) else identification.modes:
+        size = np.abs(mode.residue)
+        i, j = np.unravel_index(int(np.argmax(size)), size.shape)
+        with np.errstate(divide="ignore"):  # an integrator
+            peak = np.linalg.norm(mode.residue, 2) / -np.expm1(-mode.omega * mode.damping * problem.dt)
+        ratio = number(mode.rank_ratio, 2) if min(size.shape) > 1 else "–"
+        hz, damping = number(mode.omega / HZ, 5), number(mode.damping, 3)
+        rows.append((hz, damping, number(float(peak), 3), transfer(identification, int(i), int(j)), ratio))
+    what = unit(identification)
+    columns = [
+        Column("f [Hz]", "n", "Hz"),
+        Column("damping", "n", "Damping"),
+        Column(f"peak [{what}]" if what else "peak", "n", f"Peak\n[{what}]" if what else "Peak"),
+        Column("largest in", "text", "Largest in"),
+        Column("rank ratio", "n", "Rank\nratio"),
+    ]
+    note = "Rank ratio: near 0 where the mode has one shape"
+    return Table(columns, rows, title="Modes of the parametric part", note=note, most=_MOST)
+
+
+def pole_chart(identification: Identification, models: Models = None) -> Chart:
+    """Poles in the z-plane, and their damping over their frequency."""
+    shown, rho = shown_models(identification, models), identification.prior.decay_rate
+    turn = np.linspace(0, 2 * np.pi, 361)
+    circles = (("unit circle: |z| = 1", 1.0, DATA, "solid"), (f"|z| = 1/ρ = {number(1 / rho)}", 1 / rho, FAINT, "dash"))
+    plane = [
+        Layer(name=name, x=radius * np.cos(turn), y=radius * np.sin(turn), colour=colour, dash=dash)
+        for name, radius, colour, dash in circles
+    ]
+    damping, reach = [], 1.0
+    for one in shown:
+        rows, poles = pole_table(one.model) if one.model.nstates else [], one.model.poles()
+        marker = "x" if one.colour == NOMINAL else one.marker
+        style: dict[str, Any] = {"name": one.name, "colour": one.colour, "marker": marker, "size": 1.3}
+        words = {row.pole: _pole_words(row) for row in rows}
+        words |= {pole.conjugate(): text for pole, text in words.items()}
+        hover = tuple(words.get(complex(p), "") for p in poles)
+        reach = max(reach, float(np.abs(poles).max(initial=0.0)))
+        plane.append(Layer(x=poles.real, y=poles.imag, hover=hover, **style))
+        swings = [row for row in rows if row.count == 2 and row.damping > 0]
+        x, y = (np.array([getattr(row, part) for row in swings]) for part in ("hz", "damping"))
+        damping.append(Layer(x=x, y=y, hover=tuple(_pole_words(row) for row in swings), **style))
+    span = (-1.1 * reach, 1.1 * reach)
+    every = np.concatenate([layer.x for layer in damping] + [np.array(band(identification.problem)) / HZ])
+    ratios = np.concatenate([layer.y for layer in damping])
+    panels = (
+        Panel(
+            title="Poles in the z-plane",
+            x=Axis(label="real part of z [–]", range=span),
+            y=Axis(label="imaginary part of z [–]", range=span),
+            layers=tuple(plane),
+            square=True,
+        ),
+        Panel(
+            title="Damping of the oscillating poles",
+            x=Axis(label="natural frequency [Hz]", log=True, range=(every.min() * 0.9, every.max() * 1.1)),
+            y=Axis(label="damping ratio [–]", log=True, range=(min(0.5 * ratios.min(initial=1.0), 0.05), 2.0)),
+            layers=tuple(damping),
+        ),
+    )
+    return Chart(name="poles", panels=panels, columns=2)
+
+
+def _pole_words(row: PoleRow) -> str:
+    if row.modulus == 0:
+        return "delay of one sample, |z| = 0"
+    text = f"|z| = {number(row.modulus, 5)}"
+    if row.hz == 0:
+        return f"integrator, {text}"
+    return f"{number(row.hz)} Hz, damping {number(row.damping, 3)}, {text}"

@@ -1,0 +1,136 @@
+"""The assumptions that a guarantee depends on: the table of `sensitivity`, drawn and in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.advice import Sensitivity, Variation
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Chart, Layer, Panel
+from robustid.report.document import Block, Column, Grid, Heading, Table, Text
+from robustid.report.identified import unit
+from robustid.report.style import ALERT, DATA, NOMINAL
+from robustid.report.words import at_frequencies, at_most, number
+
+_SAME = 2e-3  # difference of two margins of one problem, at most
+_KINDS = {"gain": "gain_bound", "decay": "decay_rate", "lines": "lines"}
+_CAUTION = (
+    "A guarantee that moves much with an assumption depends on it. A smaller class gives a narrower range because more is"
+    " assumed, not because more is known: data can refute assumptions, never prove them."
+)
+_WORDS = {"gain": "the gain bound", "decay": "the decay rate", "lines": "the number of frequency points"}
+
+
+def sensitivity_section(identification: Identification, table: Sensitivity) -> list[Block]:
+    """How the guarantee moves with its assumptions."""
+    _check(table, identification)
+    words = (
+        f"Half of the largest width of the guaranteed set of values, relative to the response, {at_frequencies(table.omega)}."
+        " Every row changes one assumption, keeps the others, and is identified anew; the poles of the parametric part and the"
+        " bounds of the samples stay as stated in all of them."
+    )
+    return [
+        Heading("What the guarantee depends on"),
+        Text(sentence(table), id="sensitivity-sentence"),
+        Text(words),
+        Grid([sensitivity_chart(table, identification)], 3),
+        _table(table),
+        Text(_CAUTION, "caution"),
+    ]
+
+
+def _check(table: Sensitivity, identification: Identification) -> None:
+    """Refuse what isn't a table of sensitivities, or belongs to another problem, as far as its margin tells."""
+    if not isinstance(table, Sensitivity):
+        raise InputTypeError(f"`sensitivity` must be a Sensitivity, from sensitivity(); got {type(table).__name__}")
+    margin, low, high = table.variations[0].margin, identification.margin_lower, identification.margin
+    if np.isfinite(margin) and not (1 - _SAME) * low - _SAME <= margin <= (1 + _SAME) * high + _SAME:
+        raise InputError(
+            f"`sensitivity` is about another problem than the one reported: its margin is {margin:.6g}, that of the"
+            f" identification {high:.6g}; compute sensitivity(identification.problem)"
+        )
+
+
+def sensitivity_chart(table: Sensitivity, identification: Identification) -> Chart:
+    """Median and largest half-width over each assumption, one panel an assumption, one scale for all."""
+    rows = table.variations
+    largest = max((row.worst for row in rows if np.isfinite(row.worst)), default=1.0)
+    y = Axis(label="half-width / response [%]", range=(0.0, 112 * largest))
+    axes = {
+        "gain": f"gain bound K [{unit(identification) or '–'}]",
+        "decay": "decay rate ρ [–]",
+        "lines": "frequency points [–]",
+    }
+    panels = []
+    for kind, label in axes.items():
+        found = sorted(
+            (row for row in rows if row.kind in ("stated", kind)), key=lambda row: getattr(row, _KINDS[kind])
+        )
+        if len(found) == 1:
+            continue
+        x = np.array([getattr(row, _KINDS[kind]) for row in found], dtype=float)
+        room = 0.12 * np.ptp(x)
+        axis = Axis(label=label, range=(float(x.min() - room), float(x.max() + room)))
+        panels.append(Panel(title=label.split(" [")[0], x=axis, y=y, layers=_layers(found, x)))
+    return Chart(name="sensitivity", panels=tuple(panels))
+
+
+def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
+    stated = [row.kind == "stated" for row in rows]
+    looks: tuple[tuple[str, str, dict[str, Any]], ...] = (
+        ("worst", "worst of the frequencies", {"colour": ALERT, "dash": "dash", "marker": "square"}),
+        ("median", "median over the frequencies", {"colour": NOMINAL, "dash": "solid", "marker": "circle"}),
+    )
+    curves, rings = [], []
+    for part, name, style in looks:
+        y = 100 * np.array([getattr(row, part) for row in rows])
+        hover = tuple(f"{row.what}: {number(v, 3)} %" for row, v in zip(rows, y, strict=True))
+        curves.append(Layer(name=name, x=x, y=y, hover=hover, **style))
+        rings.append(Layer(name="as stated", x=x[stated], y=y[stated], colour=DATA, marker="circle-open", size=2.0))
+    return (*curves, *rings)
+
+
+def sentence(table: Sensitivity) -> str:
+    """With which assumption the guarantee moves most."""
+    stated, *others = table.variations
+    moved = [(abs(np.log(row.median / stated.median)), row) for row in others if row.median > 0 and stated.median > 0]
+    if not moved:
+        return "None of the variations leaves a guarantee to compare with: as stated, or with every change, the data don’t fit."
+    _, most = max(moved, key=lambda pair: pair[0])
+    return (
+        f"The guarantee moves most with {_WORDS[most.kind]}: with {_change(most)} the median half-width is"
+        f" {at_most(100 * most.median, 3)} % of the response instead of {at_most(100 * stated.median, 3)} %."
+    )
+
+
+def _change(row: Variation) -> str:
+    return row.what.replace(" x ", " × ")
+
+
+def _table(table: Sensitivity) -> Table:
+    """As stated first; the change is that of the median."""
+    stated = table.variations[0].median
+    rows = [
+        (_change(row), _margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated))
+        for row in table.variations
+    ]
+    heads = ("margin", "median", "worst", "median against stated")
+    return Table([Column("Assumed"), *(Column(head, "n") for head in heads)], rows)
+
+
+def _margin(row: Variation) -> str:
+    if np.isnan(row.margin):
+        return "not solved"
+    return f"{number(row.margin)}{': refuted' if row.margin > 1 else ''}"
+
+
+def _percent(value: float) -> str:
+    return f"{at_most(100 * value, 3)} %" if np.isfinite(value) else "–"
+
+
+def _against(median: float, stated: float) -> str:
+    return f"× {number(median / stated, 3)}" if median > 0 and stated > 0 else "–"

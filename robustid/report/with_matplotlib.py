@@ -1,0 +1,131 @@
+"""A chart as matplotlib draws it: a figure of its own, or axes of the user."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robustid.errors import InputError, InputTypeError
+from robustid.report.charts import Chart, Layer, Panel
+from robustid.report.style import MATPLOTLIB, NOMINAL
+from robustid.report.words import number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DASHES = {"": "none", "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":"}
+_MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "x": "x"}
+_WIDTH, _HEIGHT = 7.2, 2.7  # inches, of a panel
+_FURTHER, _LOW = 2.6, 1.9  # inches: width of each further column, height of one panel of a grid
+_LABEL = 0.5  # inches that one label of an axis takes
+_LETTERS = 14  # of a title in an inch
+
+
+def draw(chart: Chart, ax: Any = None) -> Figure:
+    """Draw the chart as a matplotlib figure, or on the axes `ax` (a sequence where the chart has several panels)."""
+    import matplotlib
+
+    if ax is not None:
+        return _draw_on(chart, ax)
+    from matplotlib.figure import Figure
+
+    columns = chart.columns
+    rows = -(-len(chart.panels) // columns)
+    height = _HEIGHT if columns == 1 else _LOW if chart.grid else 4.2
+    width = _WIDTH + _FURTHER * (columns - 1)
+    with matplotlib.rc_context(MATPLOTLIB):
+        figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
+        axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
+        handles: dict[str, Any] = {}
+        for k, (ax, panel) in enumerate(zip(axes, chart.panels, strict=True)):
+            for layer in panel.layers:
+                handles.setdefault(layer.name, _draw_layer(ax, layer))
+            lowest = not chart.linked or not any(below.layers for below in chart.panels[k + columns :: columns])
+            if panel.layers:  # a blank one would change the axis that it shares
+                _dress(ax, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
+            if lowest:
+                ax.tick_params(labelbottom=True)
+            ax.set_visible(bool(panel.layers))
+        figure.legend(
+            list(handles.values()),
+            [_plain(name) for name in handles],
+            loc="outside upper left",
+            ncols=columns + 1,
+            fontsize=8.5,
+        )
+    return figure
+
+
+def _draw_on(chart: Chart, ax: Any) -> Figure:
+    """Draw on axes of the user, whose style and size stay; each gets its own legend."""
+    from matplotlib.axes import Axes
+
+    panels = [panel for panel in chart.panels if panel.layers]
+    axes: list[Axes] = list(np.ravel(np.asarray(ax, dtype=object)))
+    if not axes or not all(isinstance(one, Axes) for one in axes):
+        raise InputTypeError(f"`ax` must be matplotlib axes, or a sequence of them; got {type(ax).__name__}")
+    if len(axes) != len(panels):
+        raise InputError(
+            f"`ax` must have one pair of axes for each of the {len(panels)} panels of this figure; got {len(axes)}"
+        )
+    for one, panel in zip(axes, panels, strict=True):
+        handles: dict[str, Any] = {}
+        for layer in panel.layers:
+            handles.setdefault(layer.name, _draw_layer(one, layer))
+        box = one.get_window_extent()
+        inches = box.width / one.figure.dpi, box.height / one.figure.dpi
+        _dress(one, panel, label_x=True, size=inches)
+        one.legend(list(handles.values()), [_plain(name) for name in handles], fontsize="small")
+    figure: Any = axes[0].figure
+    return figure
+
+
+def _draw_layer(ax: Axes, layer: Layer) -> Any:
+    marker = _MARKERS.get(layer.marker.removesuffix("-open"), "none")
+    style: dict[str, Any] = {"color": layer.colour, "linestyle": _DASHES[layer.dash], "marker": marker}
+    if layer.marker.endswith("-open"):
+        style["markerfacecolor"] = "none"
+    style["markersize"] = 3.6 * layer.size
+    # The nominal model is a broad line, so that a thin one on top of it doesn't hide it.
+    style["linewidth"] = 2.4 * layer.size if layer.colour == NOMINAL else 1.2
+    if layer.low is None or layer.high is None:
+        return ax.plot(layer.x, layer.y, **style)[0]
+    if layer.fill:
+        return ax.fill_between(layer.x, layer.low, layer.high, color=layer.colour, alpha=0.25, linewidth=0)
+    bars = np.maximum(np.stack([layer.y - layer.low, layer.high - layer.y]), 0)
+    return ax.errorbar(layer.x, layer.y, yerr=bars, elinewidth=0.9, capsize=2, **style)
+
+
+def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) -> None:
+    """Titles, scales and ticks, as many as fit in this width and height in inches."""
+    from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MultipleLocator, NullFormatter
+
+    ax.set_title(textwrap.fill(_plain(panel.title), int(_LETTERS * size[0])))
+    room = size[0] / _LABEL, 2 * size[1] / _LABEL
+    for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
+        getattr(ax, f"set_{side}scale")("log" if described.log else "linear")
+        if described.range is not None:
+            getattr(ax, f"set_{side}lim")(*described.range)
+        if described.tick is not None:
+            axis.set_major_locator(MultipleLocator(described.tick))
+        elif not described.log:
+            few = AutoLocator()
+            few.set_params(nbins=max(3, min(9, int(labels))))
+            axis.set_major_locator(few)
+        if side == "y" or label_x:
+            axis.set_label_text(_plain(described.label))
+        if described.in_full and described.range is not None:
+            decades = np.log10(described.range[1] / described.range[0])
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if 3 * decades <= labels else (1.0,)))
+            axis.set_minor_formatter(NullFormatter())
+            axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(number(value))))
+    if panel.square:
+        ax.set_aspect("equal")
+
+
+def _plain(text: str) -> str:
+    """Text that matplotlib doesn't read as mathematics."""
+    return text.replace("$", r"\$")

@@ -1,0 +1,128 @@
+"""Numbers, names and units as they are written in every report.
+
+Guaranteed ends are rounded away from what they bound, so that the printed numbers hold too.
+"""
+
+from __future__ import annotations
+
+import decimal
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+HZ = 2 * np.pi  # rad/s
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LONG = 100  # letters of a heading
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Write a number for people: significant digits, powers of ten as such.
+
+    Examples
+    --------
+    >>> number(17.67321), number(5.2e-7, 2), number(float("inf")), number(float("nan"))
+    ('17.67', '5.2×10⁻⁷', '∞', '–')
+    """
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}×10{str(int(exponent)).translate(_SUPERSCRIPT)}"
+    return text.replace("-", "−", 1) if text.startswith("-") else text
+
+
+def at_most(value: float, digits: int = 4) -> str:
+    """Write a number that is not below the value."""
+    return _rounded(value, decimal.ROUND_CEILING, digits)
+
+
+def at_least(value: float, digits: int = 4) -> str:
+    """Write a number that is not above the value."""
+    return _rounded(value, decimal.ROUND_FLOOR, digits)
+
+
+def _rounded(value: float, rounding: str, digits: int) -> str:
+    if not np.isfinite(value):
+        return number(value)
+    return number(float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value)), digits)
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """Write a share in percent; a dash where there is none."""
+    return f"{number(100 * float(share), digits)} %" if np.isfinite(share) else "–"
+
+
+def plural(count: float) -> str:
+    """Ending of a noun that is counted."""
+    return "" if count == 1 else "s"
+
+
+def at_frequencies(omega: np.ndarray) -> str:
+    """Where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending.
+
+    Examples
+    --------
+    >>> at_frequencies(np.array([HZ, 3 * HZ])), at_frequencies(np.array([2 * HZ]))
+    ('at 2 frequencies from 1 to 3 Hz', 'at 2 Hz')
+    """
+    hz = omega / HZ
+    if hz.size == 1:
+        return f"at {number(hz[0])} Hz"
+    return f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
+
+
+def quotient(above: str, below: str) -> str:
+    """Unit of a quotient, "mm/N"; empty where neither has one."""
+    return f"{above or '1'}/{below}" if below else above
+
+
+def unit_label(above: str, below: str) -> str:
+    """Unit of a quotient in brackets, after a space; empty where neither has one."""
+    return _bracketed(quotient(above, below))
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+def units(outputs: Sequence[Any], inputs: Sequence[Any]) -> set[str]:
+    """Units of the entries of a response matrix."""
+    return {quotient(y.unit, u.unit) for y in outputs for u in inputs}
+
+
+def matrix_unit_label(outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+    """Unit of the singular values of a response matrix, in brackets after a space."""
+    found = units(outputs, inputs)
+    return _bracketed(found.pop()) if len(found) == 1 else " [mixed units]"
+
+
+def title(kind: str, outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+    """Heading of a page: what it is about, and of which signals.
+
+    Examples
+    --------
+    >>> from robustid.core import Signal
+    >>> title("Fit", [Signal("x", "m")], [Signal("u", "N")]), title("Fit", [Signal("x", "m")], [Signal("a"), Signal("b")])
+    ('Fit of x [m] / u [N]', 'Fit from a, b to x')
+    """
+    if len(outputs) == len(inputs) == 1:
+        return f"{kind} of {outputs[0]} / {inputs[0]}"
+    names = [", ".join(signal.name for signal in group) for group in (inputs, outputs)]
+    if sum(map(len, names)) > _LONG:
+        names = [f"{len(inputs)} inputs", f"{len(outputs)} outputs"]
+    return f"{kind} from {names[0]} to {names[1]}"
+
+
+def drawn_words(points: int, drawn: int, extremes: str) -> str:
+    """How many frequency points of an entry are drawn, where these are not all."""
+    if drawn >= points:
+        return ""
+    return (
+        f" Of the {points} frequency points of an entry at most {drawn} are drawn: of short intervals the smallest and the"
+        f" largest magnitude, and the largest {extremes}."
+    )

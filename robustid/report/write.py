@@ -1,0 +1,240 @@
+"""The front of the room: a page or a summary of whatever kind of result is given."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from robustid.core import atomic_write
+from robustid.data import FrequencyResponse
+from robustid.errors import InputTypeError
+from robustid.identification import Identification
+from robustid.mfd import MatrixFraction
+from robustid.report import html, terminal
+from robustid.report.document import Verdict
+from robustid.report.sections.fit import fit_page, fit_summary, fit_verdict
+from robustid.report.sections.fit_view import FitView
+from robustid.report.sections.identification import (
+    identification_page,
+    identification_summary,
+    identification_verdict,
+)
+from robustid.report.sections.response import response_page, response_summary, response_verdict
+from robustid.report.sections.response_view import ResponseView
+
+if TYPE_CHECKING:
+    import control
+    from rich.console import Group
+
+    from robustid.advice import Sensitivity
+    from robustid.data import TimeRecord
+    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.mfd import OrderSweep
+    from robustid.reduction import Reduction
+
+
+def write_report(
+    identification: Identification | MatrixFraction | FrequencyResponse,
+    path: str | os.PathLike[str],
+    *,
+    reduction: Reduction | None = None,
+    title: str | None = None,
+    models: Mapping[str, control.StateSpace] | None = None,
+    worst_case: WorstCaseError | None = None,
+    tube: ResponseTube | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
+    sensitivity: Sensitivity | None = None,
+    data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
+    records: TimeRecord | Sequence[TimeRecord] | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
+) -> None:
+    """Write everything there is to know about a result as one self-contained HTML page.
+
+    Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
+    against their bounds, the active constraints, order, poles, verification, versions; of a MIMO problem every entry, the
+    singular values, and the modes with the ranks of their residues. Of a fitted matrix
+    fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
+    numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
+    bound, noise and distortion, coherence, and the spectra of the records. The page works offline and fetches nothing.
+
+    Parameters
+    ----------
+    identification : Identification, MatrixFraction or FrequencyResponse
+        Whatever its outcome. What is said of it below must be about it, or about its saved copy.
+    path : str or path
+        The file to create or replace; what was there stays if anything goes wrong.
+    reduction : Reduction, optional
+        Of `identification.model`; shown beside the nominal model. Not for a MatrixFraction.
+    title : str, optional
+        Heading; default: the names of the signals.
+    models : mapping of str to control.StateSpace, optional
+        Further models with the sample time of the data. Not for a MatrixFraction.
+    worst_case : WorstCaseError, optional
+        From `worst_case_error(identification)`, of any model: adds the guarantee, its proof and what it assumes. All
+        certificates are evaluated again; the bound on the whole circle is shown if it has been computed.
+    tube : ResponseTube, optional
+        From `response_tube(identification)`: adds the guaranteed range in time, with the records of the same input.
+    over_poles : WorstCaseOverPoles, optional
+        From `worst_case_over_poles(identification, ...)`: adds the guarantee over a pole-uncertainty box, beside `worst_case`.
+    sensitivity : Sensitivity, optional
+        From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions.
+    data : FrequencyResponse, optional
+        What the matrix fraction was fitted to: names of the signals, and the noise.
+    order_sweep : OrderSweep, optional
+        From `suggest_order`, with a MatrixFraction.
+    records : TimeRecord or sequence of TimeRecord, optional
+        What the frequency response was estimated from.
+    findings : sequence of str
+        What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
+    run_file : str, optional
+        The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        If a model has other signals or another sample time, `data` isn't what was fitted, an argument doesn't belong
+        to this kind of result, or the file can't be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, numpy as np, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = pathlib.Path(folder) / "report.html"
+    ...     write_report(result, page, title="Four samples")
+    ...     "Four samples" in page.read_text()
+    True
+    """
+    text = render_report(
+        identification,
+        reduction=reduction,
+        title=title,
+        models=models,
+        worst_case=worst_case,
+        tube=tube,
+        over_poles=over_poles,
+        sensitivity=sensitivity,
+        data=data,
+        order_sweep=order_sweep,
+        records=records,
+        findings=findings,
+        run_file=run_file,
+    )
+    with atomic_write(path) as file:
+        file.write(text)
+
+
+def render_report(
+    identification: Identification | MatrixFraction | FrequencyResponse,
+    *,
+    reduction: Reduction | None = None,
+    title: str | None = None,
+    models: Mapping[str, control.StateSpace] | None = None,
+    worst_case: WorstCaseError | None = None,
+    tube: ResponseTube | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
+    sensitivity: Sensitivity | None = None,
+    data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
+    records: TimeRecord | Sequence[TimeRecord] | None = None,
+    findings: Sequence[str] = (),
+    run_file: str | None = None,
+) -> str:
+    """Return the page of `write_report` as text."""
+    belongs: dict[type, dict[str, Any]] = {
+        Identification: {
+            "reduction": reduction,
+            "models": models,
+            "worst_case": worst_case,
+            "tube": tube,
+            "over_poles": over_poles,
+            "sensitivity": sensitivity,
+            "findings": findings or None,
+            "run_file": run_file,
+        },
+        MatrixFraction: {"data": data, "order_sweep": order_sweep},
+        FrequencyResponse: {"records": records},
+    }
+    kind = next((kind for kind in belongs if isinstance(identification, kind)), None)
+    if kind is None:
+        raise InputTypeError(
+            "`identification` must be an Identification, a MatrixFraction or a FrequencyResponse; got"
+            f" {type(identification).__name__}"
+        )
+    if title is not None and not isinstance(title, str):
+        raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
+    foreign = [pair for other, given in belongs.items() if other is not kind for pair in given.items()]
+    for name, value in foreign:
+        if value is not None:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
+    options = {name: value for name, value in belongs[kind].items() if value is not None}
+    return html.render(_PAGES[kind](identification, title=title, **options))
+
+
+_PAGES = {
+    Identification: identification_page,
+    MatrixFraction: fit_page,
+    FrequencyResponse: response_page,
+}
+
+
+def render_summary(
+    identification: Identification | MatrixFraction | FrequencyResponse,
+    reduction: Reduction | None = None,
+    *,
+    data: FrequencyResponse | None = None,
+) -> Group:
+    """Render verdict, margin or cost, checks, active constraints, poles or modes for ``rich.print`` or a rich console.
+
+    Of a frequency response: what its bound promises, frequency points, levels of every entry, warnings.
+
+    Parameters
+    ----------
+    identification : Identification, MatrixFraction or FrequencyResponse
+    reduction : Reduction, optional
+        Of the model of an identification; its poles are then shown instead.
+    data : FrequencyResponse, optional
+        What a matrix fraction was fitted to, for the names of its signals.
+
+    Returns
+    -------
+    rich.console.Group
+
+    Examples
+    --------
+    >>> import io, numpy as np, rich.console, robustid as rid
+    >>> record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
+    >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
+    >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
+    >>> console = rich.console.Console(file=io.StringIO(), width=100)
+    >>> console.print(render_summary(result))
+    >>> "Consistent" in console.file.getvalue()
+    True
+    """
+    if isinstance(identification, MatrixFraction):
+        return terminal.render(fit_summary(FitView(identification, data)))
+    if isinstance(identification, FrequencyResponse):
+        return terminal.render(response_summary(ResponseView(identification)))
+    return terminal.render(identification_summary(identification, reduction))
+
+
+def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verdict:
+    """Return the outcome of a result in one word and one sentence; its `key` is "consistent" where nothing is wrong.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> said = verdict(rid.FrequencyResponse([1.0], [1.0], bound=0.1))
+    >>> said.key, said.word
+    ('consistent', 'Hard bound')
+    """
+    if isinstance(result, MatrixFraction):
+        return fit_verdict(FitView(result))
+    if isinstance(result, FrequencyResponse):
+        return response_verdict(ResponseView(result))
+    return identification_verdict(result)

@@ -1,0 +1,99 @@
+"""Results that several files of these tests are about: each is computed once a process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.mfd import OrderSweep, fit_mfd
+from support import fits, frf_records, matrix_pages
+from support.report_pages import NASTY, identified
+
+HZ = 2 * np.pi
+
+
+@pytest.fixture(scope="session")
+def error() -> rid.WorstCaseError:
+    """The guaranteed error of a SISO identification, at 0 Hz too."""
+    hz = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
+    return rid.worst_case_error(identified(), omega=HZ * hz, directions=6)
+
+
+@pytest.fixture(scope="session")
+def matrix_result() -> rid.Identification:
+    """A 2 x 2 identification of a response with a missing value, and a record with two inputs."""
+    frf = matrix_pages.with_values(matrix_pages.measured(lines=10), (3, 1, 0), np.nan, np.inf)
+    return rid.identify(matrix_pages.problem(frf, matrix_pages.record()))
+
+
+@pytest.fixture(scope="session")
+def shared_bound() -> rid.Identification:
+    """A 2 x 2 identification with a bound on the errors of each column."""
+    frf = matrix_pages.measured(lines=8)
+    frf = rid.FrequencyResponse(frf.omega, frf.values, bound=0.1, dt=matrix_pages.DT, joint="column")
+    return rid.identify(matrix_pages.problem(frf))
+
+
+@pytest.fixture(scope="session")
+def matrix_error() -> rid.WorstCaseError:
+    """The guaranteed error of a 2 x 2 identification."""
+    frf = matrix_pages.measured(lines=5, modes=1, inputs=["force [N]", "torque [Nm]"])
+    prior = rid.Prior(gain_bound=0.4, decay_rate=1.5)
+    result = rid.identify(matrix_pages.problem(frf, modes=1, prior=prior))
+    return rid.worst_case_error(result, omega=HZ * np.array([10.0, 30.0]), directions=3, rtol=0.3)
+
+
+@pytest.fixture(scope="session")
+def data() -> rid.FrequencyResponse:
+    """A noisy 2 x 2 response."""
+    return fits.measured(fits.SYSTEM, fits.OMEGA, inputs=["force [N]", "torque [Nm]"], outputs=["x [mm]", NASTY])
+
+
+@pytest.fixture(scope="session")
+def fit(data: rid.FrequencyResponse) -> rid.MatrixFraction:
+    return fit_mfd(data, order=8)
+
+
+@pytest.fixture(scope="session")
+def left(data: rid.FrequencyResponse) -> rid.MatrixFraction:
+    return fit_mfd(data, order=8, form="left")
+
+
+@pytest.fixture(scope="session")
+def body() -> rid.MatrixFraction:
+    """A fit with 2 inputs, 2 outputs, one rigid-body mode and two flexible ones."""
+    s = 1j * fits.OMEGA
+    flexible = fits.random_modal_system(3, 2, 2, 2).response(s)
+    rigid = np.array([[1.0], [-0.3]]) @ np.array([[2.0, 1.0]]) * 1e4 / (s**2)[:, None, None]
+    return fit_mfd(rid.FrequencyResponse(fits.OMEGA, flexible + rigid), order=6, rigid_body=rid.RigidBody(1))
+
+
+@pytest.fixture(scope="session")
+def sweep() -> OrderSweep:
+    """Fits of a SISO response, without the search for the orders."""
+    found = {order: fit_mfd(fits.measured(fits.SMALL, fits.OMEGA), order=order) for order in (4, 5)}
+    values = np.geomspace(100, 1, 12)
+    parameters = np.array([2 * order for order in found])
+    return OrderSweep(found, {12: "InputError: <b>no</b>"}, parameters, 2 * fits.OMEGA.size, False, values, 20.0)
+
+
+@pytest.fixture(scope="session")
+def recordings():
+    """A periodic excitation and the records of it."""
+    return frf_records.measured()
+
+
+@pytest.fixture(scope="session")
+def play(recordings):
+    return recordings[0]
+
+
+@pytest.fixture(scope="session")
+def records(recordings):
+    return recordings[1]
+
+
+@pytest.fixture(scope="session")
+def frf(play, records) -> rid.FrequencyResponse:
+    return rid.estimate_frf(records, period=frf_records.PERIOD, lines=play.lines)

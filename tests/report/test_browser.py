@@ -1,0 +1,112 @@
+"""Pages in a real browser: every plot drawn, no error in the console, nothing fetched, no sideways scroll."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.mfd import suggest_order
+from robustid.report import write_report
+from support import matrix_pages
+from support.browser import CHROMIUM, opened, plots, widths
+from support.mfd_systems import noisy, random_modal_system
+from support.report_pages import identified, problem, with_circle
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chromium` on the path")
+DRAWN = re.compile(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', re.S)
+
+
+def drawn(page: Path, folder: Path) -> dict[str, str]:
+    """The markup of each plot, all of which were drawn without an error."""
+    dom, console = opened(page, folder / "profile")
+    assert console == []
+    found = plots(dom)
+    assert len(found) == len(re.findall('<figure class="plot', page.read_text(encoding="utf-8")))
+    for name, markup in found.items():
+        assert 'class="main-svg"' in markup, name
+        assert DRAWN.search(markup), name
+        assert "sendChartToCloud" not in markup, name
+        assert "Share chart" not in markup, name
+    return found
+
+
+def fits(page: Path, width: int, folder: Path) -> None:
+    client, scroll = widths(page, width, folder)
+    assert width - 20 <= client <= width
+    assert scroll <= client
+
+
+def test_the_page_of_an_identification_with_every_section(tmp_path: Path) -> None:
+    result = identified()
+    modes = rid.flexible_structure().modes
+    box = modes[:, :1] * [0.999, 1.001], modes[:, 1:] * [0.95, 1.05]
+    sections: dict[str, Any] = {
+        "worst_case": with_circle(rid.worst_case_error(result, omega=[60.0, 100.0], directions=4)),
+        "over_poles": rid.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=4, cells=1),
+        "tube": rid.response_tube(result, input="step", horizon=6),
+        "sensitivity": rid.sensitivity(result.problem, omega=[30.0]),
+        "reduction": rid.balanced_truncation(result.model, order=4),
+    }
+    page = tmp_path / "report.html"
+    write_report(result, page, **sections)
+    found = drawn(page, tmp_path)
+    names = ["frequency-0", "time-0", "time-1", "residuals-0", "hankel-0", "poles-0", "poles-1", "guarantee-0"]
+    names += ["nyquist-0", "nyquist-1", "over_poles-0", "tube-0", "sensitivity-0", "sensitivity-1"]
+    assert set(found) == set(names)
+    assert "errorbar" in found["frequency-0"]
+    assert "displacement [mm] / force [N]" in found["frequency-0"]
+    fits(page, 390, tmp_path)
+
+
+def test_the_page_of_a_mimo_identification(tmp_path: Path) -> None:
+    names = [f"acceleration of the measuring beam at its position {k} [mm/s²]" for k in range(2)]
+    data = matrix_pages.measured(lines=6, outputs=names), matrix_pages.record()
+    write_report(rid.identify(matrix_pages.problem(*data)), tmp_path / "report.html")
+    assert len(drawn(tmp_path / "report.html", tmp_path)) == 4 + 1 + 2 + 4 + 6 + 3
+    fits(tmp_path / "report.html", 360, tmp_path)
+
+
+def test_the_page_of_a_fit(tmp_path: Path) -> None:
+    """A 2 x 2 fit with one rigid-body mode, and a sweep over the order, on noisy data."""
+    s = 2j * np.pi * np.geomspace(4, 1200, 120)
+    flexible = noisy(np.random.default_rng(0), random_modal_system(3, 2, 2, 2).response(s))
+    rigid = np.array([[1.0], [-0.3]]) @ np.array([[2.0, 1.0]]) * 1e4 / (s**2)[:, None, None]
+    names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement [mm]", "rotation [mrad]"]}
+    data, page = rid.FrequencyResponse(np.abs(s), flexible + rigid, **names), tmp_path / "fit.html"
+    sweep = suggest_order(data, orders=range(5, 8), rigid_body=rid.RigidBody(1))
+    write_report(sweep.fits[6], page, data=data, order_sweep=sweep)
+    assert any("rotation [mrad] / torque [Nm]" in markup for markup in drawn(page, tmp_path).values())
+    fits(page, 390, tmp_path)
+
+
+def test_the_page_of_a_response(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((2, 1500, 2))
+    names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement of the table [mm]", "<b>angle</b>"]}
+    records = [rid.TimeRecord(x, x @ [[1, 2], [1, -1]] + rng.standard_normal(x.shape), dt=0.01, **names) for x in u]
+    write_report(rid.estimate_frf(records), tmp_path / "frf.html", records=records)
+    entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
+    further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
+    assert set(drawn(tmp_path / "frf.html", tmp_path)) == entries | further
+    fits(tmp_path / "frf.html", 360, tmp_path)
+
+
+def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:
+    nasty = "<script>alert('owned')</script>"
+    label = "</script><img src=x onerror=alert('owned')><b>y</b>"
+    result = rid.identify(problem(hz=17.3, inputs=[(nasty, "N")], outputs=[(label, "</script>")]))
+    write_report(result, tmp_path / "report.html", title='"Title" & </title>')
+    dom, console = opened(tmp_path / "report.html", tmp_path / "profile")
+    assert console == []
+    assert '<title>"Title" &amp; &lt;/title&gt;</title>' in dom
+    assert "owned'</script>" not in dom.replace("&lt;/script&gt;", "")
+    assert not re.search(r"<img|<b>y", dom)
+    title = plots(dom)["time-0"]
+    shown = re.search(r'<text class="ytitle"[^>]*>(.*?)</text>', title, re.S)
+    assert shown is not None
+    assert shown.group(1).startswith("&lt;/script&gt;&lt;img src=x")

@@ -1,0 +1,170 @@
+"""The guarantee over a pole-uncertainty box: against the arrays of real bands, and against forged ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.guarantees import WorstCaseOverPoles
+from robustid.report import render_report, write_report
+from robustid.report.sections import pole_box
+from robustid.report.sections.pole_box import box_table, pole_box_chart
+from robustid.report.words import at_most
+from support.report_pages import NASTY, Page, identified, named
+
+HZ = np.array([4.0, 8.0, 17.6, 30.0])
+
+
+MODES = rid.flexible_structure().modes
+
+
+BOX = MODES[:, :1] * [0.999, 1.001], MODES[:, 1:] * [0.95, 1.05]
+
+
+WORDS = "any pole in the box (4 frequencies)"
+
+
+@pytest.fixture(scope="module")
+def band() -> WorstCaseOverPoles:
+    return rid.worst_case_over_poles(identified(), *BOX, omega=2 * np.pi * HZ, directions=4, cells=1)
+
+
+@pytest.fixture(scope="module")
+def error(band: WorstCaseOverPoles) -> rid.WorstCaseError:
+    omega = 2 * np.pi * np.array([0.0, 4.0, 17.6, 40.0])
+    return rid.worst_case_error(band.identification, omega=omega, directions=4)
+
+
+def test_both_ranges_and_both_errors_are_those_of_the_results(
+    band: WorstCaseOverPoles, error: rid.WorstCaseError
+) -> None:
+    magnitude, errors = pole_box_chart(band, error).panels
+    inside = [1, 2]  # of the frequencies at the fixed poles: within those of the band
+    for name, found, omega in (
+        (WORDS, band.magnitude, band.omega),
+        ("the fixed poles (2 frequencies)", error.magnitude[inside], error.omega[inside]),
+    ):
+        area = named(magnitude, name)
+        index = np.searchsorted(area.x, omega / (2 * np.pi) * (1 - 1e-12))
+        np.testing.assert_allclose(area.x[index] * 2 * np.pi, omega)
+        np.testing.assert_allclose(area.high[index], found[:, 1], rtol=1e-9)
+        np.testing.assert_allclose(area.low[index], np.maximum(found[:, 0], magnitude.y.range[0]), rtol=1e-9)
+    over, fixed = named(errors, "error over the box"), named(errors, "error at the fixed poles")
+    np.testing.assert_array_equal(over.y, band.upper.ravel())
+    np.testing.assert_allclose(fixed.y, error.upper.ravel()[inside], rtol=1e-12)
+    next_ = named(errors, f"measure next: {HZ[np.argmax(band.upper)]:.4g} Hz")
+    np.testing.assert_allclose(next_.x, HZ[np.argmax(band.upper)])
+    assert magnitude.x.range[0] <= HZ[0]
+    assert HZ[-1] <= magnitude.x.range[1] < 40
+
+
+def test_errors_beside_each_other_are_of_one_model(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+    small = rid.balanced_truncation(band.model, order=4).model
+    other = dataclasses.replace(band, model=small)
+    magnitude, errors = pole_box_chart(other, error).panels
+    assert named(magnitude, "model, order 4").y.size
+    expected = error.with_model(small).upper.ravel()[[1, 2]]
+    np.testing.assert_allclose(named(errors, "error at the fixed poles").y, expected, rtol=1e-12)
+    assert np.all(expected != error.upper.ravel()[[1, 2]])
+    area = named(magnitude, WORDS)  # the range does not depend on the model
+    index = np.searchsorted(area.x, HZ * (1 - 1e-12))
+    np.testing.assert_allclose(area.high[index], band.magnitude[:, 1], rtol=1e-9)
+
+
+def test_one_frequency_and_none_beside_it_are_drawn(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+    one = dataclasses.replace(band, omega=band.omega[1:2], upper=band.upper[1:2], magnitude=band.magnitude[1:2])
+    page = Page(render_report(band.identification, over_poles=one, worst_case=error))
+    assert "over_poles-0" in page.figures
+    assert "At the fixed poles" not in page.text
+    assert "at 8 Hz" in page.text
+
+
+def test_a_range_without_an_end_reaches_beyond_the_axis(band: WorstCaseOverPoles) -> None:
+    open_ = dataclasses.replace(
+        band,
+        upper=np.where(band.upper == band.upper[2], np.inf, band.upper),
+        magnitude=np.where(np.arange(4)[:, None] == 2, [0.0, np.inf], band.magnitude),
+    )
+    magnitude, errors = pole_box_chart(open_).panels
+    area = named(magnitude, WORDS)
+    index = np.searchsorted(area.x, 17.6 * (1 - 1e-12))
+    assert area.high[index] > magnitude.y.range[1]
+    assert area.low[index] == magnitude.y.range[0]
+    assert np.isfinite(magnitude.y.range).all()
+    assert np.isnan(named(errors, "error over the box").y).tolist() == [False, False, True, False]
+    text = Page(render_report(band.identification, over_poles=open_)).text
+    assert "The box is too wide: at 1 of the frequencies nothing is guaranteed" in text
+    assert "A frequency point near 17.6 Hz" in text
+    for one in (pole_box_chart(dataclasses.replace(open_, upper=np.full((4, 1, 1), np.inf))), pole_box_chart(open_)):
+        assert all(np.isfinite(panel.y.range).all() for panel in one.panels)
+
+
+def test_page_says_what_is_guaranteed_over_the_box(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+    page = Page(render_report(band.identification, over_poles=band, worst_case=error))
+    fixed = error.upper.ravel()[1:3].max()
+    wanted = [
+        f"its poles anywhere in the box below, has a response within {at_most(band.upper.max())} mm/N",
+        "at 4 frequencies from 4 to 30 Hz",
+        f"the error at 2 frequencies in this range is at most {at_most(fixed)} mm/N",
+        f"A frequency point near {band.next_line / (2 * np.pi):.4g} Hz",
+        "covered in one piece",
+        f"All {band.claim_count} certificates",
+        "amplitudes of the modes at most 2 times the model’s",
+        "never prove",
+    ]
+    assert [text for text in wanted if text not in page.text] == []
+    (row, _) = box_table(band).rows
+    assert row[1:3] == ("8.991 … 9.009", "8.991 … 9.009")
+    assert row[3:] == ("0.095 … 0.105", "0.095 … 0.105")
+    assert all(text in page.text for text in row)
+
+
+def test_the_box_before_and_after_the_refuted_cells(band: WorstCaseOverPoles) -> None:
+    (kept,) = band.kept
+    ends = np.array(band.box.omega)
+    ends[1, 1] = ends[1].mean()
+    left = dataclasses.replace(kept, cell=dataclasses.replace(kept.cell, omega=ends))
+    split = dataclasses.replace(band, kept=(left,), refuted=(None,))  # type: ignore[arg-type]
+    first, second = box_table(split).rows
+    assert first == box_table(band).rows[0]
+    assert second[1] == box_table(band).rows[1][1] == "17.652 … 17.688"
+    assert second[2] == "17.6523 … 17.67"
+    assert "2 cells cover the box; 1 of them proved not to hold" in dict(pole_box.rows(split, None))["Cells"]
+
+
+def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: WorstCaseOverPoles) -> None:
+    page = Page(render_report(band.identification, over_poles=band))
+    assert ("section", {"class": "verdict consistent", "id": "box-certificates"}) in page.tags
+    false = dataclasses.replace(band, upper=band.upper * 0.9)
+    page = Page(render_report(band.identification, over_poles=false))
+    assert ("section", {"class": "verdict failed", "id": "box-certificates"}) in page.tags
+    assert "Not proved" in page.text
+    ends = np.array(band.box.omega)
+    ends[0, 1] *= 1.01
+    wider = dataclasses.replace(band, box=dataclasses.replace(band.box, omega=ends))
+    assert "leave out a part of the box" in pole_box.verdict(wider).sentence
+
+
+def test_text_of_strangers_is_escaped() -> None:
+    result = identified(inputs=[(NASTY, "</script>")], outputs=[("y\"'&", "<img src=x onerror=alert(2)>")])
+    found = rid.worst_case_over_poles(result, *BOX, omega=[30.0], directions=4, cells=1)
+    page = Page(render_report(result, over_poles=found))
+    assert len(page.scripts) == 3
+    assert [tag for tag, _ in page.tags if tag == "img"] == []
+    for axis, layout in page.figures["over_poles-0"]["layout"].items():
+        assert axis[:5] not in ("xaxis", "yaxis") or not re.search(r"<(?!br>)", layout["title"]["text"])
+
+
+def test_misuse_is_named(band: WorstCaseOverPoles, tmp_path: Path) -> None:
+    with pytest.raises(rid.InputError, match="`over_poles` is about another identification"):
+        write_report(identified(np.full(7, 0.1)), tmp_path / "a.html", over_poles=band)
+    with pytest.raises(
+        rid.InputTypeError, match="`over_poles` must be a WorstCaseOverPoles, from worst_case_over_poles"
+    ):
+        write_report(band.identification, tmp_path / "a.html", over_poles=1)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []

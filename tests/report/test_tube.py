@@ -1,0 +1,162 @@
+"""Tubes in time: real ones, against their own arrays and against records of the same input."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import simulate
+from robustid.guarantees import ResponseTube, response_tube
+from robustid.report import plot, render_report
+from robustid.report.sections.guarantee_charts import REACHED
+from robustid.report.sections.tube import rows, sentence, tube_chart
+from robustid.report.words import at_least, at_most
+from support.report_pages import NASTY, Page, named
+
+STEP = np.ones(5)
+
+
+def identified(*inputs: Any, **names: Any) -> rid.Identification:
+    """g_k = 0.5^(k + 1) from records of these inputs; the last sample of each isn't used."""
+    records = []
+    for u in map(np.asarray, inputs):
+        y = np.convolve(u, 0.5 ** np.arange(1, u.size + 1))[: u.size]
+        bound = np.append(np.full(u.size - 1, 0.02 * np.abs(u).max()), np.inf)
+        records.append(
+            rid.TimeRecord(u, y, dt=0.1, bound=bound, **({"inputs": ["force [N]"], "outputs": ["x [mm]"]} | names))
+        )
+    return rid.identify(rid.MixedProblem(time=tuple(records), prior=rid.Prior(gain_bound=2.5, decay_rate=1.5)))
+
+
+@pytest.fixture(scope="module")
+def result() -> rid.Identification:
+    return identified(STEP, -4 * STEP, [1.0, 0.0, 1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def step(result: rid.Identification) -> ResponseTube:
+    return response_tube(result, input="step", horizon=8)
+
+
+def test_range_model_and_reached_values_are_those_of_the_tube(step: ResponseTube) -> None:
+    (panel,) = tube_chart(step).panels
+    assert panel.title == "Step response: force rises by 1 N at 0 s"
+    assert (panel.x.label, panel.y.label) == ("time [s]", "x [mm]")
+    area = named(panel, "guaranteed range (8 samples)")
+    np.testing.assert_allclose(area.x, 0.1 * np.arange(8))
+    np.testing.assert_allclose([area.low, area.high], [step.lower, step.upper], atol=1e-12)
+    curve = named(panel, f"model, order {step.model.nstates}")
+    np.testing.assert_allclose(curve.y, step.nominal, atol=1e-12)
+    reached = named(panel, REACHED)
+    np.testing.assert_array_equal(reached.x, np.tile(step.times, 2))
+    np.testing.assert_array_equal(reached.y, [*step.attained[:, 0], *step.attained[:, 1]])
+
+
+def test_records_of_the_same_input_are_shown_and_scaled(result: rid.Identification, step: ResponseTube) -> None:
+    layers = {layer.name: layer for layer in tube_chart(step).panels[0].layers}
+    own, scaled = layers["record 1 with its intervals"], layers["record 2 with its intervals, divided by −4"]
+    assert not any(name.startswith("record 3") for name in layers)  # another input
+    for layer in (own, scaled):
+        np.testing.assert_allclose(layer.y, 1 - 0.5 ** np.arange(1, 5))
+        np.testing.assert_allclose([layer.y - layer.low, layer.high - layer.y], 0.02)
+    # The first sample of any input from zero initial conditions is that of a pulse, and of a given input all those that agree.
+    pulse = tube_chart(response_tube(result, input="impulse", horizon=1)).panels[0]
+    assert sum(layer.name.startswith("record") for layer in pulse.layers) == 3
+    given = tube_chart(response_tube(result, input=[1.0, 0.0, 1.0, 1.0])).panels[0]
+    assert given.title == "Response to the given force"
+    assert [layer.name for layer in given.layers if layer.name.startswith("record")] == ["record 3 with its intervals"]
+
+
+def test_a_record_that_does_not_start_with_zero_initial_conditions_is_no_response(step: ResponseTube) -> None:
+    problem = step.identification.problem
+    free = dataclasses.replace(problem.time[0], initial="free", past_input_bound=1.0)
+    other = rid.identify(dataclasses.replace(problem, time=free))
+    layers = tube_chart(response_tube(other, input="step", horizon=3)).panels[0].layers
+    assert not any(layer.name.startswith("record") for layer in layers)
+
+
+def test_between_the_samples_the_model_leads(result: rid.Identification) -> None:
+    some = response_tube(result, input="step", horizon=9, times=[0.1, 0.3, 0.7])
+    (panel,) = tube_chart(some).panels
+    area, curve = named(panel, "guaranteed range (3 samples)"), named(panel, f"model, order {some.model.nstates}")
+    np.testing.assert_allclose(curve.y, simulate(some.model, np.ones((9, 1)))[0][:, 0])
+    np.testing.assert_allclose(area.x, 0.1 * np.arange(1, 8))
+    np.testing.assert_allclose(area.low[[0, 2, 6]], some.lower, atol=1e-12)
+    np.testing.assert_allclose(area.high[[0, 2, 6]], some.upper, atol=1e-12)
+    offset = some.upper - some.nominal
+    np.testing.assert_allclose(area.high[1] - curve.y[2], (offset[0] + offset[1]) / 2)
+    assert "at 3 of the 9 samples until 0.8 s" in sentence(some)
+
+
+def test_matplotlib_draws_these_numbers(step: ResponseTube) -> None:
+    figure = plot.time_response(step)
+    figure.canvas.draw()
+    (ax,) = figure.axes
+    corners = ax.collections[0].get_paths()[0].vertices
+    for x, *ends in zip(step.times, step.lower, step.upper, strict=True):
+        assert all(np.any(np.all(np.isclose(corners, [x, end], atol=1e-12), axis=1)) for end in ends)
+    assert any(np.array_equal(line.get_ydata(), step.attained.T.ravel()) for line in ax.lines)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "x [mm]")
+    with pytest.raises(rid.InputTypeError, match="`result` must be of class Identification or ResponseTube; got"):
+        plot.time_response(step.model)  # type: ignore[arg-type]
+
+
+def test_page_says_what_is_guaranteed_in_time(step: ResponseTube) -> None:
+    page = Page(render_report(step.identification, tube=step))
+    wanted = [
+        "a step of force by 1 N",
+        f"within {at_most(step.error_upper.max())} mm of the model",
+        f"one of {at_least(step.error_lower[np.argmax(step.error_upper)])} mm is reached there",
+        f"stays below {at_most(step.peak)} mm, that of its error below {at_most(step.error_peak)} mm",
+        "All 16 certificates",
+        "Proved",
+    ]
+    assert [text for text in wanted if text not in page.text] == []
+    assert "Over all time" not in page.text
+    area = next(trace for trace in page.figures["tube-0"]["data"] if trace["name"].startswith("guaranteed range"))
+    np.testing.assert_allclose(area["y"], [*step.upper, *step.lower[::-1]], atol=1e-12)
+
+
+def test_page_of_a_pulse_bounds_the_gain_of_the_error(result: rid.Identification) -> None:
+    pulse = response_tube(result, horizon=6)
+    text = Page(render_report(result, tube=pulse)).text
+    assert f"at most {at_most(pulse.error_l1)} mm/N: the peak-to-peak gain" in text
+    assert "Pulse response: force is 1 N during the first sample" in text
+    uncertain = dict(rows(dataclasses.replace(pulse, upper=np.full(6, np.inf))))
+    assert "No bound" in uncertain["Over all time"]
+
+
+def test_a_tube_below_its_certificates_is_not_called_proved(step: ResponseTube) -> None:
+    false = dataclasses.replace(step, upper=step.upper - 1e-3)
+    page = Page(render_report(step.identification, tube=false))
+    assert ("section", {"class": "verdict failed", "id": "tube-certificates"}) in page.tags
+    assert "Not proved" in page.text
+
+
+def test_text_of_strangers_is_escaped() -> None:
+    result = identified(STEP, inputs=[(NASTY, "</script>")], outputs=[("y\"'&", "<img src=x onerror=alert(2)>")])
+    for signal in ("step", "impulse", STEP):
+        page = Page(
+            render_report(result, tube=response_tube(result, input=signal, horizon=None if signal is STEP else 5))
+        )
+        assert len(page.scripts) == 3
+        assert [tag for tag, _ in page.tags if tag == "img"] == []
+        assert NASTY in page.text
+
+
+def test_misuse_is_named(step: ResponseTube, tmp_path: Path) -> None:
+    with pytest.raises(rid.InputError, match="`tube` is about another identification"):
+        rid.write_report(identified(STEP), tmp_path / "a.html", tube=step)
+    with pytest.raises(rid.InputTypeError, match="`tube` must be a ResponseTube, from response_tube"):
+        rid.write_report(step.identification, tmp_path / "a.html", tube=1)  # type: ignore[arg-type]
+    omega = np.linspace(1, 9, 60)
+    fit = rid.fit_mfd(rid.FrequencyResponse(omega, 1 / (16 - omega**2 + 0.2j * omega)), order=2)
+    for name in ("tube", "over_poles", "sensitivity"):
+        with pytest.raises(rid.InputTypeError, match=f"`{name}` doesn't belong to a MatrixFraction"):
+            rid.write_report(fit, tmp_path / "a.html", **{name: step})
+    assert list(tmp_path.iterdir()) == []

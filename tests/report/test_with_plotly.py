@@ -1,0 +1,27 @@
+"""Charts as plotly draws them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import robustid as rid
+from robustid.report.sections.frequency import frequency_charts
+from robustid.report.sections.poles import pole_chart
+from robustid.report.sections.residuals import residual_chart
+from robustid.report.with_plotly import plotly_figure
+
+
+def test_plotly_accepts_and_holds_the_numbers_of_the_chart(consistent: rid.Identification) -> None:
+    import plotly.graph_objects as go
+
+    for chart in (
+        frequency_charts(consistent)[0],
+        residual_chart(consistent),
+        pole_chart(consistent),
+    ):
+        figure = plotly_figure(chart.panels[:1], 400)
+        go.Figure(figure)  # refuses unknown or malformed properties
+        for trace, layer in zip(figure["data"], chart.panels[0].layers, strict=True):
+            np.testing.assert_array_equal(np.array(trace["y"], float), layer.y)
+            if layer.low is not None:
+                np.testing.assert_allclose(layer.y - trace["error_y"]["arrayminus"], layer.low, atol=1e-12)
