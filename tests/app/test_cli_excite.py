@@ -15,15 +15,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def run(arguments, capsys, monkeypatch):
-    return command_line.words(["excite", *arguments], capsys, monkeypatch)
+@pytest.fixture
+def run(capsys, monkeypatch):
+    return lambda arguments: command_line.words(["excite", *arguments], capsys, monkeypatch)
 
 
-def test_writes_what_the_library_designs_and_says_what_to_do(capsys, monkeypatch):
+def test_writes_what_the_library_designs_and_says_what_to_do(run):
     options = ["--inputs", "2", "--realisations", "2", "--periods", "4", "--spacing", "odd", "--seed", "3"]
-    code, out, err = run(
-        [*COMMAND, *options, "--amplitude", "0.5", "--amplitude", "2", "-o", "[x].csv"], capsys, monkeypatch
-    )
+    code, out, err = run([*COMMAND, *options, "--amplitude", "0.5", "--amplitude", "2", "-o", "[x].csv"])
     assert code == 0, err
     play = rid.load("[x].csv")
     same = rid.multisine(
@@ -43,19 +42,19 @@ def test_writes_what_the_library_designs_and_says_what_to_do(capsys, monkeypatch
         assert words in out
 
 
-def test_plain_random_phases_with_rms(capsys, monkeypatch):
-    code, out, err = run([*COMMAND, "--rms", "3", "--no-minimise-crest", "-o", "play.npz"], capsys, monkeypatch)
+def test_plain_random_phases_with_rms(run):
+    code, out, err = run([*COMMAND, "--rms", "3", "--no-minimise-crest", "-o", "play.npz"])
     assert code == 0, err
     assert "in a loop" in out
     np.testing.assert_allclose(rid.load("play.npz").rms, 3, rtol=1e-12)
 
 
-def test_nothing_is_overwritten_unless_forced(folder, capsys, monkeypatch):
+def test_nothing_is_overwritten_unless_forced(folder, run):
     (folder / "play.csv").write_text("precious")
-    code, _, err = run(COMMAND, capsys, monkeypatch)
+    code, _, err = run(COMMAND)
     assert (code, (folder / "play.csv").read_text()) == (2, "precious")
     assert "play.csv exists; choose another name, or pass --force" in err
-    assert run([*COMMAND, "--force"], capsys, monkeypatch)[0] == 0
+    assert run([*COMMAND, "--force"])[0] == 0
     assert rid.load("play.csv").period == 100
 
 
@@ -79,8 +78,8 @@ def test_nothing_is_overwritten_unless_forced(folder, capsys, monkeypatch):
         (["-o", "nowhere/play.csv"], "the folder nowhere does not exist; create it first"),
     ],
 )
-def test_misuse_is_one_sentence_and_writes_nothing(options, sentence, folder, capsys, monkeypatch):
-    code, _, err = run([*COMMAND, *options], capsys, monkeypatch)
+def test_misuse_is_one_sentence_and_writes_nothing(options, sentence, folder, run):
+    code, _, err = run([*COMMAND, *options])
     assert code == 2
     assert sentence in err
     assert not list(folder.iterdir())

@@ -49,16 +49,17 @@ def files(made, tmp_path, monkeypatch):
     return folder
 
 
-def run(arguments, capsys, monkeypatch):
-    return command_line.main(["fit", *arguments], capsys, monkeypatch)
+@pytest.fixture
+def run(capsys, monkeypatch):
+    return lambda arguments: command_line.main(["fit", *arguments], capsys, monkeypatch)
 
 
 def poles_hz(name):
     return np.sort(np.abs(load_model(name).poles()))[::2] / HZ
 
 
-def test_fit_writes_model_and_report_and_says_what_it_does(files, capsys, monkeypatch):
-    code, out, err = run(["frf.csv", "--order", "8", "-o", "model", "--report", "page.html"], capsys, monkeypatch)
+def test_fit_writes_model_and_report_and_says_what_it_does(files, run):
+    code, out, err = run(["frf.csv", "--order", "8", "-o", "model", "--report", "page.html"])
     assert code == 0, err
     np.testing.assert_allclose(poles_hz("model.npz"), np.sort(SYSTEM.frequency) / HZ, rtol=1e-3)
     text = " ".join(out.split())
@@ -74,15 +75,15 @@ def test_fit_writes_model_and_report_and_says_what_it_does(files, capsys, monkey
     assert "robustid" in (files / "page.html").read_text(encoding="utf-8")
 
 
-def test_units_fields_band_and_form(files, capsys, monkeypatch):
+def test_units_fields_band_and_form(files, run):
     options = ["--frequency-unit", "Hz", "--form", "left", "-o", "hz.mat"]
-    code, out, err = run(["hertz.npz", "--order", "4", *options], capsys, monkeypatch)
+    code, out, err = run(["hertz.npz", "--order", "4", *options])
     assert code == 0, err
     assert "omega read as Hz" in out
     assert "D⁻¹ N" in out
     np.testing.assert_allclose(poles_hz("hz.mat"), np.sort(SMALL.frequency) / HZ, rtol=1e-3)
     fields = ["--frequency-field", "omega=where", "--frequency-field", "values=P", "--band", "4.5:1100"]
-    code, out, err = run(["odd.mat", "--order", "4", *fields, "-o", "part"], capsys, monkeypatch)
+    code, out, err = run(["odd.mat", "--order", "4", *fields, "-o", "part"])
     assert code in (0, 1), err
     assert "omega read as rad/s (--frequency-unit Hz if the file has Hz)" in out
     kept = np.sum((OMEGA >= 4.5 * HZ) & (OMEGA <= 1100 * HZ))
@@ -90,21 +91,21 @@ def test_units_fields_band_and_form(files, capsys, monkeypatch):
     assert load_model("part.npz").nstates == 4
 
 
-def test_the_covariance_is_the_weight_unless_asked_otherwise(files, capsys, monkeypatch):
+def test_the_covariance_is_the_weight_unless_asked_otherwise(files, run):
     costs = {}
     for option in ("", "--relative"):
         arguments = ["known.npz", "--order", "4", "--force", *[option] * bool(option)]
-        code, out, err = run(arguments, capsys, monkeypatch)
+        code, out, err = run(arguments)
         assert code == 0, err
         costs[option] = float(out.split("Cost")[1].split()[0])
     assert costs["--relative"] == pytest.approx(1e-4 * costs[""], rel=0.05)
 
 
-def test_rigid_body_and_roll_off(files, capsys, monkeypatch):
+def test_rigid_body_and_roll_off(files, run):
     s = 1j * OMEGA[:, None, None]
     rid.save("rigid.npz", rid.FrequencyResponse(OMEGA, FEW + 1e5 * np.array([[1.0], [0.5]]) / s**2))
     options = ["--order", "6", "--rigid-body", "1", "--roll-off", "2"]
-    code, out, err = run(["rigid.npz", *options], capsys, monkeypatch)
+    code, out, err = run(["rigid.npz", *options])
     assert code in (0, 1), err
     assert "rigid body" in out
     model = load_model("fit.npz")
@@ -113,7 +114,7 @@ def test_rigid_body_and_roll_off(files, capsys, monkeypatch):
     np.testing.assert_allclose(gain[..., 0] / gain[..., 1], 100, rtol=0.01)
 
 
-def test_order_auto_takes_the_smallest_description_length(files, capsys, monkeypatch):
+def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatch):
     """The sweep itself is tested elsewhere: here the pool, the progress and the choice."""
     from robustid.mfd import order
 
@@ -123,7 +124,7 @@ def test_order_auto_takes_the_smallest_description_length(files, capsys, monkeyp
     rid.save("one.npz", rid.FrequencyResponse(omega, values))
     monkeypatch.setattr(order, "_AROUND", (-1, 0, 1))
     arguments = ["one.npz", "--order", "auto", "--report", "page.html"]
-    code, out, err = run(arguments, capsys, monkeypatch)
+    code, out, err = run(arguments)
     assert code in (0, 1), err
     assert "fitting a range of orders: 3 of 3" in out
     assert "has the smallest MDL" in out
@@ -131,7 +132,7 @@ def test_order_auto_takes_the_smallest_description_length(files, capsys, monkeyp
     assert load_model("fit.npz").nstates == 2
 
 
-def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch):
+def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
     import dataclasses
 
     import robustid.mfd
@@ -140,7 +141,7 @@ def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch)
     monkeypatch.setattr(
         "robustid.mfd.fit_mfd", lambda *a, **k: dataclasses.replace(real(*a, **k), status=FitStatus.LIMIT)
     )
-    code, out, _ = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "4"], capsys, monkeypatch)
+    code, out, _ = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "4"])
     assert code == 1
     assert "Not converged" in out
     assert (files / "fit.npz").exists()
@@ -185,9 +186,9 @@ def test_not_converged_exits_with_1_and_still_writes(files, capsys, monkeypatch)
         (["odd.mat", "--order", "8"], "--frequency-field omega=NAME"),
     ],
 )
-def test_misuse_exits_with_2_and_one_sentence(files, capsys, monkeypatch, arguments, words):
+def test_misuse_exits_with_2_and_one_sentence(files, run, arguments, words):
     before = sorted(files.iterdir())
-    code, _, err = run(arguments, capsys, monkeypatch)
+    code, _, err = run(arguments)
     assert code == 2
     assert words in " ".join(err.split())
     assert "`" not in err
@@ -195,22 +196,20 @@ def test_misuse_exits_with_2_and_one_sentence(files, capsys, monkeypatch, argume
     assert sorted(files.iterdir()) == before
 
 
-def test_interrupted_leaves_nothing(files, capsys, monkeypatch):
+def test_interrupted_leaves_nothing(files, run, monkeypatch):
     def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("robustid.report.render_report", stop)
     before = sorted(files.iterdir())
-    code, _, err = run(
-        ["hertz.npz", "--frequency-unit", "Hz", "--order", "4", "--report", "page.html"], capsys, monkeypatch
-    )
+    code, _, err = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "4", "--report", "page.html"])
     assert code == 130
     assert "interrupted" in err
     assert sorted(files.iterdir()) == before
 
 
-def test_help_teaches(capsys, monkeypatch):
-    code, out, _ = run(["--help"], capsys, monkeypatch)
+def test_help_teaches(run):
+    code, out, _ = run(["--help"])
     assert code == 0
     text = " ".join(out.replace("│", " ").split())
     for words in ("--rigid-body", "--roll-off", "auto", "0 converged and verified", "Example"):

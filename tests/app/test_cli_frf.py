@@ -44,8 +44,9 @@ def files(made, tmp_path, monkeypatch):
     return folder
 
 
-def run(arguments, capsys, monkeypatch):
-    return command_line.words(["frf", *arguments], capsys, monkeypatch)
+@pytest.fixture
+def run(capsys, monkeypatch):
+    return lambda arguments: command_line.words(["frf", *arguments], capsys, monkeypatch)
 
 
 def same(found, wanted):
@@ -59,9 +60,9 @@ def same(found, wanted):
     )
 
 
-def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys, monkeypatch):
+def test_records_of_an_excitation_give_what_the_library_estimates(files, run):
     arguments = ["run1.csv", "run2.csv", "--lines", "play.csv", "-o", "g.npz", "--report", "g.html"]
-    code, out, err = run(arguments, capsys, monkeypatch)
+    code, out, err = run(arguments)
     assert code == 0, err
     records = [rid.load(f"run{k}.csv") for k in (1, 2)]
     play = rid.load("play.csv")
@@ -90,10 +91,10 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, capsys,
 
 
 @pytest.mark.parametrize("name", ["g.csv", "g.mat"])
-def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, capsys, monkeypatch):
+def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, run):
     fields = [f"--time-field={pair}" for pair in ("u=iq", "u=id", "y=a", "y=b")]
     options = ["--period", "1", "--lines", "1:9:2, 12", "--probability", "0.9"]
-    code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", name], capsys, monkeypatch)
+    code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", name])
     assert code == 0, err
     found = rid.load(name)
     records = [rid.load(f"plain{k}.csv", fields={"u": ["iq", "id"], "y": ["a", "b"]}) for k in (1, 2)]
@@ -102,50 +103,50 @@ def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, capsy
     assert "Statistical bound, 90 %" in out
 
 
-def test_one_signal_of_several_and_the_first_samples(files, capsys, monkeypatch):
+def test_one_signal_of_several_and_the_first_samples(files, run):
     fields = ["--time-field", "u=iq", "--time-field", "y=a"]
-    code, out, err = run(["plain1.csv", *fields, "--period", "1", "--first", "400"], capsys, monkeypatch)
+    code, out, err = run(["plain1.csv", *fields, "--period", "1", "--first", "400"])
     assert code == 0, err
     assert "400 samples, 0 to 3.99 s" in out
     assert "robustid identify --frequency frf.npz --report" in out
     assert rid.load("frf.npz").values.shape[1:] == (1, 1)
 
 
-def test_other_excitation_methods_and_a_reference(files, capsys, monkeypatch):
-    code, out, err = run(["random.npz", "--dt", "0.01", "-o", "local.npz"], capsys, monkeypatch)
+def test_other_excitation_methods_and_a_reference(files, run):
+    code, out, err = run(["random.npz", "--dt", "0.01", "-o", "local.npz"])
     assert code == 0, err
     record = rid.load("random.npz", dt=DT)
     same(rid.load("local.npz"), estimate_frf(record))
     assert "local rational method" in out
-    code, out, err = run(["random.npz", "--dt", "0.01", "--method", "welch", "-o", "w.npz"], capsys, monkeypatch)
+    code, out, err = run(["random.npz", "--dt", "0.01", "--method", "welch", "-o", "w.npz"])
     assert code == 0, err
     assert "Warning: This is a first look by Welch's method" in out
-    code, out, err = run(["loop.npz", "-o", "loop-frf.npz"], capsys, monkeypatch)
+    code, out, err = run(["loop.npz", "-o", "loop-frf.npz"])
     assert code == 0, err
     assert "; 1 reference" in out
     assert "by the reference" in out
 
 
-def test_a_transient_that_is_left_out_is_said(files, capsys, monkeypatch):
+def test_a_transient_that_is_left_out_is_said(files, run):
     rng = np.random.default_rng(1)
     u = np.tile(rng.standard_normal(PERIOD), 8) + 1e-6 * rng.standard_normal(800)
     y = u + 5 * np.exp(-np.arange(800) / 30) + 0.01 * rng.standard_normal(800)
     rid.save("start.npz", TimeRecord(u, y, dt=DT))
-    code, out, err = run(["start.npz", "--period", "1"], capsys, monkeypatch)
+    code, out, err = run(["start.npz", "--period", "1"])
     assert code == 0, err
     assert re.search(r"the first \d left out \(transient\)", out)
-    code, out, err = run(["start.npz", "--period", "1", "--initial", "periodic", "--force"], capsys, monkeypatch)
+    code, out, err = run(["start.npz", "--period", "1", "--initial", "periodic", "--force"])
     assert code == 0, err
     assert "left out" not in out
 
 
-def test_nothing_is_overwritten_unless_forced(files, capsys, monkeypatch):
+def test_nothing_is_overwritten_unless_forced(files, run):
     (files / "frf.npz").write_text("precious")
     arguments = ["random.npz", "--dt", "0.01"]
-    code, _, err = run(arguments, capsys, monkeypatch)
+    code, _, err = run(arguments)
     assert (code, (files / "frf.npz").read_text()) == (2, "precious")
     assert "pass --force" in err
-    assert run([*arguments, "--force"], capsys, monkeypatch)[0] == 0
+    assert run([*arguments, "--force"])[0] == 0
     assert rid.load("frf.npz").bound is not None
 
 
@@ -200,9 +201,9 @@ def test_nothing_is_overwritten_unless_forced(files, capsys, monkeypatch):
         (["run1.csv", "run2.csv", "--report", "nowhere/a.html"], "the folder nowhere does not exist"),
     ],
 )
-def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, capsys, monkeypatch):
+def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, run):
     before = sorted(files.iterdir())
-    code, _, err = run(arguments, capsys, monkeypatch)
+    code, _, err = run(arguments)
     assert code == 2, err
     assert sentence in err
     assert "`" not in err
@@ -210,20 +211,20 @@ def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, c
     assert sorted(files.iterdir()) == before
 
 
-def test_interrupted_leaves_nothing(files, capsys, monkeypatch):
+def test_interrupted_leaves_nothing(files, run, monkeypatch):
     def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("robustid.report.render_report", stop)
     before = sorted(files.iterdir())
-    code, _, err = run(["random.npz", "--dt", "0.01", "--report", "page.html"], capsys, monkeypatch)
+    code, _, err = run(["random.npz", "--dt", "0.01", "--report", "page.html"])
     assert code == 130
     assert "interrupted" in err
     assert sorted(files.iterdir()) == before
 
 
-def test_help_teaches(capsys, monkeypatch):
-    code, out, _ = run(["--help"], capsys, monkeypatch)
+def test_help_teaches(run):
+    code, out, _ = run(["--help"])
     assert code == 0
     text = " ".join(out.replace("│", " ").split())
     for words in ("RECORD...", "--period", "Period of the excitation", "robustid excite", "0 written", "Example"):

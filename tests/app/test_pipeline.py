@@ -1,102 +1,307 @@
-import dataclasses
+"""A run file from the measurements to the report: found, kept, and made again."""
 
-import control
+import dataclasses
+import html.parser
+import tomllib
+
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.options import Modes
-from robustid.app.proposal import propose
+from robustid.app import choices, sequence
+from robustid.data.io import datasets
+from robustid.errors import DatasetNotFoundError
 from robustid.identification.residuals import model_residuals
+from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask
 
 
-def problem(seed, **prior):
-    data = rid.flexible_structure(seed=seed)
-    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    prior = rid.Prior(**({"gain_bound": 0.2, "decay_rate": 1.1} | prior))
-    return rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
+def numbers(folder, *names):
+    out = {}
+    for name in names:
+        with np.load(folder / f"{name}.npz") as archive:
+            out |= {f"{name}/{key}": archive[key] for key in archive.files}
+    return out
 
 
-def test_reduced_models_keep_every_sample():
-    """4 seeds: every sample inside, the margins reported are those of the samples, and no smaller order was skipped."""
-    for seed in range(4):
-        result = rid.identify(problem(seed), objective="gain")
-        reduction = rid.reduce_within_bounds(result)
-        worst = max(r.ratio.max() for r in model_residuals(result.problem, reduction.model))
-        assert worst == pytest.approx(reduction.margin, rel=1e-12)
-        assert worst <= 1 + 1e-5
-        assert reduction.order == reduction.model.nstates == 4  # as the truth
-        assert [order for order, _ in reduction.tried] == list(range(5))
-        assert all(margin > 1 for _, margin in reduction.tried[:-1])
-        omega = np.linspace(1, 314, 500)
-        z = np.exp(1j * omega * 0.01)
-        assert np.abs(result.model(z) - reduction.model(z)).max() <= reduction.bound + 1e-9 * 7  # of the peak: rounding
+def same_numbers(one, two, *names):
+    first, second = numbers(one, *names), numbers(two, *names)
+    return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
 
 
-def test_the_smallest_order_over_the_objectives_is_taken():
-    result = rid.identify(problem(0))
-    best = rid.reduce_within_bounds(result)
-    assert best.order == 4 < result.order
-    assert max(r.ratio.max() for r in model_residuals(result.problem, best.model)) <= 1 + 1e-5
+def test_the_run_file_beside_the_results_gives_the_same_again(folder):
+    """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
+    frf = rid.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
+    rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
+    chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}, **SHORT}
+    (folder / "sub").mkdir()
+    first = rid.run(ask(folder, {"frequency": DATA["frequency"]}, chosen), folder / "sub" / "first")
+    stated = tomllib.loads((folder / "sub" / "first" / "run.toml").read_text(encoding="utf-8"))
+    assert stated["frequency"][0]["file"] == "../../frf.csv"
+    for section, keys in {
+        "modes": ("hz", "damping", "delay", "hz_interval", "damping_interval", "note"),
+        "prior": ("gain_bound", "decay_rate", "note"),
+        "identify": ("inflate", "inflate_note"),
+        "worst_case": ("at_hz",),
+    }.items():
+        assert set(keys) <= set(stated[section])
+    assert isinstance(stated["identify"]["inflate"], float)
+
+    second = rid.run(folder / "sub" / "first" / "run.toml", folder / "second")
+    assert same_numbers(folder / "sub" / "first", folder / "second", "identification", "worst_case", "small_model")
+    assert second.findings == first.findings
+    assert second.identification.notes == first.identification.notes == first.choices
+    assert len(first.choices) == 3
+    assert any("not for the box" in finding for finding in first.findings)
+    one, two = ((folder / place / "run.toml").read_text(encoding="utf-8") for place in ("sub/first", "second"))
+    assert one.replace("../../frf.csv", "../frf.csv") == two
 
 
-@pytest.mark.parametrize(
-    ("missing", "words"), [({"dt": None}, "`dt`"), ({"bound": None}, "bound on every sample"), ({}, "both missing")]
-)
-def test_a_proposal_needs_data_with_sample_time_and_bound(missing, words):
-    frf = dataclasses.replace(rid.flexible_structure(seed=0).frequency, **missing)
-    with pytest.raises(rid.InputError, match=words):
-        propose(frequency=[frf] if missing else [])
-
-
-def test_inconsistent_data_are_reduced_to_the_level_of_the_margin():
-    data = rid.flexible_structure(seed=0)
-    wrong = rid.kautz(2 * np.pi * np.array([9.0, 17.2]), [0.1, 0.004], dt=0.01, delay=1)
-    result = rid.identify(dataclasses.replace(problem(0), parametric=wrong, time=data.time))
-    reduction = rid.reduce_within_bounds(result)
-    assert not result.consistent
-    assert reduction.margin <= result.margin * (1 + 2e-5)
-    assert "contradict" in reduction.status.value
-
-
-def test_integrators_survive_the_reduction():
-    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    truth = control.ss(rigid + rid.flexible_structure(seed=1).truth)
-    omega = 2 * np.pi * np.linspace(1, 40, 10)
-    F = truth(np.exp(1j * omega * 0.01))
-    frf = rid.FrequencyResponse(omega, F, bound=1e-2 * np.abs(F), dt=0.01)
-    basis = [rigid, rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)]
-    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
-    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), objective="gain")
-    reduction = rid.reduce_within_bounds(result)
-    assert reduction.order < result.order
-    assert np.sum(np.abs(reduction.model.poles() - 1) < 1e-6) == 2
-    assert reduction.margin <= 1 + 1e-5
-
-
-def test_reduce_within_bounds_wants_an_identification():
-    with pytest.raises(rid.InputTypeError, match="identify"):
-        rid.reduce_within_bounds(rid.flexible_structure().truth)
-
-
-def test_a_proposal_says_what_was_chosen():
-    data = rid.flexible_structure(seed=0, extra_hz=np.linspace(17.2, 18.1, 10))
-    proposal = propose(frequency=[data.frequency], time=[data.time])
-    assert rid.identify(proposal.problem).consistent
-    assert len(proposal.choices) == 2
-    poles = proposal.problem.parametric.poles
-    truth = np.exp((-0.004 + 1j) * 2 * np.pi * 17.67 * 0.01)
-    assert np.abs(poles - truth).min() < 1e-3
-    given = propose(
-        frequency=[data.frequency], modes=Modes(hz=(9.0, 17.67), damping=(0.1, 0.004)), prior=proposal.problem.prior
+def test_the_steps_are_those_done_by_hand(folder):
+    result = rid.run(ask(folder, DATA, CLASS, SHORT), "out")
+    frf, step = rid.load("frf.csv"), rid.load("step.csv")
+    basis = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+    problem = rid.MixedProblem(
+        frequency=frf, time=step, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=basis
     )
-    assert given.choices == ()
+    by_hand = rid.identify(problem)
+    assert result.identification.margin == by_hand.margin
+    small = rid.reduce_within_bounds(by_hand)
+    assert result.reduction.order == small.order
+    error = rid.worst_case_error(by_hand, model=small.model, omega=2 * np.pi * np.array([5.0, 17.0]), directions=4)
+    np.testing.assert_array_equal(result.error.upper, error.upper)
+    assert result.error.certified
+    assert result.choices == ()  # nothing was left to the program
+    assert not any("not for the box" in finding for finding in result.findings)
+    assert max(r.ratio.max() for r in model_residuals(problem, result.model)) <= 1 + 1e-5
+    assert rid.load("out/identification").margin == by_hand.margin
+    assert rid.load("out/worst_case").upper.max() == error.upper.max()
 
 
-def test_data_that_fit_no_gain_still_get_a_problem_and_a_proof():
+@pytest.mark.usefixtures("unreduced")
+def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run):
+    wrong = {"modes": {"hz": [9.0, 17.2], "damping": [0.1, 0.004]}, "prior": CLASS["prior"]}
+    ask(folder, DATA, wrong, SHORT)
+    code, out, _ = run(["run", "ask.toml", "-o", "out"])
+    assert code == 3
+    result = rid.load("out/identification")
+    assert not result.consistent
+    assert np.array_equal(result.problem.frequency[0].bound, rid.load("frf.csv").bound)
+    assert "The data contradict the class" in out
+    assert "each pair repeated once more" in out
+    assert "Nothing was widened" in out
+    assert f"inflate = {1.1 * result.margin:.4g}" in out
+    assert not (folder / "out" / "worst_case.npz").exists()
+
+    stated = wrong | {"identify": {"inflate": float(f"{1.1 * result.margin:.4g}")}}
+    wide = rid.run(ask(folder, DATA, stated, QUICK), "wide")
+    assert wide.consistent
+    assert wide.identification.margin == pytest.approx(1 / 1.1, rel=1e-3)
+    auto = rid.run(ask(folder, DATA, wrong, {"identify": {"inflate": "auto"}}, QUICK), "auto")
+    factor = auto.run_file.identify.inflate
+    assert factor == pytest.approx(1.1 * result.margin, rel=1e-3)
+    bound = auto.identification.problem.frequency[0]
+    np.testing.assert_array_equal(bound.bound, factor * rid.load("frf.csv").bound)
+    assert f"times {factor:.4g}" in bound.note
+    assert "as the program found" in bound.note
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_consistent_data_are_not_widened_by_auto(folder):
+    result = rid.run(ask(folder, DATA, CLASS, {"identify": {"inflate": "auto"}}, QUICK), "out")
+    assert result.run_file.identify.inflate == 1
+    assert "left as they are" in result.choices[0]
+    assert np.array_equal(result.identification.problem.frequency[0].bound, rid.load("frf.csv").bound)
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_a_class_of_anything_at_all_is_not_chosen():
+    """Two lines side by side that no smooth rest passes: a finding, not a huge gain bound."""
+    frf = rid.FrequencyResponse([50.0, 50.001, 60.0], [1.0, 1.5, 1.0], bound=0.01, dt=0.01)
+    result = rid.identify_reduced(frf, modes=[], worst_case=False)
+    assert result.identification.status is rid.Status.INCONSISTENT
+    assert result.identification.problem.prior.gain_bound <= 1.5
+    assert "Not taken" in result.choices[0]
+    widened = rid.identify_reduced(frf, modes=[], worst_case=False, inflate="auto")
+    assert widened.consistent
+    assert widened.run_file.identify.inflate == pytest.approx(1.1 * 25, rel=0.05)  # half the difference over the bound
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_nothing_is_replaced_without_force(folder, run):
+    ask(folder, DATA, CLASS, SHORT)
+    code, out, _ = run(["run", "ask.toml", "-o", "out"])
+    assert code == 0
+    written = sorted(path.name for path in (folder / "out").iterdir())
+    assert written == [
+        "identification.json",
+        "identification.npz",
+        "report.html",
+        "response-1.csv",
+        "run.toml",
+        "small_model.npz",
+        "summary.txt",
+        "worst_case.json",
+        "worst_case.npz",
+    ]
+    assert all(f"out/{name}" in out for name in written)
+    before = {path: path.read_bytes() for path in (folder / "out").iterdir()}
+    (folder / "out" / "mine.txt").write_text("mine")
+    code, _, err = run(["run", "ask.toml", "-o", "out"])
+    assert code == 2
+    assert "--output = 'out' is not empty" in err
+    assert "--force" in err
+    assert all(path.read_bytes() == content for path, content in before.items())
+    ask(folder, DATA, CLASS, QUICK)
+    code, _, _ = run(["run", "ask.toml", "-o", "out", "--force"])
+    assert code == 0
+    assert not (folder / "out" / "worst_case.npz").exists()  # of the earlier run: it would be about another result
+    assert (folder / "out" / "mine.txt").read_text() == "mine"
+    code, _, err = run(["run", "out/run.toml", "-o", "out", "--force"])
+    assert code == 2
+    assert "holds the run file itself" in err
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
+    ask(folder, DATA, {"prior": CLASS["prior"]}, SHORT)
+    whole = rid.run("ask.toml", "whole")
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sequence, "worst_case_error", interrupted)
+        code, out, err = run(["run", "ask.toml", "-o", "out"])
+    assert code == 130
+    assert "--resume" in out
+    assert sorted(p.name for p in (folder / "out").iterdir()) == [
+        "identification.json", "identification.npz", "response-1.csv", "run.toml",
+    ]  # fmt: skip
+
+    def again(*_, **__):
+        raise AssertionError("computed again")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sequence, "identify", again)
+        patch.setattr(choices, "suggest_kautz", again)
+        code, out, err = run(["run", "ask.toml", "-o", "out", "--resume"])
+    assert code == 0, err
+    assert "taken from the unfinished run" in out
+    assert same_numbers(folder / "whole", folder / "out", "identification", "worst_case", "small_model")
+    assert whole.run_file.text() == (folder / "out" / "run.toml").read_text(encoding="utf-8")
+
+    ask(folder, DATA, SHORT, CLASS)
+    code, _, err = run(["run", "ask.toml", "-o", "out", "--resume"])
+    assert code == 2
+    assert "was asked something else" in err
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_changed_data_are_not_taken_for_those_of_an_unfinished_run(folder):
+    path = ask(folder, DATA, CLASS, QUICK)
+    rid.run(path, "out")
+    frf = rid.load("frf.csv")
+    rid.save("frf.csv", dataclasses.replace(frf, values=1.01 * frf.values))
+    with pytest.raises(rid.InputError, match="aren't the data"):
+        rid.run(path, "out", resume=True)
+
+
+class _Text(html.parser.HTMLParser):
+    """The text of the element with an id."""
+
+    def __init__(self, wanted):
+        super().__init__()
+        self.wanted, self.inside, self.text = wanted, False, ""
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = self.inside or ("id", self.wanted) in attrs
+
+    def handle_endtag(self, tag):
+        self.inside = self.inside and tag != "pre"
+
+    def handle_data(self, data):
+        self.text += data if self.inside else ""
+
+
+def test_the_page_holds_the_run_file_and_the_findings(folder):
+    title = "<script>alert(1)</script> & more"
+    result = rid.run(ask(folder, {"title": title}, DATA, CLASS, SHORT), "out")
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    found = _Text("run-file")
+    found.feed(page)
+    assert tomllib.loads(found.text) == tomllib.loads(result.run_file.text())
+    assert "<script>alert" not in page
+    assert "What was found" in page
+    assert "keeps all 12 samples within their bounds" in page
+    assert "How this was made" in page
+
+
+def test_identify_reduced_of_a_problem():
+    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
+    lines = []
+    result = rid.identify_reduced(
+        problem, omega=[60.0, 110.0], directions=4, progress=lambda text, done=None, count=None: lines.append(text)
+    )
+    assert result.identification.margin == rid.identify(problem).margin
+    np.testing.assert_allclose(result.error.omega, [60.0, 110.0], rtol=1e-15)
+    np.testing.assert_array_equal(result.error.upper, result.worst_case.with_model(result.model).upper)
+    assert "bounding the error at every frequency" in lines
+    assert "given in Python" in result.run_file.text()
+    with pytest.raises(rid.InputError, match="`prior` is part of the problem already"):
+        rid.identify_reduced(problem, prior=prior)
+    with pytest.raises(rid.InputTypeError, match="sequence of these two; got int"):
+        rid.identify_reduced(3)
+    with pytest.raises(rid.InputError, match="bound on every sample"):
+        rid.identify_reduced(dataclasses.replace(data.frequency, bound=None))
+    with pytest.raises(rid.InputError, match=r"`inflate` must be .auto. or a number"):
+        rid.identify_reduced(problem, inflate="very")
+
+
+def test_samples_outside_are_named():
+    """A bound that no truncated model keeps: the identified one is inflated, and the samples outside stand in a finding."""
     first = rid.FrequencyResponse([50.0], [1.0], bound=0.01, dt=0.01)
     second = rid.FrequencyResponse([50.0], [2.0], bound=0.01, dt=0.01)
-    proposal = propose(frequency=[first, second], modes=Modes(hz=(), damping=()))
-    result = rid.identify(proposal.problem)
-    assert result.status is rid.Status.INCONSISTENT
-    assert result.margin == pytest.approx(50, rel=1e-3)
+    result = rid.identify_reduced([first, second], modes=[], worst_case=False)
+    assert not result.consistent
+    assert "2 of 2 samples outside their bounds: 7.9577 Hz (50 bounds)" in " ".join(result.findings)
+
+
+def torsion(tmp_path, **changes):
+    try:
+        datasets.find("two_mass/MultisineTypeA.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    content = tomllib.loads((EXAMPLES / "torsion.toml").read_text(encoding="utf-8"))
+    result = rid.run(ask(tmp_path, content, changes), tmp_path / "out")
+    assert result.consistent
+    assert result.error.certified
+    assert result.run_file.identify.inflate > 10
+    assert "as the program found" in result.identification.problem.frequency[0].note
+    residuals = model_residuals(result.identification.problem, result.model)
+    assert max(r.ratio.max() for r in residuals) <= 1 + 1e-5
+    assert result.reduction.order <= 10
+    return result
+
+
+@pytest.mark.realdata
+def test_the_torsion_of_a_motor_bench(tmp_path):
+    prior = {"gain_bound": 1e-3, "decay_rate": 1.2}
+    result = torsion(
+        tmp_path,
+        prior=prior,
+        frequency_points={"every": 24, "near_hz": 3.0},
+        worst_case={"at_hz": [76.0], "directions": 4},
+    )
+    assert "needs them" in result.choices[1]
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_torsion_of_a_motor_bench_from_its_example(tmp_path):
+    result = torsion(tmp_path)
+    median = np.median(result.error.upper.ravel() / np.abs(result.error.nominal))
+    assert median < 0.2
+    assert any(finding.startswith("Of 152 lines that were not used") for finding in result.findings)

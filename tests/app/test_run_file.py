@@ -11,10 +11,7 @@ import robustid as rid
 from robustid.app import choices
 from robustid.app.run_file import RunFile, read_run_file
 from robustid.app.toml import write_toml
-from support import run_files
-from support.run_files import CLASS, DATA, ask, command
-
-folder = run_files.folder
+from support.run_files import CLASS, DATA, ask
 
 plain = st.one_of(
     st.text(st.characters(exclude_categories=["Cs"])),
@@ -144,7 +141,7 @@ MISUSE = {
 
 
 @pytest.mark.parametrize("name", MISUSE)
-def test_misuse_is_one_sentence_before_anything_is_computed(folder, capsys, monkeypatch, name):
+def test_misuse_is_one_sentence_before_anything_is_computed(folder, run, monkeypatch, name):
     def computed(*_, **__):
         raise AssertionError("computed")
 
@@ -155,7 +152,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, capsys, monk
     path = ask(folder, DATA, change)
     with pytest.raises((rid.InputError, rid.InputTypeError), match=words):
         rid.run(path, "out")
-    code, _, err = command(["ask.toml", "-o", "out"], capsys, monkeypatch)
+    code, _, err = run(["run", "ask.toml", "-o", "out"])
     assert code == 2
     assert err.startswith("error: ")
     assert err.count("\n") == 1
@@ -176,12 +173,12 @@ def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatc
     ("content", "words"),
     [(b"[modes\n", "is not TOML: .*line 1"), (b"\xff\xfe", "no text in UTF-8"), (None, "can't be read: No such file")],
 )
-def test_a_file_that_is_no_run_file(folder, capsys, monkeypatch, content, words):
+def test_a_file_that_is_no_run_file(folder, run, content, words):
     if content is not None:
         (folder / "ask.toml").write_bytes(content)
     with pytest.raises(rid.FileFormatError, match=words):
         rid.run("ask.toml", "out")
-    assert command(["ask.toml"], capsys, monkeypatch)[0] == 2
+    assert run(["run", "ask.toml"])[0] == 2
 
 
 def test_defaults_ask_for_nothing():

@@ -309,7 +309,7 @@ def test_measured_lines_are_answered_with_proof():
 @pytest.mark.realdata
 def test_all_measured_lines_in_one_command(tmp_path, capsys, monkeypatch):
     """3839 lines, seven times the scatter of the realisations, pairs at the modes: model, bounds, proof and report."""
-    from support.cli_runs import run
+    from support.command_line import main as run
 
     monkeypatch.chdir(tmp_path)
     frf = mirror_entry()

@@ -4,6 +4,10 @@ import pytest
 
 from robustid.app.cli import main as cli
 
+COMMAND = ["identify", "--frequency", "frf.csv", "--time", "step.csv"]
+CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay", "1.1"]
+SHORT = [*CLASS, "--no-reduce"]
+
 
 def main(arguments, capsys, monkeypatch):
     """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""

@@ -1,4 +1,4 @@
-"""Shared by the tests: matrix lines."""
+"""MIMO plants of few modes, and their frequency responses with bounded errors."""
 
 import control
 import numpy as np
@@ -28,3 +28,16 @@ def lines(rng, truth, bound=0.05, count=30):
     exact = responses(truth, omega * DT)
     noise = rng.uniform(-1, 1, (2, *exact.shape)) * bound / np.sqrt(2)
     return rid.FrequencyResponse(omega, exact + noise[0] + 1j * noise[1], bound=bound, dt=DT)
+
+
+def measured(seed=0, **options):
+    """A plant of two modes, its basis and its response."""
+    rng = np.random.default_rng(seed)
+    truth, basis = plant(rng, 2)
+    return truth, basis, lines(rng, truth, **options)
+
+
+def damping_of(model):
+    """Damping ratios of the pairs, by frequency."""
+    poles = np.log(model.poles()[model.poles().imag > 0])
+    return (-poles.real / np.abs(poles))[np.argsort(np.abs(poles))]

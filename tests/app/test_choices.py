@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import sequence
-from support import run_files
+from robustid.app import choices, sequence
+from robustid.app.run_file import RunFile
+from support.matrix_lines import measured
 from support.run_files import CLASS, DATA, QUICK, ask
-
-folder, unreduced = run_files.folder, run_files.unreduced
 
 OVERRIDES = {
     "prior": (
@@ -183,3 +182,22 @@ def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
     result = rid.run(ask(folder, DATA, CLASS, QUICK, {"small_model": {"rigid_body": 1}}), "out")
     assert asked == [1]
     assert result.run_file.small_model.rigid_body == 1
+
+
+def test_wider_bounds_keep_their_kind():
+    """The size of an error in units of the bound is divided by the factor, whatever the bound is."""
+    rng = np.random.default_rng(0)
+    _, _, frf = measured()
+    error = rng.standard_normal(frf.values.shape) + 1j * rng.standard_normal(frf.values.shape)
+    root = rng.standard_normal((frf.omega.size, 4, 4)) + 1j * rng.standard_normal((frf.omega.size, 4, 4))
+    run = RunFile().changed("identify", inflate=3.0)
+    for data in (
+        frf,
+        dataclasses.replace(frf, tilt=np.full(frf.omega.size, 0.3 + 0.1j)),
+        frf.with_column_bound(0.1),
+        dataclasses.replace(frf, bound=None, joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2)),
+    ):
+        wide = choices.inflated(data, run)
+        assert wide.joint == data.joint
+        np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
+        assert "times 3" in wide.note

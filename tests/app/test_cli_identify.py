@@ -1,84 +1,64 @@
-"""The command line as a user meets it: real files, exit codes, sentences."""
+"""robustid identify as a user meets it: real files, exit codes, sentences."""
 
 import os
-import subprocess
-import sys
 
-import control
 import numpy as np
 import pytest
 import scipy.io
-from typer.testing import CliRunner
 
 import robustid as rid
-from robustid.app.cli import main as cli
-from support.cli_runs import run
-
-runner = CliRunner()
+from support.command_line import CLASS, COMMAND, SHORT
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch):
-    data = rid.flexible_structure(seed=0)
-    rid.save(tmp_path / "frf.csv", data.frequency)
-    rid.save(tmp_path / "step.csv", data.time)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-COMMAND = ["identify", "--frequency", "frf.csv", "--time", "step.csv"]
-CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay", "1.1"]
-
-
-def test_identify_reduce_and_report_on_files(files, capsys, monkeypatch):
-    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"], capsys, monkeypatch)
+def test_identify_reduce_and_report_on_files(files, run):
+    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
     assert code == 0
     assert "onsistent" in out
     result = rid.load("first")
     assert result.consistent
     assert "<html" in (files / "first.html").read_text(encoding="utf-8")
-    code, out, _ = run(["reduce", "first", "-o", "small.mat"], capsys, monkeypatch)
+    code, out, _ = run(["reduce", "first", "-o", "small.mat"])
     assert code == 0
     assert "order 4" in out
-    code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"], capsys, monkeypatch)
+    code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"])
     assert code == 0
     from robustid.data.io.model_files import load_model
 
     assert load_model("smaller.npz").nstates == 2
     assert load_model("small.mat").dt == 0.01
-    code, out, _ = run(["report", "first.json", "-o", "again.html"], capsys, monkeypatch)
+    code, out, _ = run(["report", "first.json", "-o", "again.html"])
     assert code == 0
     assert (files / "again.html").exists()
 
 
-def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, capsys, monkeypatch):
+def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
     wrong = ["--mode", "9:0.1", "--mode", "17.4:0.004", "--gain", "0.2", "--decay", "1.1", "--no-reduce"]
-    code, out, _ = run([*COMMAND, *wrong], capsys, monkeypatch)
+    code, out, _ = run([*COMMAND, *wrong])
     assert code == 3
     assert "nconsistent" in out
     assert "margin" in out.lower()
     assert not rid.load(files / "result").consistent
 
 
-def test_column_names_and_units_are_given_by_options(files, capsys, monkeypatch):
+def test_column_names_and_units_are_given_by_options(files, run):
     frf = rid.flexible_structure(seed=0).frequency
     rows = np.column_stack([frf.freq_hz, frf.values[:, 0, 0].real, frf.values[:, 0, 0].imag])
     np.savetxt("odd.csv", rows, delimiter=",", header="where,x,y", comments="")
     fields = ["--frequency-field", "omega=where", "--frequency-field", "real=x", "--frequency-field", "imag=y"]
     options = ["--frequency-unit", "Hz", "--dt", "0.01", "--frequency-bound", "0.03", "--no-reduce"]
-    code, _, err = run(["identify", "--frequency", "odd.csv", *fields, *options, *CLASS], capsys, monkeypatch)
+    code, _, err = run(["identify", "--frequency", "odd.csv", *fields, *options, *CLASS])
     assert code == 0, err
     assert np.allclose(rid.load("result").problem.frequency[0].omega, frf.omega)
 
 
-def test_the_form_is_an_option(files, capsys, monkeypatch):
+def test_the_form_is_an_option(files, run):
     lines = ["identify", "--frequency", "frf.csv", "--no-reduce"]
-    code, _, err = run([*lines, *CLASS, "--form", "sections", "--accuracy", "1e-3"], capsys, monkeypatch)
+    code, _, err = run([*lines, *CLASS, "--form", "sections", "--accuracy", "1e-3"])
     assert code == 0, err
     result = rid.load("result")
     assert result.verification.passed
     assert result.sections.degree > 1
-    code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"], capsys, monkeypatch)
+    code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"])
     assert code == 2
     assert "coefficients (a section of degree" in " ".join(err.split())
     assert "--band" in err
@@ -104,41 +84,22 @@ def test_the_form_is_an_option(files, capsys, monkeypatch):
         (["report", "nothing"], "missing"),
     ],
 )
-def test_misuse_exits_with_2_and_one_sentence(files, capsys, monkeypatch, arguments, words):
+def test_misuse_exits_with_2_and_one_sentence(files, run, arguments, words):
     (files / "bad.mat").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(300))
     before = sorted(files.iterdir())
-    code, _, err = run(arguments, capsys, monkeypatch)
+    code, _, err = run(arguments)
     assert code == 2
     assert words in " ".join(err.split())
     assert "Traceback" not in err
     assert sorted(files.iterdir()) == before
 
 
-def test_existing_results_are_not_replaced_unasked(files, capsys, monkeypatch):
+def test_existing_results_are_not_replaced_unasked(files, run):
     (files / "result.npz").write_text("precious")
-    code, _, err = run([*COMMAND, *CLASS], capsys, monkeypatch)
+    code, _, err = run([*COMMAND, *CLASS])
     assert code == 2
     assert "--force" in err
     assert (files / "result.npz").read_text() == "precious"
-
-
-def test_an_unstable_model_is_refused_or_kept(files, capsys, monkeypatch):
-    from robustid.data.io.model_files import load_model, save_model
-
-    save_model(control.ss([[1.0, 0], [0, 0.5]], [[1], [1]], [[1, 1]], [[0]], 0.1), "integrator.npz")
-    code, _, err = run(["reduce", "integrator.npz", "--order", "1"], capsys, monkeypatch)
-    assert code == 2
-    assert "stab" in err
-    code, _, _ = run(["reduce", "integrator.npz", "--order", "1", "--keep-unstable"], capsys, monkeypatch)
-    assert code == 0
-    assert load_model("reduced.npz").poles() == pytest.approx([1.0])
-
-
-@pytest.mark.parametrize("command", [[], ["identify"], ["reduce"], ["report"], ["demo"]])
-def test_help_teaches(command):
-    text = runner.invoke(cli.app, [*command, "--help"]).output
-    assert len(text) > 400
-    assert "Usage" in text
 
 
 def columns(name, header, *arrays):
@@ -165,7 +126,6 @@ def foreign(files):
 
 
 LINES = ["--frequency-bound", "0.03"]
-SHORT = [*CLASS, "--no-reduce"]
 RATE = ["--dt", "0.01"]
 
 
@@ -189,16 +149,16 @@ RATE = ["--dt", "0.01"]
         (["--frequency", "duration.npz", *LINES], ["dt = 0.01 s"]),
     ],
 )
-def test_what_was_read_is_said(foreign, capsys, monkeypatch, arguments, words):
-    code, out, err = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+def test_what_was_read_is_said(foreign, run, arguments, words):
+    code, out, err = run(["identify", *arguments, *SHORT])
     assert code in (0, 3), err
     for part in (*words, "written: result.npz, result.json"):
         assert part in " ".join(out.split())
 
 
-def test_nothing_is_warned_of_without_a_reason(foreign, capsys, monkeypatch):
+def test_nothing_is_warned_of_without_a_reason(foreign, run):
     arguments = ["--frequency", "plain.csv", "--time", "plain_step.csv", *LINES, "--time-bound", "0.03", *RATE]
-    code, out, _ = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+    code, out, _ = run(["identify", *arguments, *SHORT])
     assert code == 0
     assert "warning" not in out.lower()
     assert "rad/s" not in out.split("choosing")[0]
@@ -237,20 +197,20 @@ def test_nothing_is_warned_of_without_a_reason(foreign, capsys, monkeypatch):
         (["--frequency", "frf.csv", "--report", "result.json"], "would be written twice"),
     ],
 )
-def test_sentences_name_the_option_and_the_file(foreign, capsys, monkeypatch, arguments, words):
+def test_sentences_name_the_option_and_the_file(foreign, run, arguments, words):
     (foreign / "folder").mkdir()
     before = sorted(foreign.iterdir())
     own = [] if "--gain" in arguments or "--mode" in arguments else SHORT
-    code, _, err = run(["identify", *arguments, *own], capsys, monkeypatch)
+    code, _, err = run(["identify", *arguments, *own])
     assert code == 2
     assert words in " ".join(err.split())
     assert "`" not in err
     assert sorted(foreign.iterdir()) == before
 
 
-def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign, capsys, monkeypatch):
+def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign, run):
     arguments = ["--frequency", "frf.csv", "--band", "2:10", "--time", "step.csv", "--first", "7", *LINES]
-    code, _, err = run(["identify", *arguments, *SHORT], capsys, monkeypatch)
+    code, _, err = run(["identify", *arguments, *SHORT])
     assert code == 0, err
     result = rid.load("result")
     data = rid.flexible_structure(seed=0)
@@ -260,32 +220,23 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
     assert result.problem.time[0].note == data.time.note
 
 
-def test_two_channels_are_picked_as_asked(foreign, capsys, monkeypatch):
-    code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", "1,0", *LINES, *SHORT], capsys, monkeypatch)
+def test_two_channels_are_picked_as_asked(foreign, run):
+    code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", "1,0", *LINES, *SHORT])
     assert code in (0, 3)
     value = rid.flexible_structure(seed=0).frequency.values
     np.testing.assert_allclose(rid.load("result").problem.frequency[0].values, 3 * value)
 
 
-def test_reduce_wants_a_name_that_it_can_write(files, capsys, monkeypatch):
-    code, _, err = run(["reduce", "whatever", "-o", "small.txt"], capsys, monkeypatch)
-    assert code == 2
-    assert ".npz or .mat" in err
-    code, _, err = run(["reduce", "small.npz", "-o", "small.npz", "--force"], capsys, monkeypatch)
-    assert code == 2
-    assert "one of the files to be read" in err
-
-
-def test_a_folder_that_can_not_be_written_to_is_refused_first(files, capsys, monkeypatch):
+def test_a_folder_that_can_not_be_written_to_is_refused_first(files, run, monkeypatch):
     real = os.access
     monkeypatch.setattr("os.access", lambda path, mode: mode != os.W_OK and real(path, mode))
-    code, _, err = run([*COMMAND, *SHORT], capsys, monkeypatch)
+    code, _, err = run([*COMMAND, *SHORT])
     assert code == 2
     assert "can't be written to" in err
 
 
-def test_choices_are_kept_and_an_empty_class_is_warned_of_at_the_end(files, capsys, monkeypatch):
-    code, out, _ = run(["identify", "--frequency", "frf.csv", "--mode", "none", "--no-reduce"], capsys, monkeypatch)
+def test_choices_are_kept_and_an_empty_class_is_warned_of_at_the_end(files, run):
+    code, out, _ = run(["identify", "--frequency", "frf.csv", "--mode", "none", "--no-reduce"])
     assert code == 0
     result = rid.load("result")
     assert any("K" in note for note in result.notes)
@@ -293,55 +244,3 @@ def test_choices_are_kept_and_an_empty_class_is_warned_of_at_the_end(files, caps
     assert "Consistent, but the class says little" in out
     ending = " ".join(out.split("written:")[1].split())
     assert all(sentence in ending for sentence in result.warnings)
-
-
-@pytest.mark.parametrize(
-    ("failure", "code", "words"),
-    [
-        (KeyboardInterrupt(), 130, "interrupted"),
-        (rid.SolverError("no solver"), 1, "no solver"),
-        (PermissionError(13, "Permission denied", "result.npz"), 2, "result.npz: Permission denied"),
-        (ZeroDivisionError("oops"), 70, "internal error, please report"),
-    ],
-)
-def test_every_ending_has_its_code_and_leaves_nothing(files, capsys, monkeypatch, failure, code, words):
-    def fail(*_, **__):
-        raise failure
-
-    monkeypatch.setattr("robustid.report.render_report", fail)  # after the long part, before anything is written
-    before = sorted(files.iterdir())
-    got, _, err = run([*COMMAND, *SHORT, "--report", "page.html"], capsys, monkeypatch)
-    assert got == code
-    assert words in err
-    assert ("Traceback" in err) == (code == 70)
-    assert sorted(files.iterdir()) == before
-
-
-def test_demo_never_overwrites(tmp_path):
-    from robustid.app.cli import files as written
-
-    names = [written.new_folder(tmp_path / "robustid-demo").name for _ in range(3)]
-    assert names == ["robustid-demo", "robustid-demo-2", "robustid-demo-3"]
-    (tmp_path / "file").write_text("")
-    with pytest.raises(rid.InputError, match="can't be created"):
-        written.new_folder(tmp_path / "file" / "demo")
-
-
-def test_a_pipe_that_is_not_utf8_gets_question_marks(files):
-    environment = os.environ | {"PYTHONIOENCODING": "ascii", "COLUMNS": "100"}
-    command = [sys.executable, "-m", "robustid", *COMMAND, *SHORT]
-    done = subprocess.run(command, capture_output=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    assert b"Consistent" in done.stdout
-    assert b"?" in done.stdout
-    assert b"searching" not in done.stdout
-    assert "margin and model" in done.stdout.decode("ascii")  # one line per long step where there is no terminal
-
-
-def test_version_and_what_help_teaches(capsys, monkeypatch):
-    code, out, _ = run(["--version"], capsys, monkeypatch)
-    assert (code, out.strip()) == (0, f"robustid {rid.__version__}")
-    code, out, _ = run(["identify", "--help"], capsys, monkeypatch)
-    text = " ".join(out.replace("│", " ").split())
-    for words in ("freq_hz", "phase_deg", "dt, Ts or T", "smallest K", "Hankel", "3 inconsistent", "--band", "--first"):
-        assert words in text

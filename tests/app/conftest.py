@@ -1,0 +1,42 @@
+"""Fixtures of the tests of the application: the command line in this process, folders with data."""
+
+import pytest
+
+import robustid as rid
+from robustid.app import sequence
+from support import command_line
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """The command line: run(arguments) gives (exit code, stdout, stderr)."""
+    return lambda arguments: command_line.main([str(part) for part in arguments], capsys, monkeypatch)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    rid.save(tmp_path / "frf.csv", data.frequency)
+    rid.save(tmp_path / "step.csv", data.time)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def unreduced(monkeypatch):
+    """For tests of other steps: the identified model in place of a search for a smaller one."""
+
+    def whole(identification, rigid_body):
+        return rid.balanced_truncation(identification.model, order=identification.order)
+
+    monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A folder to stand in, with a response and a step of the simulated structure."""
+    data = rid.flexible_structure(seed=0)
+    rid.save(tmp_path / "frf.csv", data.frequency)
+    rid.save(tmp_path / "step.csv", data.time)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

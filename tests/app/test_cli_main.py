@@ -1,0 +1,99 @@
+"""The command line as a whole: how runs end, what help teaches, what a start loads."""
+
+import io
+import subprocess
+import sys
+
+import pytest
+
+import robustid as rid
+from robustid.app.cli.files import new_folder
+from robustid.app.cli.main import COMMANDS, main
+from support.command_line import COMMAND, SHORT
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_teaches(run, command):
+    code, out, _ = run([command, "--help"])
+    assert code == 0
+    assert len(out) > 400
+    assert f" {command} [OPTIONS]" in out
+
+
+def test_version_and_what_help_teaches(run):
+    code, out, _ = run(["--version"])
+    assert (code, out.strip()) == (0, f"robustid {rid.__version__}")
+    code, out, _ = run(["--help"])
+    assert all(f" {command} " in out for command in COMMANDS)
+    code, out, _ = run(["identify", "--help"])
+    text = " ".join(out.replace("│", " ").split())
+    for words in ("freq_hz", "phase_deg", "dt, Ts or T", "smallest K", "Hankel", "3 inconsistent", "--band", "--first"):
+        assert words in text
+
+
+def test_a_start_loads_nothing_heavy():
+    """The list of commands, the version and most explanations need no arrays: who asks what there is doesn't wait for them."""
+    heavy = ["numpy", "scipy", "control", "cvxpy", "matplotlib", "plotly", "jinja2", "h5py"]
+    code = (
+        "import sys\nfrom robustid.app.cli.main import main\n"
+        "for words in ['--help', '--version', 'run --help', 'bounds --help', 'reduce --help', 'excite --help']:\n"
+        "    sys.argv = ['robustid', *words.split()]\n"
+        "    try:\n        main()\n"
+        f"    except SystemExit:\n        print(words, [m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    lines = done.stderr.splitlines()
+    assert len(lines) == 6
+    assert all(line.endswith(" []") for line in lines), lines
+
+
+def test_an_unknown_command_is_named_with_the_nearest(run):
+    code, _, err = run(["identfy"])
+    assert code == 2
+    assert "Did you mean 'identify'?" in err
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "words"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (rid.SolverError("no solver"), 1, "no solver"),
+        (PermissionError(13, "Permission denied", "result.npz"), 2, "result.npz: Permission denied"),
+        (ZeroDivisionError("oops"), 70, "internal error, please report"),
+    ],
+)
+def test_every_ending_has_its_code_and_leaves_nothing(files, run, monkeypatch, failure, code, words):
+    def fail(*_, **__):
+        raise failure
+
+    monkeypatch.setattr("robustid.report.render_report", fail)  # after the long part, before anything is written
+    before = sorted(files.iterdir())
+    got, _, err = run([*COMMAND, *SHORT, "--report", "page.html"])
+    assert got == code
+    assert words in err
+    assert ("Traceback" in err) == (code == 70)
+    assert sorted(files.iterdir()) == before
+
+
+def test_demo_never_overwrites(tmp_path):
+    names = [new_folder(tmp_path / "robustid-demo").name for _ in range(3)]
+    assert names == ["robustid-demo", "robustid-demo-2", "robustid-demo-3"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(rid.InputError, match="can't be created"):
+        new_folder(tmp_path / "file" / "demo")
+
+
+@pytest.mark.usefixtures("files")
+def test_a_pipe_that_is_not_utf8_gets_question_marks(monkeypatch):
+    pipe = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr("sys.stdout", pipe)
+    monkeypatch.setattr("sys.argv", ["robustid", *COMMAND, *SHORT])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    pipe.flush()
+    out = pipe.buffer.getvalue()
+    assert not stop.value.code
+    assert b"Consistent" in out
+    assert b"?" in out
+    assert b"searching" not in out
+    assert "margin and model" in out.decode("ascii")  # one line per long step where there is no terminal

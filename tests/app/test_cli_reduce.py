@@ -1,0 +1,118 @@
+"""robustid reduce: what is said, what is refused, and how."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data.io import load_model, save_model
+from support.two_mode_models import two_modes
+
+
+@pytest.fixture
+def model(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = two_modes(0.01)
+    save_model(made, "model.npz")
+    return made
+
+
+def numbers_of(out):
+    words = {line.split(":")[0]: line for line in out.splitlines()}
+    return float(words["largest error over all frequencies"].split(": ")[1].split(",")[0])
+
+
+def test_error_stands_beside_its_bound(model, run):
+    code, out, _ = run(["reduce", "model.npz", "--order", "2"])
+    assert code == 0
+    bound = float(next(line for line in out.splitlines() if "error at most" in line).split()[3].rstrip(","))
+    assert 0.1 * bound < numbers_of(out) <= bound
+    assert load_model("reduced.npz").nstates == 2
+
+
+@pytest.mark.parametrize("options", [["--band", "0.8:1.2"], ["--horizon", "0.1"], ["--weight", "weight.npz"]])
+def test_limits_reach_the_truncation(model, run, options):
+    weight = control.ss([[0.9]], [[1.0]], [[0.1]], [[0.0]], 0.01)
+    save_model(weight, "weight.npz")
+    code, out, _ = run(["reduce", "model.npz", "--order", "2", *options])
+    assert code == 0
+    assert "no a-priori bound" in " ".join(out.split())
+    asked = {"--band": {"band_hz": (0.8, 1.2)}, "--horizon": {"horizon": 0.1}, "--weight": {"weight": weight}}[
+        options[0]
+    ]
+    expected = rid.balanced_truncation(model, order=2, **asked).model
+    np.testing.assert_allclose(load_model("reduced.npz").poles(), expected.poles(), atol=1e-12)
+
+
+def test_static_gain_is_kept(model, run):
+    code, _, _ = run(["reduce", "model.npz", "--order", "1", "--static-gain"])
+    assert code == 0
+    assert load_model("reduced.npz").dcgain() == pytest.approx(model.dcgain(), rel=1e-10)
+
+
+def test_an_unstable_outcome_exits_with_1(tmp_path, run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    from support.reduction_models import random_model
+
+    for seed in range(60):
+        given = random_model(np.random.default_rng(seed), discrete=False)
+        for order in range(1, given.nstates):
+            if rid.balanced_truncation(given, order=order, band_hz=(0.3, 0.4)).model.poles().real.max() >= 0:
+                save_model(given, "given.npz")
+                command = ["reduce", "given.npz", "--order", str(order), "--band", "0.3:0.4"]
+                code, out, _ = run(command)
+                assert code == 1
+                assert "unstable" in out
+                return
+    pytest.fail("no unstable outcome among 60 models")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--band", "1-2", "--order", "1"], "LOW:HIGH"),
+        (["--band", "1:2"], "--order is needed with --band"),
+        (["--band", "1:2", "--horizon", "1", "--order", "1"], "got --band and --horizon"),
+        (["--band", "1:60", "--order", "1"], "Nyquist frequency, 50 Hz"),
+        (["--weight", "nothing.npz", "--order", "1"], "nothing.npz"),
+        (["--horizon", "-1", "--order", "1"], "--horizon must be positive"),
+        (["--order", "1", "-o", "small.txt"], ".npz or .mat"),
+    ],
+)
+def test_misuse_is_one_sentence_in_options(model, tmp_path, run, options, says):
+    code, _, err = run(["reduce", "model.npz", *options])
+    assert code == 2
+    assert says in " ".join(err.split())
+    assert "`" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["model.npz"]
+
+
+def test_an_identification_is_truncated_where_an_option_says_how(tmp_path, run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = rid.flexible_structure(seed=0)
+    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)).save("mine")
+    code, out, _ = run(["reduce", "mine", "--order", "6", "--static-gain"])
+    assert code == 0
+    assert "largest |residual|/bound" in out
+    assert load_model("reduced.npz").nstates == 6
+
+
+def test_an_unstable_model_is_refused_or_kept(files, run):
+    save_model(control.ss([[1.0, 0], [0, 0.5]], [[1], [1]], [[1, 1]], [[0]], 0.1), "integrator.npz")
+    code, _, err = run(["reduce", "integrator.npz", "--order", "1"])
+    assert code == 2
+    assert "stab" in err
+    code, _, _ = run(["reduce", "integrator.npz", "--order", "1", "--keep-unstable"])
+    assert code == 0
+    assert load_model("reduced.npz").poles() == pytest.approx([1.0])
+
+
+def test_reduce_wants_a_name_that_it_can_write(files, run):
+    code, _, err = run(["reduce", "whatever", "-o", "small.txt"])
+    assert code == 2
+    assert ".npz or .mat" in err
+    code, _, err = run(["reduce", "small.npz", "-o", "small.npz", "--force"])
+    assert code == 2
+    assert "one of the files to be read" in err

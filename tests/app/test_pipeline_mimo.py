@@ -1,0 +1,93 @@
+"""Runs and commands with several inputs and outputs: the whole matrix unless an entry is asked for."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data.io import datasets
+from robustid.errors import DatasetNotFoundError
+from robustid.identification import largest_ratio
+from support.matrix_lines import HZ, damping_of, measured
+from support.run_files import EXAMPLES, QUICK, ask
+
+SCALING = [[2.0, 1.0], [1.0, 0.5]]
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
+    """Modes, prior and scaling are left to the program; the file that it writes says them and gives the same."""
+    truth, _, frf = measured(bound=0.02, count=10)
+    rid.save("two.npz", frf)
+    first = rid.run(ask(folder, {"frequency": [{"file": "two.npz"}]}, QUICK), "first")
+    stated = tomllib.loads((folder / "first" / "run.toml").read_text(encoding="utf-8"))
+    assert np.shape(stated["prior"]["scaling"]) == (2, 2)
+    assert np.array(first.identification.problem.prior.scaling) == pytest.approx(np.array(stated["prior"]["scaling"]))
+    assert np.array(stated["modes"]["hz"]) == pytest.approx(HZ[:2], rel=0.03)
+    assert first.consistent
+    assert first.model.D.shape == (2, 2)
+    assert largest_ratio(first.identification.problem, truth) <= 1
+    assert "all 40 samples" in first.findings[1]
+    second = rid.run(folder / "first" / "run.toml", "second")
+    assert second.identification.margin == first.identification.margin
+    assert second.findings == first.findings
+
+
+def test_the_whole_way_of_a_matrix_in_python():
+    truth, basis, frf = measured(count=10)
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2, scaling=SCALING)
+    modes = list(zip(HZ, damping_of(truth), strict=False))
+    found = rid.identify_reduced(frf, modes=modes, prior=prior, inflate=1.5, worst_case=False)
+    assert found.identification.problem.prior == prior
+    assert found.reduction.order <= 4
+    np.testing.assert_allclose(found.identification.problem.frequency[0].bound, 1.5 * frf.bound)
+    with pytest.raises(rid.InputError, match=r"suggest_class.*one input and one output"):
+        rid.advice.suggest_class(frequency=frf)
+    same = rid.identify_reduced(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False)
+    assert f"scaling = {SCALING}" in same.run_file.text()
+
+
+def test_commands_take_the_whole_matrix(folder, run):
+    _, _, frf = measured(count=12)
+    rid.save("two.npz", frf)
+    modes = ["--mode", "4:0.03", "--mode", "9:0.03", "--gain", "0.1", "--decay", "1.2"]
+    code, out, err = run(["identify", "--frequency", "two.npz", *modes])
+    assert code in (0, 3), err
+    assert "all of 2 outputs and 2 inputs" in out
+    found = rid.load("result")
+    np.testing.assert_array_equal(found.problem.frequency[0].values, frf.values)
+    assert found.model.D.shape == (2, 2)
+
+
+def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
+    _, basis, frf = measured(count=6)
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
+    problem = rid.MixedProblem(frequency=frf.with_bound(2 * frf.bound), prior=prior, parametric=basis)
+    found = rid.identify_reduced(problem, omega=[60.0], directions=4)
+    _, i, j = np.unravel_index(np.argmax(found.error.upper), (1, 2, 2))
+    (words,) = (finding for finding in found.findings if "Every consistent system" in finding)
+    assert f"(largest at 9.5493 Hz (y{i + 1} / u{j + 1}))" in words
+    rid.save("two.npz", frf)
+    modes = {"hz": [4.0], "damping": [0.03], "hz_interval": [[3.9, 4.1]], "damping_interval": [[0.02, 0.04]]}
+    asked = ask(folder, {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True}})
+    with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add entry = \[output, input\]"):
+        rid.run(asked, "out")
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_beam_from_its_example(tmp_path):
+    try:
+        datasets.find("beam_ring/symexc_1.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    result = rid.run(EXAMPLES / "beam_ring.toml", tmp_path / "out")
+    assert result.consistent
+    hz = result.run_file.modes.hz
+    assert np.array(hz) == pytest.approx([11.2, 22.6, 28.1, 33.2, 58.3, 65.4], abs=0.1)
+    assert result.model.D.shape == (2, 2)
+    assert result.reduction.order <= 20
+    assert np.all(np.abs(result.model.poles()) < 1)
+    assert largest_ratio(result.identification.problem, result.model) <= 1
+    assert (tmp_path / "out" / "report.html").is_file()
