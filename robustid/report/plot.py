@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
@@ -18,6 +18,7 @@ from robustid.reduction import Reduction
 from robustid.report.charts import Chart, in_rows, lighter, side_by_side
 from robustid.report.identified import siso
 from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts
+from robustid.report.sections.claims import kind_of, refuse_foreign
 from robustid.report.sections.fit_view import FitView
 from robustid.report.sections.model import model_chart
 from robustid.report.sections.pole_box import pole_box_chart
@@ -412,14 +413,7 @@ def _drawn(
     kinds: Mapping[type, tuple[Callable[..., Chart], tuple[str, ...]]], result: Any, options: dict[str, Any], ax: Any
 ) -> Figure:
     """Draw the chart that belongs to the kind of the result; refuse other kinds, and options that don't belong to this one."""
-    kind = next((kind for kind in kinds if isinstance(result, kind)), None)
-    if kind is None:
-        names = [kind.__name__ for kind in kinds]
-        wanted = ", ".join(names[:-1]) + " or " * (len(names) > 1) + names[-1]
-        raise InputTypeError(f"`result` must be of class {wanted}; got {type(result).__name__}")
-    chart, belonging = kinds[kind]
+    chart, belonging = kinds[kind_of("result", result, kinds)]
     given = {name: value for name, value in options.items() if value is not None}
-    for name in given:
-        if name not in belonging:
-            raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")
+    refuse_foreign(result, given, belonging)
     return draw(chart(result, **given), ax)

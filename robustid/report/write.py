@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.core import atomic_write
@@ -12,7 +12,8 @@ from robustid.errors import InputTypeError
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
 from robustid.report import html, terminal
-from robustid.report.document import Verdict
+from robustid.report.document import Document, Verdict
+from robustid.report.sections.claims import kind_of, refuse_foreign
 from robustid.report.sections.fit import fit_page, fit_summary, fit_verdict
 from robustid.report.sections.fit_view import FitView
 from robustid.report.sections.identification import (
@@ -110,76 +111,30 @@ def write_report(
     ...     "Four samples" in page.read_text()
     True
     """
-    text = render_report(
-        identification,
-        reduction=reduction,
-        title=title,
-        models=models,
-        worst_case=worst_case,
-        tube=tube,
-        over_poles=over_poles,
-        sensitivity=sensitivity,
-        data=data,
-        order_sweep=order_sweep,
-        records=records,
-        findings=findings,
-        run_file=run_file,
-    )
+    parts = {name: part for name, part in locals().items() if name not in ("identification", "path", "title")}
+    text = render_report(identification, title=title, **parts)
     with atomic_write(path) as file:
         file.write(text)
 
 
 def render_report(
-    identification: Identification | MatrixFraction | FrequencyResponse,
-    *,
-    reduction: Reduction | None = None,
-    title: str | None = None,
-    models: Mapping[str, control.StateSpace] | None = None,
-    worst_case: WorstCaseError | None = None,
-    tube: ResponseTube | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    sensitivity: Sensitivity | None = None,
-    data: FrequencyResponse | None = None,
-    order_sweep: OrderSweep | None = None,
-    records: TimeRecord | Sequence[TimeRecord] | None = None,
-    findings: Sequence[str] = (),
-    run_file: str | None = None,
+    identification: Identification | MatrixFraction | FrequencyResponse, *, title: str | None = None, **parts: Any
 ) -> str:
-    """Return the page of `write_report` as text."""
-    belongs: dict[type, dict[str, Any]] = {
-        Identification: {
-            "reduction": reduction,
-            "models": models,
-            "worst_case": worst_case,
-            "tube": tube,
-            "over_poles": over_poles,
-            "sensitivity": sensitivity,
-            "findings": findings or None,
-            "run_file": run_file,
-        },
-        MatrixFraction: {"data": data, "order_sweep": order_sweep},
-        FrequencyResponse: {"records": records},
-    }
-    kind = next((kind for kind in belongs if isinstance(identification, kind)), None)
-    if kind is None:
-        raise InputTypeError(
-            "`identification` must be an Identification, a MatrixFraction or a FrequencyResponse; got"
-            f" {type(identification).__name__}"
-        )
+    """Return the page of `write_report`, which names the parts, as text."""
+    kind = kind_of("identification", identification, _PAGES)
     if title is not None and not isinstance(title, str):
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
-    foreign = [pair for other, given in belongs.items() if other is not kind for pair in given.items()]
-    for name, value in foreign:
-        if value is not None:
-            raise InputTypeError(f"`{name}` doesn't belong to a {type(identification).__name__}; leave it out")
-    options = {name: value for name, value in belongs[kind].items() if value is not None}
-    return html.render(_PAGES[kind](identification, title=title, **options))
+    build, belonging = _PAGES[kind]
+    given = {name: part for name, part in parts.items() if part is not None and part != ()}
+    refuse_foreign(identification, given, belonging)
+    return html.render(build(identification, title=title, **given))
 
 
-_PAGES = {
-    Identification: identification_page,
-    MatrixFraction: fit_page,
-    FrequencyResponse: response_page,
+_OF_IDENTIFICATIONS = ("reduction", "models", "worst_case", "tube", "over_poles", "sensitivity", "findings", "run_file")
+_PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
+    Identification: (identification_page, _OF_IDENTIFICATIONS),
+    MatrixFraction: (fit_page, ("data", "order_sweep")),
+    FrequencyResponse: (response_page, ("records",)),
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from robustid.core import describe, digest
@@ -29,6 +29,23 @@ def certificates(count: int, hold: bool, id: str) -> Verdict:
     sentence = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
     sentence += " Don’t rely on these numbers."
     return Verdict("failed", "Not proved", sentence, id=id)
+
+
+def kind_of(name: str, value: Any, kinds: Iterable[type]) -> type:
+    """Return the kind that an argument is of; refuse one of no kind."""
+    for kind in kinds:
+        if isinstance(value, kind):
+            return kind
+    *names, last = (kind.__name__ for kind in kinds)
+    wanted = f"{', '.join(names)} or {last}" if names else last
+    raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
+
+
+def refuse_foreign(result: Any, given: Iterable[str], belonging: Iterable[str]) -> None:
+    """Refuse what doesn't belong to this kind of result."""
+    for name in given:
+        if name not in belonging:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")
 
 
 def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
