@@ -22,12 +22,13 @@ from robustid.data.lines import (
 )
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
+from robustid.figures import Drawable
 
 _ENTRIES = ("values", "bound", "tilt", "noise", "distortion")  # one number per line and entry of the matrix
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FrequencyResponse(BoundedResponse):
+class FrequencyResponse(BoundedResponse, Drawable):
     """Samples of a frequency response with bounds on their errors: per entry, per column or of the whole matrix.
 
     ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (engineer's convention;

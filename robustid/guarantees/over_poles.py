@@ -13,6 +13,7 @@ import numpy as np
 
 from robustid.core import Frozen, as_count, as_positive, freeze, response, save, threads_for, worker_pool
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
+from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_siso
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
@@ -27,7 +28,7 @@ _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are comput
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseOverPoles(Frozen):
+class WorstCaseOverPoles(Frozen, Drawable):
     """Largest distance from a model, and magnitudes, of all consistent systems whose poles lie anywhere in a pole-uncertainty box.
 
     Attributes

@@ -12,6 +12,7 @@ import numpy as np
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze, simulate
 from robustid.errors import InputError, InputTypeError
+from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme
 from robustid.guarantees.curvature import known_part
 from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
@@ -27,7 +28,7 @@ _LONGEST = 500
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class ResponseTube(Frozen):
+class ResponseTube(Frozen, Drawable):
     """The response to a known input of every consistent system with zero initial conditions: lower <= y_k <= upper, both proved.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of

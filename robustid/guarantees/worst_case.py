@@ -12,6 +12,7 @@ import numpy as np
 
 from robustid.core import Frozen, as_count, as_positive, freeze, responses, save, threads_for
 from robustid.errors import InputError, InputTypeError
+from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
@@ -25,7 +26,7 @@ LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree n
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseError(Frozen):
+class WorstCaseError(Frozen, Drawable):
     """Largest distance of all consistent systems from a model: proved from above, attained from below.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of

@@ -13,6 +13,7 @@ from robustid.bases import Sections
 from robustid.core import Frozen, freeze, save
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.figures import Drawable
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.forms import Claim, Posed, level_of, pose
 from robustid.identification.interpolant import Interpolants
@@ -29,7 +30,7 @@ _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Identification(Frozen):
+class Identification(Frozen, Drawable):
     """What the data say about the class, and a model.
 
     Attributes

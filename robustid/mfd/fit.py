@@ -11,6 +11,7 @@ import numpy as np
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.figures import Drawable
 from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
@@ -30,7 +31,7 @@ _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement no
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MatrixFraction(Frozen):
+class MatrixFraction(Frozen, Drawable):
     """A fitted model P = N D^{-1} (or D^{-1} N), and how it was found.
 
     Attributes

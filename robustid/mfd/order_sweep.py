@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Frozen, freeze
+from robustid.figures import Drawable
 from robustid.mfd.fit import MatrixFraction
 
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05
@@ -24,7 +25,7 @@ class PoleRow(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class OrderSweep(Frozen):
+class OrderSweep(Frozen, Drawable):
     """Fits over the order, with what each costs and which one the data carry.
 
     Attributes

@@ -12,6 +12,7 @@ import scipy.linalg as sla
 
 from robustid.core import Frozen, as_count, as_float, freeze
 from robustid.errors import InputError
+from robustid.figures import Drawable
 from robustid.identification import check_model
 from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, scaled, split
 from robustid.reduction.limited import limited
@@ -49,7 +50,7 @@ class ReductionStatus(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Reduction(Frozen):
+class Reduction(Frozen, Drawable):
     """A smaller model, and how far it can be from the one it came from.
 
     Attributes

@@ -41,6 +41,7 @@ __all__ = [
     "convergence",
     "hankel",
     "nyquist",
+    "of",
     "orders",
     "poles",
     "residuals",
@@ -51,6 +52,37 @@ __all__ = [
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def of(result: Any, **options: Any) -> Figure:
+    """Draw the figure that shows a result best; ``result.plot()`` is this.
+
+    Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of everything
+    else `bode`.
+
+    Parameters
+    ----------
+    result : Identification, FrequencyResponse, MatrixFraction, WorstCaseError, ...
+        Whatever one of these figures is drawn of.
+    **options
+        Those of the figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> frf = rid.FrequencyResponse([10.0, 20.0, 30.0], [1 - 0.1j, -2j, -0.3], bound=0.02, outputs=["x [m]"])
+    >>> [axes.get_ylabel() for axes in frf.plot().axes]
+    ['magnitude [m]', 'phase [°]']
+    """
+    if isinstance(result, ResponseTube):
+        return time_response(result, **options)
+    if isinstance(result, OrderSweep | Reduction):
+        return orders(result, **options)
+    return bode(result, **options)
 
 
 def bode(

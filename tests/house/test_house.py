@@ -22,7 +22,7 @@ ROOMS = [
     "report",
     "app",
 ]
-OPEN = ("_version", "errors")
+OPEN = ("_version", "errors", "figures")
 FILES = sorted(ROOT.rglob("*.py"))
 NAMES = {".".join(("robustid", *path.relative_to(ROOT).with_suffix("").parts)): path for path in FILES}
 MODULES = {name.removesuffix(".__init__"): path for name, path in NAMES.items()}

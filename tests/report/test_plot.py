@@ -70,3 +70,20 @@ def test_an_option_of_another_kind_of_result_is_refused(consistent: rid.Identifi
         rid.plot.bode(consistent, records=consistent.problem.time[0])
     with pytest.raises(rid.InputTypeError, match="`result` must be of class Identification or MatrixFraction; got int"):
         rid.plot.poles(1)
+
+
+def test_results_draw_themselves(
+    consistent: rid.Identification, error: rid.WorstCaseError, fit: rid.MatrixFraction, sweep: rid.OrderSweep
+) -> None:
+    labels = {
+        consistent: "torsion [rad] / current [A]",
+        error: "displacement [mm] / force [N]",
+        fit: "magnitude",
+        sweep: "singular value [–]",
+    }
+    for result, label in labels.items():
+        assert result.plot().axes[0].get_ylabel().startswith(label)
+    figure = Figure()
+    assert consistent.plot(ax=figure.subplots(2, 1)) is figure
+    with pytest.raises(rid.InputError, match="tries no orders"):
+        rid.balanced_truncation(consistent.model, order=4).plot()
