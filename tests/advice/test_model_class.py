@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice import ClassCandidate, model_class, suggest_class
+from robustid.advice import ClassCandidate, class_table, model_class, suggest_class
 from robustid.advice.class_table import choice, rank
 from robustid.advice.sensitivity import default_points
 
@@ -14,10 +14,24 @@ RESONANCE = 10
 FINE = np.linspace(17.2, 18.1, 10)
 
 
+def fewer(patch):
+    """The ends of the lines and the modes alone, and few cells: a third of the time of 7 frequencies and 8 cells."""
+    patch.setattr(model_class, "default_points", lambda data: default_points(data)[[0, -1]])
+    patch.setattr(class_table, "_CELLS", 4)
+
+
 @pytest.fixture
 def few_points(monkeypatch):
-    """The ends of the lines and the modes alone: less than half the time of 7 frequencies and the modes."""
-    monkeypatch.setattr(model_class, "default_points", lambda data: default_points(data)[[0, -1]])
+    fewer(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def given():
+    """Eight lines with the poles of the truth."""
+    data = rid.flexible_structure(lines=8, samples=2)
+    with pytest.MonkeyPatch.context() as patch:
+        fewer(patch)
+        return suggest_class(frequency=data.frequency, time=data.time, modes=data.modes)
 
 
 def judged(data, found, hz):
@@ -95,15 +109,13 @@ def test_classes_of_five_experiments(capsys):
     assert max(peaks) <= 0.03
 
 
-def test_poles_that_are_given_are_prior_knowledge(few_points):
-    data = rid.flexible_structure(lines=8, samples=2)
-    found = suggest_class(frequency=data.frequency, time=data.time, modes=data.modes)
-    best = found.recommended
+def test_poles_that_are_given_are_prior_knowledge(given):
+    best = given.recommended
     assert (best.repeat, best.covers_box, best.modes) == (1, False, None)
     omega = 2 * np.pi * HZ[[4, RESONANCE]]
-    own = rid.worst_case_error(rid.identify(found.problem), omega=omega, directions=6, rtol=0.1)
+    own = rid.worst_case_error(rid.identify(given.problem), omega=omega, directions=6, rtol=0.1)
     np.testing.assert_allclose(best.guaranteed(omega)[1], own.upper[:, 0, 0], rtol=1e-9)
-    assert "poles that were given" in found.summary()
+    assert "poles that were given" in given.summary()
 
 
 def test_data_without_a_mode_and_data_that_contradict_each_other():
@@ -129,10 +141,10 @@ def test_few_samples_bound_nothing_at_the_light_mode():
     assert found.next_line == pytest.approx(data.modes[1, 0], rel=0.01)
 
 
-def test_frequencies_in_any_order(few_points):
-    data = rid.flexible_structure(lines=8, samples=2)
-    best = suggest_class(frequency=data.frequency, modes=data.modes).recommended
-    there, back = (best.guaranteed(np.array(omega))[1] for omega in ([30.0, 60.0, 30.0], [60.0, 30.0, 60.0]))
+def test_frequencies_in_any_order(given):
+    there, back = (
+        given.recommended.guaranteed(np.array(omega))[1] for omega in ([30.0, 60.0, 30.0], [60.0, 30.0, 60.0])
+    )
     assert there[0] == there[2] == back[1] != back[0] == there[1]
 
 

@@ -10,7 +10,6 @@ import pytest
 
 import robustid as rid
 from robustid.core import load_saved
-from robustid.guarantees import PoleCell
 from support.forging import forge, lower
 
 
@@ -230,32 +229,6 @@ def test_numbers_are_bound_to_their_text(saved):
     np.savez(saved.with_suffix(".npz"), **arrays | {"band/upper": 2 * arrays["band/upper"]})
     with pytest.raises(rid.FileFormatError, match="digest"):
         rid.load(saved)
-
-
-def test_halves_of_halves_cover_the_box_and_nothing_less_does():
-    """Thirty boxes of one to three modes in twelve cells: every one of them is needed, up to its ends."""
-    rng = np.random.default_rng(0)
-    for _ in range(30):
-        modes = rng.integers(1, 4)
-        low = rng.uniform(1, 2, (2, modes, 1))
-        box = PoleCell(low[0] * [1, 1.5], low[1] * [0.1, 0.2], np.ones(modes), 1, 0.01)
-        cells = [box]
-        while len(cells) < 12:
-            cell = cells.pop(rng.integers(len(cells)))
-            name, mode = rng.choice(["omega", "damping"]), rng.integers(modes)
-            middle, ends = getattr(cell, name)[mode].mean(), (getattr(cell, name).copy(), getattr(cell, name).copy())
-            ends[0][mode, 1] = ends[1][mode, 0] = middle
-            cells += [dataclasses.replace(cell, **{name: e}) for e in ends]
-        order = rng.permutation(len(cells))
-        cells = [cells[k] for k in order]
-        assert box.covered_by(cells)
-        for k in range(len(cells)):
-            others = cells[:k] + cells[k + 1 :]
-            assert not box.covered_by(others)
-            side, end = rng.integers(modes), rng.integers(2)
-            ends = cells[k].damping.copy()
-            ends[side, end] += (1e-9 if end == 0 else -1e-9) * ends[side, end]
-            assert not box.covered_by([*others, dataclasses.replace(cells[k], damping=ends)])
 
 
 def test_an_interrupted_band_goes_on_from_its_folder(computed, tmp_path):

@@ -1,0 +1,76 @@
+"""Remedies for data that contradict the class, each against an identification of its own."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.advice import diagnose
+from robustid.errors import InputTypeError
+from support.structure import structure_problem
+
+FINE = np.linspace(17.2, 18.1, 10)
+
+
+def test_diagnosis_finds_the_missing_mode():
+    problem = structure_problem(slice(1, 2)).with_prior(gain_bound=0.2, decay_rate=1.1)
+    result = rid.identify(problem)
+    found = diagnose(result)
+    assert found.inflation == result.margin > 1
+    assert found.active == tuple(result.conflicting_samples())
+    best = found.best()
+    assert "one more pair, at 9.0" in best.change
+    assert best.margin < 1
+    margins = {trial.change: trial.margin for trial in found.trials}
+    assert margins["K times 10"] <= margins["K times 2"] <= found.inflation * 1.001
+    assert margins["each pair repeated once more"] <= found.inflation * 1.001
+    assert "consistent" in found.summary()
+    for trial in found.trials:
+        proved = rid.identify(trial.problem)
+        assert proved.margin_lower - 1e-9 <= trial.margin <= proved.margin + 2e-3 * max(1, proved.margin)
+    inflated = dataclasses.replace(
+        problem,
+        frequency=problem.frequency[0].with_bound(found.inflation * problem.frequency[0].bound),
+        time=problem.time[0].with_bound(found.inflation * problem.time[0].bound),
+    )
+    assert rid.identify(inflated).margin == pytest.approx(1, abs=1e-3)
+
+
+def test_diagnosis_sees_that_repetition_absorbs_a_wrong_pole():
+    data = rid.flexible_structure(extra_hz=FINE)
+    wrong = rid.kautz(data.modes[:, 0] * [1, 1.001], data.modes[:, 1], dt=0.01, delay=1)
+    problem = rid.MixedProblem(
+        frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=wrong
+    )
+    found = diagnose(rid.identify(problem))
+    repeated = next(t for t in found.trials if "repeated" in t.change)
+    assert repeated.margin < 0.2 * found.inflation
+    assert repeated.problem.parametric.size == 8
+    again = diagnose(rid.identify(repeated.problem))
+    assert again.trials[0].problem.parametric.size == 12
+
+
+def test_diagnosis_of_consistent_time_data_without_pairs():
+    record = rid.TimeRecord([1.0, 0.0], [0.5, 0.2], dt=1.0, bound=0.1)
+    found = diagnose(rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))))
+    assert found.inflation <= 1
+    assert found.summary().startswith("The data are consistent")
+    assert [t.change for t in found.trials] == ["K times 2", "K times 10", "rho - 1 halved"]
+
+
+def test_diagnosis_of_a_basis_with_real_poles_only():
+    data = rid.flexible_structure()
+    low_pass = control.ss(0.5, 1, 1, 0, 0.01)
+    problem = rid.MixedProblem(
+        frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=low_pass
+    )
+    changes = [t.change for t in diagnose(rid.identify(problem)).trials]
+    assert len(changes) == 4
+    assert changes[0].startswith("one more pair")
+
+
+def test_diagnose_refuses_other_things():
+    with pytest.raises(InputTypeError, match="`identification` must be an Identification; got int"):
+        diagnose(3)
