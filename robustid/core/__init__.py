@@ -1,7 +1,17 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.files import atomic_write
-from robustid.core.simulation import response, responses, simulate, transfer
+from robustid.core.state_space import (
+    Response,
+    StateMatrices,
+    StateSpace,
+    response,
+    response_at,
+    responses,
+    scaled_states,
+    series_at,
+    simulate,
+)
 from robustid.core.storage import (
     Arrays,
     Record,
@@ -37,7 +47,10 @@ __all__ = [
     "Arrays",
     "Frozen",
     "Record",
+    "Response",
     "Signal",
+    "StateMatrices",
+    "StateSpace",
     "Workers",
     "as_array",
     "as_bound",
@@ -56,13 +69,15 @@ __all__ = [
     "read_arrays",
     "rebuild",
     "response",
+    "response_at",
     "responses",
     "save",
     "saved_kind",
+    "scaled_states",
+    "series_at",
     "simulate",
     "text_array",
     "threads_for",
-    "transfer",
     "under",
     "worker_pool",
     "written_by",

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import as_array, freeze
+from robustid.core import as_array, freeze, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model
-from robustid.reduction import scaled
 
 KINDS = ("additive", "multiplicative", "inverse")
 _EPS = np.finfo(float).eps
@@ -82,7 +81,7 @@ def enclose(model: Any, angles: np.ndarray, coarse: Callable[[Pieces], np.ndarra
 
     Radii include an allowance for the rounding of the solution of linear systems, to first order.
     """
-    matrices = (*scaled(model.A, model.B, model.C), np.asarray(model.D))
+    matrices = (*scaled_states(model.A, model.B, model.C), np.asarray(model.D))
     cell, low, high = np.arange(angles.size - 1), angles[:-1], angles[1:]
     done = []
     for depth in range(_DEPTH):

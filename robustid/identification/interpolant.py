@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, freeze, transfer
+from robustid.core import Frozen, as_array, freeze, series_at
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -91,7 +91,7 @@ class Interpolants(Frozen):
 
     def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
         """The values phi_E(zeta), |zeta| < 1, (F,); of several channels (F, p, q)."""
-        values = transfer(self.realise(E), zeta)
+        values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
     def weyl_disc(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ class Interpolants(Frozen):
         inputs = np.hstack([self.V[:n, n:], self.outer[:n]])
         outputs = np.vstack([self.V[n:, :n], self.inner[:n].T])
         through = np.block([[self.V[n:, n:], self.outer[n:]], [self.inner[n:].T, np.zeros((q, p))]])
-        P = transfer((self.V[:n, :n], inputs, outputs, through), zeta)
+        P = series_at((self.V[:n, :n], inputs, outputs, through), zeta)
         inner, before, after = P[:, p:, q:], P[:, :p, q:], P[:, p:, :q]
         # phi = P11 + P12 E (I - P22 E)^{-1} P21: the maximum principle of matrix Moebius maps.
         adjoint = inner.conj().transpose(0, 2, 1)
@@ -196,7 +196,7 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndar
     poles = np.linalg.eigvals(E.A) if E.nstates else np.zeros(0)
     angles = np.concatenate([np.linspace(0, np.pi, 2049), np.abs(np.angle(poles))])
     a, b, c, d = (np.asarray(part) for part in (E.A, E.B, E.C, E.D))
-    values = transfer((a, b, c, d), np.exp(-1j * angles))
+    values = series_at((a, b, c, d), np.exp(-1j * angles))
     peak = float(np.linalg.norm(values, 2, axis=(1, 2)).max())
     if peak > 1 + 1e-9:
         raise InputError(f"`E` must have H-infinity norm <= 1; got at least {peak:.6g}")

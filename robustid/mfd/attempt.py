@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.mfd.chains import StateMatrices, input_priority, response
+from robustid.mfd.chains import input_priority
 from robustid.mfd.iteration import FitStep, FractionFit, fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
-from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, output_rows, reflected
+from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, reflected
 from robustid.mfd.steps import into_form
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
@@ -81,7 +82,7 @@ def _check_conditions(problem: FractionProblem, found: FractionModel) -> None:
     for condition in problem.conditions:
         point = problem.scale * condition.point
         for left, _ in condition.terms:
-            values = response(found.matrices, np.array([point]))[0]
+            values = response_at(found.matrices, point)[0]
             with np.errstate(invalid="ignore"):  # inf on a pole
                 remainder = left[:, :nu] + left[:, nu:] @ values
             size = max(float(np.abs(left[:, :nu]).max()), float(np.abs(problem.values).min()))
@@ -103,7 +104,7 @@ def _best_form(
     problem: FractionProblem, model: StateMatrices, data: Samples, may_pair: bool
 ) -> tuple[FractionProblem, NodeFraction]:
     """Degrees by ones or by twos, whichever reproduces the first model better."""
-    states = output_rows(model.A, np.eye(len(model.A)), data.points) @ model.B
+    states = response_at((model.A, model.B, np.eye(len(model.A)), np.zeros(model.B.shape)), data.points)
     values = model.C @ states + model.D
     states = states / np.linalg.norm(values, axis=(1, 2), keepdims=True)
     forms: list[tuple[FractionProblem, NodeFraction]] = []
@@ -153,7 +154,7 @@ def _reflection(
     for pull in range(pulls):
         A = diagonal_blocks(T, A[flexible:, flexible:])
         model = StateMatrices(A, B, *fit_outputs(data, A, B, problem.feedthrough))
-        start = into_form(problem, response(model, data.points), fraction.held)
+        start = into_form(problem, response_at(model, data.points), fraction.held)
         if not np.any(unstable_poles(realise(problem, start))):
             return start
         # The way into fraction form may move a pole by more than its distance from the boundary.

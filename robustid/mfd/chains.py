@@ -7,22 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from robustid.core import StateMatrices
 from robustid.errors import InputError
-from robustid.mfd.state_fit import diagonal_blocks, output_rows
-
-
-class StateMatrices(NamedTuple):
-    """A, B, C, D, in s or z."""
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-
-
-def response(model: StateMatrices, points: np.ndarray) -> np.ndarray:
-    """At complex points s or z, (F, ny, nu)."""
-    return output_rows(model.A, model.C, points) @ model.B + model.D
+from robustid.mfd.state_fit import diagonal_blocks
 
 
 def chain(count: int, origin: float) -> np.ndarray:
@@ -78,7 +65,7 @@ def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.
     Parameters
     ----------
     model : StateMatrices
-        Nearly of this form.
+        Of this form but for rounding and noise.
     directions : (count, nu) array or None
     """
     A, B, C, D = model

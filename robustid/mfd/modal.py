@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, StateMatrices, freeze, response_at, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model
 
@@ -251,7 +251,7 @@ def curve_points(omega: np.ndarray, dt: float) -> np.ndarray:
 
 def resolvent(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
     """``C (xi I - A)^{-1} B`` at all points, (F, ny, nu)."""
-    return C @ np.linalg.solve(points[:, None, None] * np.eye(len(A)) - A, B.astype(complex))
+    return response_at((A, B, C, np.zeros((len(C), B.shape[1]))), points)
 
 
 def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
@@ -262,7 +262,8 @@ def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
     # Beside the resonances, between them, and one decade out.
     omega = np.concatenate([1.001 * omega, np.sqrt(omega[1:] * omega[:-1]), [omega[0] / 10, omega[-1] * 10]])
     points = curve_points(omega[omega < np.pi / system.dt] if system.dt else omega, system.dt)
-    given, found = (resolvent(m.A, m.B, m.C, points) + m.D for m in (system, result))
+    given = response_at((*scaled_states(system.A, system.B, system.C), system.D), points)
+    found = response_at(StateMatrices.of(result), points)
     size = np.linalg.norm(given, axis=(1, 2))
     ratio = np.linalg.norm(found - given, axis=(1, 2)) / np.where(size > 0, size, 1.0)
     return float(np.max(ratio, initial=0.0))

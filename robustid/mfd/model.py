@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, StateMatrices, freeze, response_at
 from robustid.errors import InputError
-from robustid.mfd.chains import StateMatrices, split_rigid
+from robustid.mfd.chains import split_rigid
 from robustid.mfd.krylov_blocks import stacked, times_xi
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
-
-_LINES_AT_ONCE = 256
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -100,7 +98,7 @@ class FractionModel(Frozen):
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu) at omega in rad/s."""
         omega = np.asarray(omega, dtype=float)
-        values = _response(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
+        values = response_at(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
         return values.transpose(0, 2, 1) if self.form == "left" else values
 
     def denominator(self, points: np.ndarray) -> np.ndarray:
@@ -197,7 +195,7 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
         rigid = split_rigid(model.matrices, count, problem.origin, directions)
         model = dataclasses.replace(model, rigid=rigid, rigid_count=count)
     points = scale * basis.xi
-    difference = np.linalg.norm(_response(model.matrices, points) - response, axis=(1, 2))
+    difference = np.linalg.norm(response_at(model.matrices, points) - response, axis=(1, 2))
     return dataclasses.replace(model, error=float(np.max(difference / np.maximum(size, 1e-12 * size.max()))))
 
 
@@ -211,6 +209,7 @@ def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     rows, right = [], []
     for condition in problem.conditions:
         ((left, _),) = condition.terms
+        # Not `response_at`: at a real point the imaginary rows must be zero exactly.
         states = np.linalg.solve(condition.point * np.eye(len(A)) - A, B.astype(complex))
         # left [I; P] = 0 with P = C states + D, as equations on vec C
         both = np.kron(states.T, left[:, nu:])
@@ -244,12 +243,3 @@ def _tied(problem: FractionProblem, fraction: NodeFraction, basis: VectorPolynom
     if fraction.held.highest is None:
         raise InputError("`fraction` lacks its highest coefficients; take it from a step of the fit")
     return scipy.linalg.null_space(highest[low] - fraction.held.highest[high[:, None], low].T @ highest[high])
-
-
-def _response(model: StateMatrices, points: np.ndarray) -> np.ndarray:
-    A, B, C, D = model
-    out = np.empty((points.size, *D.shape), dtype=complex)
-    for start in range(0, points.size, _LINES_AT_ONCE):
-        part = points[start : start + _LINES_AT_ONCE, None, None]
-        out[start : start + _LINES_AT_ONCE] = C @ np.linalg.solve(part * np.eye(A.shape[0]) - A, B.astype(complex)) + D
-    return out

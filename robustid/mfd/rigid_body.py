@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, freeze
+from robustid.core import Frozen, StateMatrices, as_array, as_count, freeze, response_at
 from robustid.errors import InputError
-from robustid.mfd.chains import StateMatrices, chain, response, sorted_schur
+from robustid.mfd.chains import chain, sorted_schur
 from robustid.mfd.conditions import RigidModes
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
@@ -185,7 +185,7 @@ def rigid_modes(
         free = body.directions is None and body.count < directions.shape[1]
         return dataclasses.replace(problem, rigid=RigidModes(directions, pivots, True, free))
     # D V = O(s^2): V spans the null space of D at the pole, of the fraction that the start makes without conditions.
-    plain, nu = realise(problem, into_form(problem, response(model, data.points))), problem.values.shape[2]
+    plain, nu = realise(problem, into_form(problem, response_at(model, data.points))), problem.values.shape[2]
     null = np.linalg.svd(plain.denominator(np.array([problem.origin]))[0].real)[2][-body.count :]
     directions, pivots = pivoted(null, np.ones(nu))
     return dataclasses.replace(problem, rigid=RigidModes(directions.T, pivots, False, body.count < nu))

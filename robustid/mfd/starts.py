@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_array
+from robustid.core import StateMatrices, as_array, response_at
 from robustid.errors import InputError, InputTypeError
-from robustid.mfd.chains import StateMatrices, response
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.problem import FractionProblem
@@ -40,7 +39,7 @@ def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
 
 
 def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
-    cost = float(np.linalg.norm(problem.residual(response(model, data.points))))
+    cost = float(np.linalg.norm(problem.residual(response_at(model, data.points))))
     return cost if np.isfinite(cost) else np.inf
 
 

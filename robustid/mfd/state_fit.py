@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from robustid.core import response_at
+
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
 _BOUNDARY = 1e-9
 
@@ -56,17 +58,12 @@ def fit_outputs(data: Samples, A: np.ndarray, B: np.ndarray, feedthrough: bool) 
 
 
 def output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """C (xi I - A)^{-1} at all points, (F, ny, n): complex Schur form, back-substitution for all points at once.
+    """C (xi I - A)^{-1} at all points, (F, ny, n); inf or nan at a pole.
 
-    An eigenvector basis would be shorter and fails at double poles (rigid-body modes).
+    The states of the dual system, in reversed order: so a Schur form of A is one of the dual, too.
     """
-    T, U = scipy.linalg.schur(A, output="complex")[:2]
-    CU = C @ U
-    X = np.empty((len(points), len(C), len(A)), dtype=complex)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a pole on a line: the caller sees inf
-        for j in range(len(A)):
-            X[:, :, j] = (CU[:, j] + X[:, :, :j] @ T[:j, j]) / (points - T[j, j])[:, None]
-        return X @ U.conj().T
+    dual = (A.T[::-1, ::-1], C.T[::-1], np.eye(len(A))[::-1], np.zeros((len(A), len(C))))
+    return response_at(dual, points).transpose(0, 2, 1)
 
 
 def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, freeze
+from robustid.core import Frozen, as_array, as_count, freeze, response_at
 from robustid.errors import InputError
-from robustid.mfd.state_fit import Samples, band, fit_inputs, output_rows, real_rows, reflected, triangle
+from robustid.mfd.state_fit import Samples, band, fit_inputs, real_rows, reflected, triangle
 
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
@@ -43,7 +43,7 @@ class SubspaceEstimate(Frozen):
 
     def response(self, points: np.ndarray) -> np.ndarray:
         """P at complex `points` (F,), shape (F, ny, nu)."""
-        return output_rows(self.A, self.C, np.atleast_1d(np.asarray(points, dtype=complex))) @ self.B + self.D
+        return response_at((self.A, self.B, self.C, self.D), points)
 
 
 def subspace_estimate(

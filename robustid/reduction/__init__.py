@@ -3,7 +3,7 @@
 from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
 from robustid.reduction.continuous import ContinuousModel, to_continuous
 from robustid.reduction.error_norm import PeakError, hinf_error
-from robustid.reduction.gramians import doubtful_distance, scaled
+from robustid.reduction.gramians import doubtful_distance
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 
 __all__ = [
@@ -17,6 +17,5 @@ __all__ = [
     "hankel_singular_values",
     "hinf_error",
     "reduce_within_bounds",
-    "scaled",
     "to_continuous",
 ]

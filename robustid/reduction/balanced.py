@@ -14,7 +14,7 @@ from robustid.core import Frozen, as_count, as_float, freeze
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
-from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, scaled, split
+from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, split
 from robustid.reduction.limited import limited
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ __all__ = [  # with what other rooms take from here
     "balanced_truncations",
     "doubtful_distance",
     "hankel_singular_values",
-    "scaled",
 ]
 
 _EPS = np.finfo(float).eps

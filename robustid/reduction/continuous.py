@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid.core import Frozen
+from robustid.core import Frozen, response_at, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
-from robustid.reduction.gramians import doubtful_distance, scaled
+from robustid.reduction.gramians import Parts, doubtful_distance
 
 if TYPE_CHECKING:
     import control
@@ -85,7 +85,7 @@ def to_continuous(model: control.StateSpace) -> ContinuousModel:
     system = check_model("model", model)
     if system.dt == 0 or system.dt is True or system.dt is None:
         raise InputError(f"`model` must be discrete with its sample time in s; got dt = {system.dt}")
-    parts = scaled(system.A, system.B, system.C)
+    parts = Parts(*scaled_states(system.A, system.B, system.C))
     poles, doubt = doubtful_distance(parts.a)
     distance = np.where(np.real(poles) > 0, np.abs(poles), np.abs(np.imag(poles)))
     if np.any(distance <= doubt):
@@ -142,6 +142,6 @@ def _error(model: Any, back: Any) -> float:
     undamped = poles[np.abs(np.abs(poles) - 1) <= _ON_CIRCLE]
     if undamped.size:
         points = points[np.min(np.abs(points[:, None] - undamped), axis=1) > 1e-6]
-    given, returned = (np.moveaxis(m(points, squeeze=False), -1, 0) for m in (model, back))
+    given, returned = (response_at((*scaled_states(m.A, m.B, m.C), m.D), points) for m in (model, back))
     size = np.max(np.linalg.norm(given, 2, axis=(1, 2)), initial=0.0)
     return 0.0 if size == 0 else float(np.max(np.linalg.norm(returned - given, 2, axis=(1, 2))) / size)

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.optimize import minimize_scalar
 
+from robustid.core import Response
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import Parts, split
@@ -89,14 +90,12 @@ class _Peak:
 
     def __init__(self, parts: Parts, feedthrough: np.ndarray, *, discrete: bool):
         self.discrete, self.d = discrete, feedthrough
-        triangular: Any = sla.schur(parts.a, output="complex") if parts.a.size else (parts.a, parts.a)
-        self.schur, basis = triangular
-        self.b, self.c = basis.conj().T @ parts.b, parts.c @ basis
+        self.response = Response((*parts, feedthrough))
         self.continuous = _bilinear(parts, feedthrough) if discrete else (*parts, feedthrough)
         self.value, self.omega = 0.0, np.inf
 
     def search(self) -> tuple[float, float]:
-        poles = np.diagonal(self.schur)
+        poles = self.response.poles
         peaks = np.abs(np.angle(poles)) if self.discrete else np.abs(poles)
         # Resonances lie near |pole| or at its imaginary part; the rest of the axis between them.
         marks = np.unique(
@@ -118,23 +117,24 @@ class _Peak:
 
     def _look(self, frequencies: Any) -> np.ndarray:
         """Largest singular values at the frequencies; the largest of all is kept."""
-        found = np.array([self._at(omega) for omega in frequencies])
+        found = self._at(np.asarray(frequencies, dtype=float))
         if found.size and np.max(found) > self.value:
             self.value, self.omega = float(np.max(found)), float(frequencies[np.argmax(found)])
         return found
 
-    def _at(self, omega: float) -> float:
-        if np.isinf(omega) or not self.schur.size:
-            return float(np.linalg.norm(self.d, 2))
-        point = np.exp(1j * omega) if self.discrete else 1j * omega
-        shifted = -self.schur
-        shifted[np.diag_indices_from(shifted)] += point
-        return float(np.linalg.norm(self.d + self.c @ sla.solve_triangular(shifted, self.b, check_finite=False), 2))
+    def _at(self, omega: np.ndarray) -> np.ndarray:
+        values = np.repeat(self.d[None].astype(complex), omega.size, axis=0)
+        near = np.isfinite(omega)
+        values[near] = self.response.at(np.exp(1j * omega[near]) if self.discrete else 1j * omega[near])
+        return np.linalg.norm(values, 2, axis=(1, 2))
 
     def _refine(self, low: float, high: float) -> None:
         if high > low:
             peak: Any = minimize_scalar(
-                lambda w: -self._at(w), bounds=(low, high), method="bounded", options={"xatol": 1e-9 * high}
+                lambda w: -self._at(np.array([w]))[0],
+                bounds=(low, high),
+                method="bounded",
+                options={"xatol": 1e-9 * high},
             )
             self._look([peak.x])
 
@@ -144,7 +144,7 @@ class _Peak:
 
     def _crossings(self, level: float) -> np.ndarray:
         """Frequencies where a singular value may be `level`, none of them missing; ascending."""
-        if level == 0 or not self.schur.size:
+        if level == 0 or not self.response.poles.size:
             return np.zeros(0)
         a, b, c, d = self.continuous
         b, c, d = b / np.sqrt(level), c / np.sqrt(level), d / level

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from robustid.core import scaled_states
 from robustid.errors import InputError
 from robustid.identification import describe_poles
 
@@ -32,7 +33,7 @@ class Parts(NamedTuple):
 
 def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     """Stable and unstable part, in coordinates of balanced scales; the feedthrough belongs to neither."""
-    parts = scaled(model.A, model.B, model.C)
+    parts = Parts(*scaled_states(model.A, model.B, model.C))
     poles, stable = is_stable(parts.a, model.dt)
     if np.all(stable):
         return parts, Parts(np.zeros((0, 0)), np.zeros((0, model.ninputs)), np.zeros((model.noutputs, 0)))
@@ -60,15 +61,6 @@ def is_stable(a: np.ndarray, dt: Any) -> tuple[np.ndarray, np.ndarray]:
     poles, doubt = doubtful_distance(a)
     distance = -np.real(poles) if dt == 0 else 1 - np.abs(poles)
     return poles, distance > doubt
-
-
-def scaled(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Parts:
-    """Powers of two between the states, from A alone: exact, whatever the units of the channels."""
-    if a.size == 0:
-        return Parts(a, b, c)
-    with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        balanced, (scale, _) = sla.matrix_balance(a, permute=False, separate=True)
-    return Parts(balanced, b / scale[:, None], c * scale)
 
 
 def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

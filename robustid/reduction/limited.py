@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid.core import as_array, as_positive
+from robustid.core import as_array, as_positive, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
-from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable, scaled
+from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable
 
 _EPS = np.finfo(float).eps
 
@@ -117,7 +117,7 @@ def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
         )
     if weight.nstates and model.nstates and weight.dt != model.dt:
         raise InputError(f"`weight` must have the time base of `model`, dt = {model.dt}; got dt = {weight.dt}")
-    own = scaled(weight.A, weight.B, weight.C)
+    own = Parts(*scaled_states(weight.A, weight.B, weight.C))
     poles, stable = is_stable(own.a, weight.dt)
     if not np.all(stable):
         raise InputError(f"`weight` must be stable; it has {describe_poles(poles[~stable], weight.dt)}")

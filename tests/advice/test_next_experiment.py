@@ -97,7 +97,7 @@ def test_more_time_samples_are_a_candidate():
     # The truth's continuation is no further from the model than stated.
     u = np.concatenate([record.u[:, 0], np.full(6, record.u[-1, 0])])
     k = round(item.at / 0.01)
-    from robustid.core.simulation import simulate
+    from robustid.core import simulate
 
     truth = np.convolve(u, truth_of(6, "time")[0](12))[k]
     model = rid.identify(problem).model

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import simulate
+from robustid.core import simulate
 from robustid.identification.residuals import model_residuals
 
 DT = 0.01

@@ -6,7 +6,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.core.simulation import simulate
+from robustid.core import simulate
 
 DT = 1e-3
 OMEGA = 2 * np.pi * np.linspace(2, 350, 250)

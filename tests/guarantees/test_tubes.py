@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import simulate
+from robustid.core import simulate
 from robustid.guarantees import horizon, response_tube
 from robustid.identification.support_certificate import Functional
 from support.problems import CASES, random_problem, truth_of

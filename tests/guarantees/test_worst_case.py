@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.core.simulation import response
+from robustid.core import response
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.curvature import second_derivative
 from robustid.guarantees.value_set import ValueSet, value_set, value_set_claims

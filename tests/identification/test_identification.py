@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import simulate as simulate_all
+from robustid.core import simulate as simulate_all
 from robustid.identification.residuals import model_residuals
 from robustid.identification.solver.cvxpy_backend import available_solvers
 from support.problems import CASES, judge_margin, random_problem

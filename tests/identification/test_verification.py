@@ -213,7 +213,7 @@ def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds():
     for seed in range(5):
         experiment = rid.flexible_structure(seed=1)
         rng = np.random.default_rng(seed)
-        from robustid.core.simulation import simulate
+        from robustid.core import simulate
 
         u = np.sign(rng.standard_normal(300))
         y = simulate(experiment.truth, u[:, None])[0][270:, 0] + 0.02 * rng.uniform(-1, 1, 30)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import simulate
+from robustid.core import simulate
 from robustid.identification.residuals import largest_ratio, model_residuals
 from robustid.reduction.minimax import smallest_maximum
 from robustid.reduction.refinement import (

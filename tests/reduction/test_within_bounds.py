@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import response
+from robustid.core import response
 from robustid.identification.residuals import largest_ratio
 from robustid.reduction import SearchStatus
 from support.paper_plant import mixed, structure

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.simulation import response
+from robustid.core import response
 from robustid.identification.residuals import model_residuals
 from robustid.reduction.minimax import orthonormal_columns, smallest_maximum
 from robustid.reduction.refinement import (

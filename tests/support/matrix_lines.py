@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 import robustid as rid
-from robustid.core.simulation import responses
+from robustid.core import responses
 
 DT = 0.01
 

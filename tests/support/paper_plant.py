@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import robustid as rid
-from robustid.core.simulation import simulate
+from robustid.core import simulate
 
 
 def structure(seed, *, parametric=True):
