@@ -7,7 +7,7 @@ import scipy.linalg as sla
 
 from robustid.errors import InputError, InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
-from support.reduction_models import benchmark_model, gap, mode, points_of, random_model, response  # noqa: F401
+from support.reduction_models import gap, mode, points_of, random_model, response
 
 NOTHING = control.StateSpace([], [], [], [[0.0]])
 
@@ -98,7 +98,7 @@ def check_bound(model, orders, matches=(None, "static gain")):
 
 
 @pytest.mark.realdata
-def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model):  # noqa: F811
+def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model):
     # On a grid, every order: test_reduction.py. The true error at every order: below, slow.
     large = benchmark_model.nstates > 200
     check_bound(benchmark_model, [12] if large else [1, 20], (None,) if large else (None, "static gain"))
@@ -106,7 +106,7 @@ def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model)
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_bound_holds_for_the_true_error_at_every_order(benchmark_model):  # noqa: F811
+def test_bound_holds_for_the_true_error_at_every_order(benchmark_model):
     check_bound(benchmark_model, range(benchmark_model.nstates))
 
 

@@ -1,12 +1,7 @@
 """Shared by the tests: reduction models."""
 
-import os
-import pathlib
-
 import control
 import numpy as np
-import pytest
-import scipy.io
 import scipy.linalg as sla
 
 SLICOT = {"build": 48, "CDplayer": 120, "iss1R": 270, "beam": 348}
@@ -60,15 +55,3 @@ def mode(zeta, omega):
     """Unit static gain; Hankel singular values (sqrt(1 + zeta^2) ± zeta) / (4 zeta), whatever omega."""
     model = control.ss([[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega**2]], [[1, 0]], 0)
     return model, np.sqrt(1 + zeta**2) / (4 * zeta) + np.array([0.25, -0.25])
-
-
-@pytest.fixture(params=SLICOT)
-def benchmark_model(request):
-    folder = os.environ.get("ROBUSTID_DATA")
-    path = pathlib.Path(folder or ".", "slicot", f"{request.param}.mat")
-    if not folder or not path.exists():
-        pytest.skip("ROBUSTID_DATA does not name a folder with slicot/*.mat")
-    matrices = scipy.io.loadmat(path)
-    a, b, c = (np.asarray(scipy.sparse.csc_array(matrices[k]).todense(), dtype=float) for k in "ABC")
-    assert a.shape[0] == SLICOT[request.param]
-    return control.StateSpace(a, b, c, 0, 0)
