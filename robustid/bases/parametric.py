@@ -60,7 +60,7 @@ class ParametricBasis(Frozen):
 
     @property
     def has_integrator(self) -> bool:
-        """Whether a pole sits at z = 1."""
+        """True if a pole sits at z = 1."""
         return bool(np.any(np.abs(self.poles - 1) <= _INTEGRATOR_RADIUS))
 
     def response(self, angles: np.ndarray) -> np.ndarray:

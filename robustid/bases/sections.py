@@ -65,7 +65,7 @@ class Sections(Frozen):
 
     @property
     def is_shift(self) -> bool:
-        """Whether B = z."""
+        """True if B = z."""
         return self.zeros == (0j,)
 
     @property

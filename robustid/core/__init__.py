@@ -1,5 +1,6 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
+from robustid.core.balancing import Balancing, balancing
 from robustid.core.files import atomic_write
 from robustid.core.state_space import (
     Response,
@@ -45,6 +46,7 @@ from robustid.core.workers import Workers, worker_pool
 
 __all__ = [
     "Arrays",
+    "Balancing",
     "Frozen",
     "Record",
     "Response",
@@ -59,6 +61,7 @@ __all__ = [
     "as_positive",
     "as_signals",
     "atomic_write",
+    "balancing",
     "describe",
     "digest",
     "freeze",

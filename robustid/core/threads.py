@@ -1,4 +1,4 @@
-"""How many threads the linear algebra library may use."""
+"""Number of threads that the linear algebra library may use."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def _rebuild(cls, fields):
 
 
 class _PackedModel(NamedTuple):
-    """What a `control.StateSpace` consists of: the object itself holds lambdas, which can't be pickled."""
+    """The parts of a `control.StateSpace`: the object itself holds lambdas, which can't be pickled."""
 
     A: np.ndarray
     B: np.ndarray

@@ -25,7 +25,7 @@ _PULLS = 4  # attempts to keep a reflected pole inside after the way back into f
 
 
 class Attempt(NamedTuple):
-    """Where an attempt ended."""
+    """End of an attempt."""
 
     fit: FractionFit
     found: FractionModel
@@ -36,7 +36,7 @@ class Attempt(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """How an attempt is made; see `fit_mfd`."""
+    """Choices of an attempt; see `fit_mfd`."""
 
     phases: list[str]
     body: RigidBody | None

@@ -57,7 +57,7 @@ def sorted_schur(A: np.ndarray, origin: float, count: int) -> tuple[np.ndarray, 
 
 
 def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.ndarray | None) -> StateMatrices:
-    """The same model with its rigid-body modes as exact chains, in a block of their own.
+    """Transform a model so that its rigid-body modes are exact chains in a block of their own.
 
     ``A = diag(A_f, [[0, I], [0, 0]] + origin I)`` and, with constant input directions, ``B = [B_f; 0; directions]``:
     the poles are exact by structure, which no eigenvalue routine would tell (it splits a double pole by sqrt(eps)).
@@ -72,14 +72,14 @@ def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.
     T, Z = sorted_schur(A, origin, 2 * count)
     k = len(A) - 2 * count
     Y = scipy.linalg.solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if k else np.zeros((0, 2 * count))
-    left, right = Z.T @ B, C @ Z
+    left, right = np.asarray(Z.T @ B, dtype=float), C @ Z
     Bf, Br = left[:k] - Y @ left[k:], left[k:]
     Cf, Cr = right[:, :k], right[:, k:] + right[:, :k] @ Y
     U, sizes, Vt = np.linalg.svd(T[k:, k:] - origin * np.eye(2 * count))
     # N V = U S: in the basis (U S^1/2, V S^-1/2) the nilpotent part is the chain itself.
     root = np.sqrt(sizes[:count])
     basis = np.hstack([U[:, :count] * root, Vt[:count].T / root])
-    Br, Cr = np.linalg.solve(basis, Br), Cr @ basis
+    Br, Cr = np.asarray(np.linalg.solve(basis, Br), dtype=float), Cr @ basis
     if directions is not None:
         # B = [K G; G] with G = gain * directions: the velocity of the chain's start goes into the outputs.
         pinv = np.linalg.pinv(directions)

@@ -32,7 +32,7 @@ class Condition(Frozen):
         return self._rows(basis.derivatives(self.point, self.derivative + 1), column)
 
     def of(self, basis: VectorPolynomials, polynomial: Sequence[np.ndarray], column: int | None = None) -> np.ndarray:
-        """What a polynomial (arguments of `VectorPolynomials.evaluate`) leaves of the equations, (m,)."""
+        """Residuals (m,) of the equations at a polynomial, the arguments of `VectorPolynomials.evaluate`."""
         values = basis.derivatives_of(self.point, self.derivative + 1, polynomial)
         return self._rows(values[..., None], column)[:, 0]
 
@@ -48,8 +48,8 @@ class RigidModes(Frozen):
 
     Outside (``P = N D~^{-1} I_RB^{-1} T_u^{-1}``): ``B D(xi) = O((xi - origin)^2)``, `directions` = B (count, nu), the
     inputs that drive the modes. Inside (``P = N I_RB^{-1} D~^{-1}``): ``D(xi) V = O((xi - origin)^2)``,
-    `directions` = V (nu, count). The `pivots` columns of B (rows of V) are the identity; with `free` the rest is
-    refined with the fit.
+    `directions` = V (nu, count). The `pivots` columns of B (rows of V) are the identity; with `free` the others
+    are refined with the fit.
 
     Notes
     -----
@@ -78,7 +78,7 @@ class RigidModes(Frozen):
         return tuple(Condition(origin, ((left, right),), k) for k in range(2))
 
     def turned(self, anchor: np.ndarray) -> np.ndarray:
-        """What the conditions change by when the free part of the directions does: (equations, parameters)."""
+        """Derivatives of the conditions along the free part of the directions, (equations, parameters)."""
         nu = anchor.shape[2]
         rest = np.setdiff1d(np.arange(nu), self.pivots)
         one = np.eye(self.count)

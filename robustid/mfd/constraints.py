@@ -16,7 +16,7 @@ from robustid.mfd.problem import FractionProblem
 
 @runtime_checkable
 class Constraint(Protocol):
-    """What `fit_mfd` takes in `constraints`."""
+    """A constraint, as `fit_mfd` takes it in `constraints`."""
 
     def apply(self, problem: FractionProblem) -> FractionProblem:
         """The problem of a right fraction with this constraint added."""
@@ -174,5 +174,5 @@ class ZeroEntries(Frozen):
         return dataclasses.replace(problem, zeros=problem.zeros | np.vstack([~allowed, self.mask]))
 
     def transposed(self) -> ZeroEntries:
-        """Of P^T."""
+        """The pattern of P^T."""
         return ZeroEntries(self.mask.T)

@@ -1,4 +1,4 @@
-"""How sure a fit is: covariance of the coefficients, and what it means for the poles and the response."""
+"""Uncertainty of a fit: covariance of the coefficients, and standard deviations of poles and response."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FitCovariance(Frozen):
     damping, damping_std : (n,) arrays
         -Re(s)/|s| and its standard deviation; nan and 0 for rigid-body poles.
     basis : VectorPolynomials
-        The orthonormal polynomials, without their values on the lines.
+        The orthonormal polynomials, without their values at the frequency points.
     forbidden : (m, parameters + m) array
         R.
     """
@@ -73,7 +73,7 @@ class FitCovariance(Frozen):
         Parameters
         ----------
         omega : (F,) array, optional
-            rad/s; default the lines of the data.
+            rad/s; default the frequency points of the data.
 
         Returns
         -------
@@ -127,7 +127,7 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
 
     Notes
     -----
-    Assumes circular complex noise, independent between lines and, after the weight, between entries, small enough for
+    Assumes circular complex noise, independent between frequency points and, after the weight, between entries, small enough for
     first order. Weights made of the noisy data themselves (relative ones) count as known.
 
     The quotient needs neither D nor its derivative: with the eigenvectors of the realisation, ``A x = lambda x``,
@@ -227,7 +227,7 @@ def _deviations(
         ds = changes if dt is None else changes / (poles[:, None] * dt)
         size = np.abs(s)
         direction = (s / size)[:, None]
-        radial = np.real(direction.conj() * ds)  # d|s|; the rest turns s, which changes -cos of its angle
+        radial = np.real(direction.conj() * ds)  # d|s|; the other part turns s, which changes -cos of its angle
         turning = np.imag(direction.conj() * ds) / size[:, None]
         damping = -np.real(direction[:, 0])
         spread = [changes, radial / (2 * np.pi), np.imag(direction) * turning]

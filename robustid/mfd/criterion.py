@@ -1,4 +1,4 @@
-"""What a fit minimises: sum over the lines of |W(k) vec(P_o - P)|^2."""
+"""The criterion of a fit: sum over the frequency points of |W(k) vec(P_o - P)|^2."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SINGULAR = 1e-13
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Weight(Frozen):
-    """Weight of the residual, line by line: ``W(k) vec(R) = matrix (vec(entries o (output R input)))``.
+    """Weight of the residual, point by point: ``W(k) vec(R) = matrix (vec(entries o (output R input)))``.
 
     vec stacks columns; o is the entrywise (Schur) product. The weight multiplies the residual, not its square. Parts
     left out are identities: a general weight has `matrix` alone, a separable one `output` and `input` alone.
@@ -25,7 +25,7 @@ class Weight(Frozen):
     Parameters
     ----------
     entries : (F, ny, nu) array
-        Factor per line and entry, >= 0 (0 masks the entry). It gives the weight its shape.
+        Factor per frequency point and entry, >= 0 (0 masks the entry). It gives the weight its shape.
     output : (F, ny, ny) array, optional
     input : (F, nu, nu) array, optional
     matrix : (F, ny*nu, ny*nu) array, optional
@@ -59,7 +59,7 @@ class Weight(Frozen):
         if np.any(entries < 0):
             raise InputError(f"`entries` of a weight must be >= 0 (0 masks an entry); got {entries.min():g}")
         if not np.any(entries):
-            raise InputError("`entries` of the weight mask everything: no line is left to fit")
+            raise InputError("`entries` of the weight mask everything: no frequency point is left to fit")
         parts: dict[str, Any] = {"entries": freeze(entries)}
         for name, size in (("output", ny), ("input", nu), ("matrix", ny * nu)):
             value = getattr(self, name)
@@ -91,7 +91,7 @@ class Weight(Frozen):
 
     @property
     def size(self) -> np.ndarray:
-        """A number per line (F,): root mean square of the residual's weights."""
+        """A number per frequency point (F,): root mean square of the residual's weights."""
         columns = self.entrywise.transpose(0, 2, 1).reshape(self.shape[0], -1)
         return np.sqrt(np.mean(columns**2, axis=1))
 
@@ -123,7 +123,7 @@ class Weight(Frozen):
             left = self.output @ left
         if self.input is not None:
             inverse = self.input.transpose(0, 2, 1) @ inverse
-        # axes: line, input c and output a of the residual; column j and row i of the unknown
+        # axes: point, input c and output a of the residual; column j and row i of the unknown
         outer = inverse[:, :, None, :, None] * left[:, None, :, None, :]
         outer *= self.entries.transpose(0, 2, 1)[..., None, None]
         return self._finish(outer)
@@ -146,7 +146,7 @@ class Weight(Frozen):
         )
 
     def scaled(self, factors: Any) -> Weight:
-        """Multiplied by a factor >= 0 per line (F,), or per line and entry (F, ny, nu); 0 or False masks.
+        """Multiplied by a factor >= 0 per frequency point (F,), or per point and entry (F, ny, nu); 0 or False masks.
 
         Per-entry factors act on the entries themselves and are refused where a general matrix follows.
         """
@@ -156,7 +156,9 @@ class Weight(Frozen):
         elif factors.shape != self.shape:
             raise InputError(f"`factors` must have shape (F,) = {self.shape[:1]} or {self.shape}; got {factors.shape}")
         elif self.matrix is not None:
-            raise InputError("`factors` per entry don't combine with a general weight matrix; give one factor per line")
+            raise InputError(
+                "`factors` per entry don't combine with a general weight matrix; give one factor per frequency point"
+            )
         return dataclasses.replace(self, entries=self.entries * factors)
 
     def banded(self, omega: np.ndarray, bands: Iterable[tuple[float, float, float]]) -> Weight:
@@ -167,7 +169,7 @@ class Weight(Frozen):
             low, high, factor = as_float("bands", low), as_float("bands", high), as_float("bands", factor)
             inside = (omega >= low) & (omega <= high)
             if not np.any(inside):
-                raise InputError(f"`bands`: no line lies between {low:g} and {high:g} rad/s")
+                raise InputError(f"`bands`: no frequency point lies between {low:g} and {high:g} rad/s")
             factors[inside] *= factor
         return self.scaled(factors)
 
@@ -178,8 +180,8 @@ class Weight(Frozen):
         if np.any(size == 0):
             k, i, j = np.argwhere(size == 0)[0]
             raise InputError(
-                f"`values` has a zero at line {k}, entry ({i}, {j}): a relative weight is infinite there;"
-                " give a covariance or a weight, mask dead entries, leave dead channels out"
+                f"`values` has a zero at frequency point {k}, entry ({i}, {j}): a relative weight is infinite there;"
+                " give a covariance or a weight, mask dead entries, leave dead signals out"
             )
         return cls(1.0 / size)
 
@@ -201,7 +203,7 @@ class Weight(Frozen):
         bad = np.flatnonzero((values[:, 0] <= _SINGULAR * values[:, -1]) | np.any(spread <= 0, axis=1))
         if bad.size:
             raise InputError(
-                f"`covariance` must be positive definite; at line {bad[0]} it isn't ({bad.size} of {lines} lines)."
+                f"`covariance` must be positive definite; at frequency point {bad[0]} it isn't ({bad.size} of {lines})."
                 " An estimate needs more periods or realisations than entries; else use its diagonal"
             )
         root = (vectors / np.sqrt(values)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)

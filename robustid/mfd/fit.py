@@ -39,11 +39,11 @@ class MatrixFraction(Frozen, Drawable):
     problem : FractionProblem
         What was asked; for a left fraction the transposed problem.
     nodes : NodeFraction
-        The fraction on the lines, of that problem.
+        The fraction at the frequency points, of that problem.
     fraction : FractionModel
         Polynomials and realisation.
     cost : float
-        ``sum_k |W(k) vec(P_k - model)|^2`` over the lines.
+        ``sum_k |W(k) vec(P_k - model)|^2`` over the frequency points.
     start_cost : float
         The same of the start; the fit is never worse, but for a start with unstable poles that had to be reflected.
     status : FitStatus
@@ -87,7 +87,7 @@ class MatrixFraction(Frozen, Drawable):
 
     @property
     def rigid_directions(self) -> np.ndarray | None:
-        """How the inputs drive the rigid-body modes, (count, nu); their shapes (ny, count) for a left fraction."""
+        """Directions (count, nu) in which the inputs drive the rigid-body modes; shapes (ny, count) of a left fraction."""
         directions = self.nodes.held.directions
         if directions is None or self.problem.rigid is None or not self.problem.rigid.outside:
             return None
@@ -103,7 +103,7 @@ class MatrixFraction(Frozen, Drawable):
 
     @property
     def stable(self) -> bool:
-        """Whether every pole but those of rigid-body modes lies inside the stability region."""
+        """True if every pole but those of rigid-body modes lies inside the stability region."""
         return not np.any(unstable_poles(self.fraction))
 
 
@@ -139,7 +139,7 @@ def fit_mfd(
     form : {"right", "left"}, optional
         N D^{-1} (default) or D^{-1} N (default with rigid-body modes of side "output").
     weight : Weight or (F, ny, nu) array, optional
-        Of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood),
+        Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood),
         else relative, 1/|P| per entry.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
@@ -224,7 +224,7 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Atte
 
 
 def _suspicious(ended: Attempt) -> bool:
-    """Whether the residual still has a shape over frequency: a mode missed by a poor start, or an order too small."""
+    """Tell whether the residual still has a shape over frequency: a mode missed by a poor start, or an order too small."""
     fit = ended.fit
     residual = fit.problem.residual(fit.fraction.response)
     size = float(np.linalg.norm(residual)) ** 2

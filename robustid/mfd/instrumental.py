@@ -195,7 +195,7 @@ def iv_step(problem: FractionProblem, fraction: NodeFraction) -> tuple[NodeFract
     ------
     BreakdownError
         When the pair of bases does not exist (see `biorthonormal_polynomials`); numpy's LinAlgError, of which it is
-        one, when D_old is singular on a line.
+        one, when D_old is singular at a frequency point.
 
     Notes
     -----

@@ -38,7 +38,7 @@ _LIMIT = {"iv": 30, "gn": 30, "lm": 30} | dict.fromkeys(_SK, 20)
 
 
 class FitStatus(enum.Enum):
-    """How a fit ended; the value is the user's sentence."""
+    """Status of a fit; the value is the user's sentence."""
 
     STATIONARY = "converged: the gradient of the criterion vanishes at the model, within 1 % of what noise does to it"
     FLAT = "converged: a full step no longer lowers the criterion, but for rounding or a part of what noise does to it"
@@ -49,7 +49,7 @@ class FitStatus(enum.Enum):
 
     @property
     def converged(self) -> bool:
-        """Whether the criterion is at a local minimum as far as double precision tells."""
+        """True if the criterion is at a local minimum as far as double precision tells."""
         return self in (FitStatus.STATIONARY, FitStatus.FLAT, FitStatus.EXACT)
 
 
@@ -131,7 +131,7 @@ def fit_fraction(
     Raises
     ------
     InputError
-        When a start is singular on a line; on a wrong method; IV with constraints.
+        When a start is singular at a frequency point; on a wrong method; IV with constraints.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def fit_fraction(
             run.wander(phase, limit, denominators)
             denominators = None
     if run.best is None or not np.isfinite(run.cost):
-        raise InputError("`denominators` (or `start`) must be nonsingular on every line; give another start")
+        raise InputError("`denominators` (or `start`) must be nonsingular at every frequency point; give another start")
     status = FitStatus.EXACT if run.cost <= run.exact else run.status
     return FractionFit(problem, run.best, run.cost, status, tuple(run.history))
 
@@ -215,7 +215,7 @@ class _Run:
                         self.status = FitStatus.STATIONARY
                         return
                     current = _along(problem, current, direction.fraction, 1.0)
-            except np.linalg.LinAlgError:  # singular on a line: no way on from there
+            except np.linalg.LinAlgError:  # singular at a point: no way on from there
                 self.status = FitStatus.STALLED
                 return
             denominators, reached = current.denominators, problem.cost(current)

@@ -1,4 +1,4 @@
-"""Blocks of vector polynomials on the data: which components start where, how a block grows, is made orthogonal."""
+"""Blocks of vector polynomials on the data: their layout, how a block grows and is made orthogonal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SMALL_PIVOT = 1e-5
 
 
 class Block(NamedTuple):
-    """Where a block stands among all columns, and what it is made of."""
+    """Place of a block among all columns, and its components."""
 
     before: slice  # columns of the block before: multiplied by xi they are the first of this one
     here: slice
@@ -52,7 +52,7 @@ def check_equations(limits: np.ndarray, columns: np.ndarray) -> tuple[int, int]:
     if not 0 < size <= rows:
         raise InputError(
             f"`limits` ask for {size} coefficients where the data give {rows} real equations;"
-            " lower the order or give more lines"
+            " lower the order or give more frequency points"
         )
     return rows, size
 
@@ -69,7 +69,7 @@ def stacked(vector: np.ndarray) -> np.ndarray:
 
 
 def times_xi(xi: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """The nodes times the lines of stacked columns."""
+    """The nodes times the rows of stacked columns."""
     half = block.shape[0] // 2
     repeated = np.repeat(xi, half // xi.size)[:, None]
     real, imaginary = np.real(repeated), np.imag(repeated)
@@ -107,5 +107,5 @@ def orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_inverse(triangle: np.ndarray) -> np.ndarray:
-    """Of a small upper triangle. OpenBLAS spreads a triangular solve over threads at any size: milliseconds each."""
+    """Inverse of a small upper triangle. OpenBLAS spreads a triangular solve over threads at any size: milliseconds each."""
     return _trtri(triangle)[0]

@@ -31,7 +31,7 @@ class ModalForm(Frozen):
     Attributes
     ----------
     model : control.StateSpace
-        Same response, dt and channels. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
+        Same response, dt and signals. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
         too close to be told apart share a larger block (quasi-triangular).
     blocks : tuple of slice
         States of each block, by distance of the poles from the rigid-body pole.
@@ -124,7 +124,7 @@ class _Part(NamedTuple):
     left: np.ndarray
 
     def changed(self, basis: np.ndarray, block: np.ndarray) -> _Part:
-        """In another basis of the same subspaces, where the block is known."""
+        """The part in another basis of the same subspaces, where the block is known."""
         return _Part(self.members, block, self.right @ basis, np.linalg.solve(basis, self.left))
 
 

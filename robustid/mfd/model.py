@@ -1,4 +1,4 @@
-"""From a matrix fraction to a state-space model, through orthonormal polynomials and never through monomials."""
+"""State-space model of a matrix fraction, through orthonormal polynomials and never through monomials."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class FractionModel(Frozen):
     """A matrix fraction with its minimal realisation: ``P = N D^{-1} = C (xi I - A)^{-1} B + D_0``.
 
     The state is ``x = Pi w`` with ``u = D w``, ``y = N w``: Pi (order x nu) holds polynomials whose column degrees lie
-    below those of D, orthonormal for ``Pi D^{-1}`` on the lines, so that ``xi Pi = A Pi + B D`` is their
+    below those of D, orthonormal for ``Pi D^{-1}`` at the frequency points, so that ``xi Pi = A Pi + B D`` is their
     recursion and ``N = C Pi + D_0 D``. A is block Hessenberg (comrade form), of size = McMillan degree.
 
     Attributes
@@ -40,7 +40,7 @@ class FractionModel(Frozen):
     form : {"right", "left"}
         "left": the realisation of the transposed data, ``P^T``; `model` and `numerator`, `denominator` transpose back.
     error : float
-        Largest difference of the state-space model from N D^{-1} on the lines, relative to the norm of the line.
+        Largest difference of the state-space model from N D^{-1} at the frequency points, relative to its norm there.
     rigid : StateMatrices or None
         With rigid-body modes: the state space in s or z that has them as exact chains of integrators; `model`, `poles`
         and `response` are taken from it.
@@ -79,7 +79,7 @@ class FractionModel(Frozen):
 
     @property
     def model(self) -> Any:
-        """As `control.StateSpace`."""
+        """The model as a `control.StateSpace`."""
         import control
 
         A, B, C, D = self.matrices
@@ -129,7 +129,7 @@ class FractionModel(Frozen):
 
 
 def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "right") -> FractionModel:
-    """State-space model of a fraction that is known by its values on the lines.
+    """State-space model of a fraction that is known by its values at the frequency points.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
     response = fraction.response
     lines, ny, nu = response.shape
     size = np.linalg.norm(response, axis=(1, 2))
-    # Every line with its own size: a mode far below the highest is as exact as that one.
+    # Every point with its own size: a mode far below the highest is as exact as that one.
     line = 1.0 / np.maximum(size, np.finfo(float).tiny ** 0.5 + 1e-12 * size.max())
     line = (line / np.linalg.norm(line))[:, None, None]
     weighted = line * np.linalg.inv(fraction.denominators).transpose(0, 2, 1)
@@ -202,7 +202,7 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
 def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     """C moved as little as it takes to meet the conditions on the response, and the roll-off, to rounding.
 
-    The states are orthonormal on the lines, so that the smallest change of C is the smallest change of the response.
+    The states are orthonormal at the frequency points, so that the smallest change of C is the smallest change of the response.
     """
     A, B, C, D = model
     nu = B.shape[1]

@@ -119,7 +119,7 @@ def _peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) ->
 
 
 def _with_participation(rows: list[ModeRow], peaks: list[np.ndarray]) -> list[ModeRow]:
-    """Peaks of every entry relative to the largest of that entry: no unit of a channel counts."""
+    """Peaks of every entry relative to the largest of that entry: no unit of a signal counts."""
     finite = [k for k, peak in enumerate(peaks) if np.all(np.isfinite(peak)) and not rows[k].rigid]
     entry = np.max([peaks[k] for k in finite], axis=0) if finite else np.ones(1)
     entry = np.where(entry > 0, entry, 1.0)

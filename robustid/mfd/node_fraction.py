@@ -1,4 +1,4 @@
-"""A fraction by its values on the lines, with what later steps hold of it."""
+"""A fraction by its values at the frequency points, with what later steps hold of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robustid.core import Frozen, freeze
 
 
 class Held(NamedTuple):
-    """What a linear step takes from the last fraction and holds, where the constraints are not linear in it."""
+    """Parts of the last fraction that a linear step holds, where the constraints are not linear in them."""
 
     directions: np.ndarray | None = None  # of the rigid-body modes
     highest: np.ndarray | None = None  # coefficients of [D; N] at the highest free degrees, (nu + ny, nu)
@@ -23,7 +23,7 @@ NOTHING_HELD = Held()
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NodeFraction(Frozen):
-    """A right fraction P = N D^{-1} by its values at the lines.
+    """A right fraction P = N D^{-1} by its values at the frequency points.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ def _sum(a: np.ndarray | None, step: float, b: np.ndarray | None) -> np.ndarray 
 
 
 def right_divide(numerators: np.ndarray, denominators: np.ndarray) -> np.ndarray:
-    """``numerators @ inv(denominators)``, line by line."""
+    """``numerators @ inv(denominators)``, point by point."""
     return np.linalg.solve(denominators.transpose(0, 2, 1), numerators.transpose(0, 2, 1)).transpose(0, 2, 1)
 
 

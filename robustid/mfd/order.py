@@ -80,10 +80,10 @@ def suggest_order(
 
     Notes
     -----
-    Assumes circular complex Gaussian noise, independent between lines. Known: ``E|W e|^2 = 1`` per entry, so that V
+    Assumes circular complex Gaussian noise, independent between frequency points. Known: ``E|W e|^2 = 1`` per entry, so that V
     is the negative log-likelihood; a covariance that was estimated from few periods counts as exact. Unknown: that
-    times one factor. With few lines the latter takes single lines for modes: of 8 simulated single-channel systems of
-    order 4, MDL found 6 with 100 lines, 6 with 200; compare with `OrderSweep.subspace_order`. MDL finds the true
+    times one factor. With few points the latter takes single points for modes: of 8 simulated SISO systems of
+    order 4, MDL found 6 with 100 points, 6 with 200; compare with `OrderSweep.subspace_order`. MDL finds the true
     order as N grows; AIC keeps too much. A model error (a nonlinearity, leakage) counts as dynamics.
 
     An order whose cost lies above that of a lower one is fitted again, from there: it ended in a local minimum. The
@@ -131,7 +131,7 @@ def _singular_values(
     while True:
         try:
             found = subspace_estimate(data.values, data.points, probe, **options).singular_values
-        except InputError:  # too few lines for this order
+        except InputError:  # too few points for this order
             if best is not None:
                 return best
             if probe == 1:

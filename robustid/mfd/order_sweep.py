@@ -1,4 +1,4 @@
-"""What a sweep of fits over the order shows: costs, information criteria and a stabilisation diagram."""
+"""Results of a sweep of fits over the order: costs, information criteria and a stabilisation diagram."""
 
 from __future__ import annotations
 

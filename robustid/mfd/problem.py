@@ -1,4 +1,4 @@
-"""Which matrix fraction is sought: form, degrees, data and criterion."""
+"""The matrix fraction that is sought: form, degrees, data and criterion."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.node_fraction import Held, NodeFraction, staircase
 from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 
-# A residual of this part of the weighted data is rounding: D is ill-conditioned on the lines near lightly damped poles.
+# A residual of this part of the weighted data is rounding: D is ill-conditioned at points near lightly damped poles.
 _EXACT = 1e-10
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FractionProblem(Frozen):
-    """Which fraction is sought: minimise ``sum_k |W(k) vec(values_k - N D^{-1}(xi_k))|^2`` at a given McMillan degree.
+    """A fraction that is sought: minimise ``sum_k |W(k) vec(values_k - N D^{-1}(xi_k))|^2`` at a given McMillan degree.
 
     Right fraction in (row) Popov form: row i of D has degree nu_i on the diagonal, with coefficient 1, and less
     elsewhere; column j of N has a degree below nu_j (at most nu_j with feed-through). The nu_i are the staircase
-    ``ceil(order/nu)`` for the first inputs and one less for the rest, so that any order is possible; every system
+    ``ceil(order/nu)`` for the first inputs and one less for the others, so that any order is possible; every system
     but a thin set has exactly these. The order*(ny + nu) free coefficients are the dimension of the model set.
 
     Lightly damped modes come in pairs of states, and an undamped machine *is* in the thin set unless the degrees are
@@ -95,8 +95,8 @@ class FractionProblem(Frozen):
         unknowns = self.order * sum(values.shape[1:])
         if unknowns > self.equations:
             raise InputError(
-                f"`order` = {self.order} has {unknowns} free coefficients, but the {lines} lines in use give only"
-                f" {self.equations} real equations; lower the order or give more lines"
+                f"`order` = {self.order} has {unknowns} free coefficients, but the {lines} frequency points in use give only"
+                f" {self.equations} real equations; lower the order or give more frequency points"
             )
 
     @property
@@ -136,7 +136,7 @@ class FractionProblem(Frozen):
 
     @property
     def origin(self) -> float:
-        """Where rigid-body poles are, and the static gain."""
+        """Point of the rigid-body poles, and of the static gain."""
         return 0.0 if self.dt is None else 1.0
 
     @property
@@ -176,7 +176,7 @@ class FractionProblem(Frozen):
         return self.weight.apply(self.values - response)
 
     def cost(self, fraction: NodeFraction) -> float:
-        """The criterion; infinite where D is singular on a line."""
+        """The criterion; infinite where D is singular at a frequency point."""
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 cost = float(np.linalg.norm(self.residual(fraction.response)) ** 2)
@@ -236,7 +236,7 @@ class FractionProblem(Frozen):
         return self._tangent(basis, fraction)[0]
 
     def turn(self, basis: VectorPolynomials, fraction: NodeFraction, coordinates: np.ndarray) -> np.ndarray | None:
-        """How the rigid-body directions change along admissible coordinates."""
+        """Change of the rigid-body directions along admissible coordinates."""
         if self.rigid is None:
             return None
         _, rows, turned = self._tangent(basis, fraction)
@@ -279,7 +279,7 @@ class FractionProblem(Frozen):
         terms: Sequence[Sequence[np.ndarray]],
         directions: np.ndarray | None = None,
     ) -> NodeFraction:
-        """The same from one polynomial for vec [D; N], or from one for each of its columns."""
+        """The fraction of one polynomial for vec [D; N], or of one for each of its columns."""
         nu = self.values.shape[2]
 
         def matrix(parts: list[np.ndarray]) -> np.ndarray:

@@ -81,7 +81,7 @@ class RigidBody(Frozen):
         self._set(count=count, directions=directions)
 
     def check(self, values: np.ndarray, order: int, omega: np.ndarray) -> None:
-        """Whether the data of a right fraction allow it: `values` transposed for side "output"."""
+        """Raise where the data of a right fraction don't allow it: `values` transposed for side "output"."""
         ny, nu = values.shape[1:]
         names = ("inputs", "outputs") if self.side == "input" else ("outputs", "inputs")
         for size, name in ((nu, names[0]), (ny, names[1])):
@@ -96,7 +96,9 @@ class RigidBody(Frozen):
         if 2 * self.count > order:
             raise InputError(f"`order` = {order} has no room for {self.count} rigid-body modes of two states each")
         if np.any(omega == 0):
-            raise InputError("`frf` has a line at 0 Hz, where a rigid body has no finite response; leave that line out")
+            raise InputError(
+                "`frf` has a frequency point at 0 Hz, where a rigid body has no finite response; leave that point out"
+            )
 
 
 def rigid_start(
@@ -132,7 +134,7 @@ def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
     """The rows (count, nu) of the low-rank gains of 1/s^2 that are nearest, every entry in its own standard deviation.
 
     A cross approximation on the most significant entries, then alternating least squares. No scaling of rows and
-    columns would do: where a channel is decoupled from the rigid body, its own entry is noise of any size.
+    columns would do: where a signal is decoupled from the rigid body, its own entry is noise of any size.
     """
     deviation = _deviations(data)
     rest, variance, chosen = np.array(gains), deviation**2, []

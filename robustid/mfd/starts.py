@@ -1,4 +1,4 @@
-"""Where a fit begins: a subspace estimate, a model that was given, poles, or the strongest modes of a richer fit."""
+"""Starts of a fit: a subspace estimate, a model that was given, poles, or the strongest modes of a richer fit."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
     if not poles.size:
         raise InputError("`start` must hold at least one pole")
     if np.any(problem.xi[:, None] == poles / problem.scale):
-        raise InputError("`start` has a pole on a line of `frf`, where no response is finite; move it")
+        raise InputError("`start` has a pole at a frequency point of `frf`, where no response is finite; move it")
     logarithm = np.sum(np.log(problem.xi[:, None] - poles / problem.scale), axis=1)
     scalar = np.exp(logarithm - logarithm.real.max())  # relative to the largest: a product of 80 poles would underflow
     fit = fit_fraction(problem, denominators=scalar[:, None, None] * np.eye(problem.values.shape[2]), method="sk")
@@ -76,7 +76,7 @@ def first_model(
         A, B, C, D = A.T, C.T, B.T, D.T
     if D.shape != problem.values.shape[1:]:
         ny, nu = D.shape if form == "right" else D.shape[::-1]
-        raise InputError(f"`start` must have the channels of `frf`; got {ny} outputs and {nu} inputs")
+        raise InputError(f"`start` must have the inputs and outputs of `frf`; got {ny} outputs and {nu} inputs")
     least = 1 if body is None else 2 * body.count
     if len(A) < least:
         raise InputError(f"`start` must have at least {least} state{'s' * (least > 1)} for this fit; got {len(A)}")

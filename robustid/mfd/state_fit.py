@@ -85,7 +85,7 @@ def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:
 
 
 def band(points: np.ndarray, domain: str) -> np.ndarray:
-    """The frequencies of the lines, rad/s or rad/sample, without zero and Nyquist."""
+    """The frequencies of the points, rad/s or rad/sample, without zero and Nyquist."""
     frequency = np.abs(np.imag(points)) if domain == "s" else np.abs(np.angle(points))
     return frequency[(frequency > 0) & ((domain == "s") | (frequency < np.pi * (1 - 1e-9)))]
 

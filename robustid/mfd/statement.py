@@ -1,4 +1,4 @@
-"""What a fit is asked: the arguments of fit_mfd, checked, as problem, samples and form."""
+"""The question of a fit: the arguments of fit_mfd, checked, as problem, samples and form."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robustid.mfd.state_fit import Samples
 
 
 class Statement(NamedTuple):
-    """What a fit is asked."""
+    """The question of a fit."""
 
     problem: FractionProblem  # of a right fraction, without constraints and rigid-body modes
     data: Samples  # the same for linear least squares
@@ -46,7 +46,7 @@ def stated(
     lines, counts = np.unique(frf.omega, return_counts=True)
     if lines.size < frf.omega.size:
         raise InputError(
-            f"`frf` has {int(counts.max())} lines at {lines[np.argmax(counts)]:g} rad/s; average them, or fit one of"
+            f"`frf` has {int(counts.max())} frequency points at {lines[np.argmax(counts)]:g} rad/s; average them, or fit one of"
             " the measurements"
         )
     order = as_count("order", order, least=1)
@@ -62,7 +62,7 @@ def stated(
     for names, axis in ((frf.outputs, 2), (frf.inputs, 1)):
         for name, known in zip(names, np.any(weight.entries, axis=(0, axis)), strict=True):
             if not known:
-                raise InputError(f"`weight` is zero for all of channel {name}; leave that channel out of `frf`")
+                raise InputError(f"`weight` is zero for all of signal {name}; leave that signal out of `frf`")
     if not np.any(weight.apply(frf.values)):
         raise InputError("`frf` is zero wherever it has weight; there is nothing to fit")
     problem = problem.transposed() if form == "left" else problem
@@ -88,7 +88,7 @@ def _only(weight: Weight, measured: np.ndarray) -> Weight:
         return weight
     if not (weight.output is None and weight.input is None and weight.matrix is None):
         raise InputError(
-            "`weight` mixes the entries of a line, and `frf` misses some: give a weight per entry, or the covariance"
+            "`weight` mixes the entries of a frequency point, and `frf` misses some: give a weight per entry, or the covariance"
         )
     if weight.shape != measured.shape:
         raise InputError(f"`weight` must have shape {measured.shape} as the values; got {weight.shape}")
@@ -105,7 +105,7 @@ def _default_weight(frf: FrequencyResponse, measured: np.ndarray) -> Weight:
 
 
 def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str) -> Samples:
-    """What linear least squares can use: a weight per entry, and the inverse standard deviation where that is known."""
+    """The data for linear least squares: a weight per entry, and the inverse standard deviation where that is known."""
     domain, noise = "s" if problem.dt is None else "z", None
     if frf.covariance is not None:
         ny, nu = frf.values.shape[1:]

@@ -31,7 +31,7 @@ def sk_step(
     Parameters
     ----------
     denominators : (F, nu, nu) complex array
-        D_old at the lines; any function that is nonsingular there will do.
+        D_old at the frequency points; any function that is nonsingular there will do.
     held : Held
         From the last fraction.
 
@@ -137,7 +137,7 @@ def retract(
     steps: int = 2,
     columnwise: int = 0,
 ) -> NodeFraction:
-    """A fraction of the problem's form close to a response that nearly has one.
+    """A fraction of the problem's form close to a response that almost has one.
 
     SK with the response in place of the data: exact data are reproduced in about two steps from any start, and what is
     off by e comes back with an error of the order of e.
@@ -160,7 +160,7 @@ def retract(
                 fraction = column_step(target, denominators, held)
             else:
                 fraction, _ = sk_step(target, denominators, held)
-        except np.linalg.LinAlgError:  # singular on a line: no way on from there
+        except np.linalg.LinAlgError:  # singular at a point: no way on from there
             if best is None:
                 raise
             break
@@ -181,7 +181,7 @@ def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHI
 
 
 def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
-    """SK step with ``|W| |D_old^{-1}|``, a number per line, as weight: the columns of [D; N] come apart.
+    """SK step with ``|W| |D_old^{-1}|``, a number per frequency point, as weight: the columns of [D; N] come apart.
 
     nu^2 times cheaper than `sk_step`, and as exact where the data are those of a fraction; with noise it weighs them
     wrongly wherever D_old is ill-conditioned.
@@ -189,7 +189,7 @@ def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held =
     lines, ny, nu = problem.values.shape
     smallest = np.linalg.svd(denominators, compute_uv=False)[:, -1]
     if not np.all(smallest > 0):
-        raise np.linalg.LinAlgError("D is singular on a line")
+        raise np.linalg.LinAlgError("D is singular at a frequency point")
     weight = problem.weight.size / smallest
     left = np.concatenate([problem.values, np.broadcast_to(-np.eye(ny), (lines, ny, ny))], axis=2)
     limits = problem.limits.reshape(nu, -1)
@@ -294,7 +294,7 @@ def _held_lines(problem: FractionProblem) -> np.ndarray:
 def _denominator_rows(
     problem: FractionProblem, basis: VectorPolynomials, lines: np.ndarray, inverse: np.ndarray
 ) -> np.ndarray:
-    """vec(D D_old^{-1}) of every polynomial at some lines, (m, nu*nu, n)."""
+    """vec(D D_old^{-1}) of every polynomial at some frequency points, (m, nu*nu, n)."""
     ny, nu = problem.values.shape[1:]
     values = basis.polynomials(problem.xi[lines]).reshape(lines.size, nu, nu + ny, -1)[:, :, :nu]
     # vec(D X) = (X^T kron I) vec D

@@ -73,7 +73,7 @@ def subspace_estimate(
         Number n of states.
     weight : (F,) or (F, ny, nu) array, optional
         Multiplies the residual, >= 0 (0: don't use); best the inverse standard deviation of each entry. None: relative
-        to the Frobenius norm of each line, so that modes far below the highest peak count as much.
+        to the Frobenius norm at each point, so that modes far below the highest peak count as much.
     block_rows : int, optional
         Number i of functions f_j. None: ``max(6*order/ny, order)`` and half of it are tried.
     feedthrough : bool
@@ -95,12 +95,12 @@ def subspace_estimate(
 
     Notes
     -----
-    Assumes noise independent between entries and lines with standard deviation ``1/weight``; the estimate is then
+    Assumes noise independent between entries and points with standard deviation ``1/weight``; the estimate is then
     consistent, but not efficient: a start for a maximum-likelihood fit.
 
     Source: `mckelvey1996`, Algorithm 2 (weighted, non-uniform grid), with z^j replaced by orthonormal rational
     functions whose poles are spread over the band. One repeated pole is the usual bilinear map; on 20 noisy
-    single-channel systems of order 20 its largest error was 2.7e-2, against 7e-3. Four ways of spreading the poles
+    SISO systems of order 20 its largest error was 2.7e-2, against 7e-3. Four ways of spreading the poles
     are tried, a heuristic choice, and the smallest residual wins.
 
     Examples
@@ -165,7 +165,7 @@ def _dynamics(data: Samples, order: int, poles: np.ndarray) -> tuple[np.ndarray,
 
 
 def _noise(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviation of each entry, and a weight per line and input (0 where an entry of the column is unused).
+    """Standard deviation of each entry, and a weight per point and input (0 where an entry of the column is unused).
 
     The inverse rms deviation of the column: an entry with a tiny deviation (in an antiresonance) must not lift its
     whole column, which an average of the weights would do (measured: twice the error).
@@ -185,13 +185,13 @@ def _block_row_sizes(data: Samples, order: int, block_rows: int | None) -> list[
     most = min(lines, 2 * lines * nu // (ny + nu))
     if not lines:
         raise InputError(
-            "`weight` leaves no line on which all outputs of an input count, and the estimate needs such lines; mask"
+            "`weight` leaves no frequency point at which all outputs of an input count, and the estimate needs such points; mask"
             " fewer entries, or give fit_mfd a `start`"
         )
     if most < least:
         raise InputError(
-            f"`order` = {order} is too large for {lines} different lines with weight of a {ny}x{nu} response;"
-            f" at most {max(most - 1, 0) * ny}. Measure more lines or lower `order`"
+            f"`order` = {order} is too large for {lines} different frequency points with weight of a {ny}x{nu} response;"
+            f" at most {max(most - 1, 0) * ny}. Measure more points or lower `order`"
         )
     if block_rows is None:
         wanted = max(math.ceil(6 * order / ny), order, 10)
@@ -216,17 +216,17 @@ def _checked(values: np.ndarray, points: np.ndarray, weight: np.ndarray | None, 
         where, curve = int(np.argmax(off)), "1j*omega" if domain == "s" else "exp(1j*omega*dt)"
         raise InputError(f"`points` must be {curve} for domain {domain!r}; got {points[where]:g} at index {where}")
     if band(points, domain).size == 0:
-        raise InputError("`points` has no line between zero and the Nyquist frequency; give at least one")
+        raise InputError("`points` has no frequency between zero and the Nyquist frequency; give at least one")
     return Samples(values, points, _as_weight(weight, values), domain)
 
 
 def _as_weight(weight: np.ndarray | None, values: np.ndarray) -> np.ndarray:
-    """Of the shape of the values; relative by default."""
+    """The weight in the shape of the values; relative by default."""
     if weight is None:
         size = np.linalg.norm(values, axis=(1, 2))
         if not np.any(size):
             raise InputError("`frf_values` are all zero; there is nothing to fit")
-        # A line of zeros has no relative weight; the floor keeps it from being the only one that counts.
+        # A point of zeros has no relative weight; the floor keeps it from being the only one that counts.
         weight = 1 / np.maximum(size, 1e-12 * size.max())
     array = as_array("weight", weight)
     if array.shape == values.shape[:1]:
@@ -257,7 +257,7 @@ def rational_krylov(
 
     Real inner product Re sum_k weight_k^2 conj(f_k) g_k; the first function is constant. Each new one starts as an
     all-pass times the last, (pole + s)/(pole - s) with pole > 0 or (z - pole)/(1 - pole z) with |pole| < 1: it has the
-    modulus of the last one on every line, and its pole lies where the last one, like a Szegő polynomial, has no zero,
+    modulus of the last one at every point, and its pole lies where the last one, like a Szegő polynomial, has no zero,
     so that no step can be lost. f(A) exists for stable A.
     """
     count = len(poles) + 1

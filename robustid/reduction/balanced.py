@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid.core import Frozen, as_count, as_float, freeze
+from robustid.core import Frozen, as_count, as_float, balancing, freeze
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
@@ -39,7 +39,7 @@ _DEFAULT_TOL = 1e-8
 
 
 class ReductionStatus(enum.Enum):
-    """What a truncation did; the value is the user's sentence."""
+    """Status of a truncation; the value is the user's sentence."""
 
     REDUCED = "reduced: the error stays within `bound`"
     FEWER = "reduced further than asked: the states above `order` are rounding noise of the model itself"
@@ -55,7 +55,7 @@ class Reduction(Frozen, Drawable):
     Attributes
     ----------
     model : control.StateSpace
-        The reduced model: same dt, same channels; kept unstable states come first.
+        The reduced model: same dt, same signals; kept unstable states come first.
     order : int
         Its number of states.
     hankel : (n,) array
@@ -112,7 +112,7 @@ def balanced_truncation(
     Parameters
     ----------
     model : control.StateSpace
-        n states, any number of channels; continuous (``dt=0``) or discrete.
+        n states, any number of inputs and outputs; continuous (``dt=0``) or discrete.
     order : int, optional
         Number of states to keep, unstable ones included, 0..n. Order n gives the model back as it is.
     tol : float, optional
@@ -121,14 +121,14 @@ def balanced_truncation(
         back unreduced and `status` says so.
     unstable : {"refuse", "keep"}
         Poles on or outside the stability boundary, integrators included: refuse them, or split them off
-        exactly, reduce the stable rest, and put them back. A pole counts as unstable if rounding can't tell
+        exactly, reduce the stable part, and put them back. A pole counts as unstable if rounding can't tell
         it from the boundary.
     band_hz : (low, high), optional
         Only these frequencies in Hz count: Gramians over the band. ``high`` may be inf.
     horizon : float, optional
         Only the first so many seconds of the impulse response count.
     weight : control.StateSpace, optional
-        Stable W: W (G - G_r) is to be small, not G - G_r. One channel, or as many inputs as `model` has outputs.
+        Stable W: W (G - G_r) is to be small, not G - G_r. SISO, or with as many inputs as `model` has outputs.
     match : {None, "static gain"}
         "static gain": the states that go take their steady state instead of zero, so that the stable part keeps
         its gain at frequency zero exactly, with the same bound.
@@ -217,8 +217,8 @@ class _Balanced:
     ):
         self.system, self.stable, self.kept, self.match = system, stable, kept, match
         self.held, self.bounded, states = kept.a.shape[0], factors is None, stable.a.shape[0]
-        self.left, self.right = factors or gramian_factors(stable, discrete=system.dt != 0)
-        self.rotate_left, hankel, self.rotate_right = sla.svd(self.left.T @ self.right)
+        self.balancing = balancing(*(factors or gramian_factors(stable, discrete=system.dt != 0)))
+        hankel = self.balancing.hankel
         self.hankel = np.concatenate([hankel, np.zeros(states - hankel.size)])
         bounds = _error_bounds(self.hankel)
         if not self.bounded:
@@ -249,19 +249,18 @@ class _Balanced:
 
     def _model(self, keep: int) -> tuple[control.StateSpace, bool]:
         """The model with so many states of the stable part, and whether those are stable."""
-        root, feedthrough, discrete = np.sqrt(self.hankel[:keep]), self.system.D, self.system.dt != 0
-        into = self.right @ self.rotate_right[:keep].T / root
-        onto = (self.left @ self.rotate_left[:, :keep] / root).T
+        feedthrough, discrete = self.system.D, self.system.dt != 0
         if self.match is None:
-            small = Parts(onto @ self.stable.a @ into, onto @ self.stable.b, self.stable.c @ into)
+            small = Parts(*self.balancing.truncated(*self.stable, keep))
         else:
-            small, feedthrough = _at_rest(self.stable, feedthrough, into, onto, discrete=discrete)
+            into, onto = self.balancing.projections(keep)
+            small, feedthrough = _in_steady_state(self.stable, feedthrough, into, onto, discrete=discrete)
         poles = np.linalg.eigvals(small.a)
         stable = bool(np.all(np.abs(poles) < 1 if discrete else poles.real < 0))
         return _assemble(self.system, self.kept, small, feedthrough), stable
 
 
-def _at_rest(
+def _in_steady_state(
     parts: Parts, feedthrough: np.ndarray, into: np.ndarray, onto: np.ndarray, *, discrete: bool
 ) -> tuple[Parts, np.ndarray]:
     """The states that go take their steady state `liu1989`: truncation of G(1/s), with z - 1 for s in discrete time."""

@@ -29,7 +29,7 @@ class ContinuousModel(Frozen):
     Attributes
     ----------
     model : control.StateSpace
-        Continuous, same order and channels.
+        Continuous, same order and signals.
     error : float
         Largest |zoh(model) - discrete model| over a grid up to the Nyquist frequency that includes every
         pole's frequency, relative to the largest |discrete model| there (largest singular values).

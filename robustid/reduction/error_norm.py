@@ -38,7 +38,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
     Parameters
     ----------
     model, reduced : control.StateSpace
-        Same channels, same time base. Unstable parts, integrators included, must be the same in both, as
+        Same signals, same time base. Unstable parts, integrators included, must be the same in both, as
         ``balanced_truncation(unstable="keep")`` leaves them: only the stable parts are compared.
 
     Returns
@@ -90,14 +90,14 @@ class _Peak:
 
     def __init__(self, parts: Parts, feedthrough: np.ndarray, *, discrete: bool):
         self.discrete, self.d = discrete, feedthrough
-        self.response = Response((*parts, feedthrough))
+        self.response = Response((parts.a, parts.b, parts.c, feedthrough))
         self.continuous = _bilinear(parts, feedthrough) if discrete else (*parts, feedthrough)
         self.value, self.omega = 0.0, np.inf
 
     def search(self) -> tuple[float, float]:
         poles = self.response.poles
         peaks = np.abs(np.angle(poles)) if self.discrete else np.abs(poles)
-        # Resonances lie near |pole| or at its imaginary part; the rest of the axis between them.
+        # Resonances lie near |pole| or at its imaginary part; what is left of the axis between them.
         marks = np.unique(
             np.concatenate([[0.0], peaks, np.abs(np.imag(poles))] if not self.discrete else [[0.0, np.pi], peaks])
         )

@@ -40,7 +40,7 @@ def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     if unstable == "refuse":
         raise InputError(
             f"`model` must be stable to be reduced; it has {describe_poles(poles[~stable], model.dt)} on or"
-            ' beyond the stability boundary. Pass unstable="keep" to keep those states and reduce the rest'
+            ' beyond the stability boundary. Pass unstable="keep" to keep those states and reduce the others'
         )
 
     # LAPACK reorders with slightly different poles: each is judged as the nearest of those judged above.

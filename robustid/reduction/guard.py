@@ -1,4 +1,4 @@
-"""Between and beyond the lines: how far a small model may be from the identified one where nothing was measured."""
+"""Between and beyond the frequency points: how far a small model may be from the identified one where nothing was measured."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robustid.data import FrequencyResponse
 from robustid.identification import Identification
 
 _GRID = 1024  # angles equally spaced, and as many, a constant ratio apart, below the first of them
-_SOME = 40  # lines that are added with the first
+_SOME = 40  # points that are added with the first
 _LOWEST = 1e-5  # rad, beside 0
 _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 
@@ -19,7 +19,8 @@ _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 class Guard:
     r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the prior.
 
-    At every angle; where G has integrators, from the lowest line on. `times` as much where F itself misses its data by so much.
+    At every angle; where G has integrators, from the lowest frequency point on. `times` as much where F itself misses its data
+    by so much.
     """
 
     def __init__(self, identification: Identification, integrators: int, times: float = 1.0):
@@ -48,14 +49,14 @@ class Guard:
 
     @property
     def spread(self) -> FrequencyResponse:
-        """Some lines everywhere, with the identified model as data."""
+        """Some frequency points everywhere, with the identified model as data."""
         at = np.searchsorted(self._angles, np.linspace(self._lowest, np.pi, _SOME + 1)[1:])
         return FrequencyResponse(self._angles[at] / self._dt, self._response[at], bound=self._allowed[at], dt=self._dt)
 
     def check(self, model: Any, limit: float) -> tuple[float, FrequencyResponse | None]:
-        r"""The largest \|G - F\| over what is allowed; and the lines that hold a model to `limit` where it is beyond, if any.
+        r"""The largest \|G - F\| over what is allowed; and the points that hold a model to `limit` where it is beyond, if any.
 
-        One line for every stretch of angles, with the identified model as data.
+        One point for every stretch of angles, with the identified model as data.
         """
         own = np.setdiff1d(_resonances(model), self._angles)
         own = own[own >= self._lowest]

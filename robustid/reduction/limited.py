@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from robustid.core import as_array, as_positive, scaled_states
+from robustid.core import as_array, as_positive, balancing, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable
@@ -89,12 +89,13 @@ def _sample_time(name: str, model: Any) -> float:
 
 def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
     """Factors of both Gramians, limited: from coordinates in which the whole one is the identity, where nothing cancels."""
-    left, right = gramian_factors(parts, discrete=discrete)
-    u, hankel, v = sla.svd(left.T @ right)
-    keep = hankel > hankel.size * _EPS * np.max(hankel, initial=0.0)
-    if not np.any(keep):
-        return left[:, :0], right[:, :0]
-    left, right, hankel = left @ u[:, keep], right @ v[keep].T, hankel[keep]
+    balanced = balancing(*gramian_factors(parts, discrete=discrete))
+    hankel = balanced.hankel
+    order = int(np.sum(hankel > hankel.size * _EPS * np.max(hankel, initial=0.0)))
+    left, right = balanced.coordinates(order)
+    if not order:
+        return left, right
+    hankel = hankel[:order]
     a = left.T @ parts.a @ right
     return left @ _root(share((a / hankel).T)), right @ _root(share(a / hankel[:, None]))
 
@@ -112,7 +113,7 @@ def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
     outputs = model.noutputs
     if weight.ninputs not in {1, outputs} or (weight.ninputs == 1 and weight.noutputs > 1 < outputs):
         raise InputError(
-            f"`weight` must have one channel, or the {outputs} outputs of `model` as its inputs; got {weight.noutputs} x"
+            f"`weight` must be SISO, or have the {outputs} outputs of `model` as its inputs; got {weight.noutputs} x"
             f" {weight.ninputs}"
         )
     if weight.nstates and model.nstates and weight.dt != model.dt:

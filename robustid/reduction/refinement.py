@@ -39,7 +39,7 @@ class Pair(NamedTuple):
 
     @property
     def poles(self) -> np.ndarray:
-        """Of the functions."""
+        """Poles of the functions."""
         return np.linalg.eigvals(self.A) if self.A.size else np.zeros(0, complex)
 
 
@@ -72,7 +72,7 @@ class Fit:
 
     @property
     def poles(self) -> np.ndarray:
-        """Of the stable part."""
+        """Poles of the stable part."""
         return self.pair.poles
 
     @property
@@ -132,7 +132,7 @@ def _schur_poles(schur: np.ndarray) -> np.ndarray:
 
 
 def inside(pair: Pair, radius: float) -> Pair:
-    """With poles beyond `radius` drawn back to it."""
+    """The functions with poles beyond `radius` drawn back to it."""
 
     def drawn(poles: np.ndarray) -> np.ndarray:
         size = np.abs(poles)
@@ -142,7 +142,7 @@ def inside(pair: Pair, radius: float) -> Pair:
 
 
 def with_poles(pair: Pair, mapped: Callable[[np.ndarray], np.ndarray]) -> Pair:
-    """With other poles, each in place of one, the eigenvectors as they are."""
+    """The functions with other poles, each in place of one, the eigenvectors as they are."""
     poles = pair.poles
     new = mapped(poles)
     if np.array_equal(new, poles):
@@ -209,12 +209,12 @@ def moved(pair: Pair, d: np.ndarray) -> Pair:
 
 
 def _size(pair: Pair) -> np.ndarray:
-    """Of a pair in its normal form."""
+    """Sizes of the moves of a pair in its normal form."""
     return np.zeros(0) if pair.size is None else pair.size
 
 
 def moves(samples: SampleMap, fit: Fit, radius: float, held: np.ndarray) -> Moves:
-    """How the functions of a fit, in their normal form, can change; poles that are held stay."""
+    """Ways in which the functions of a fit, in their normal form, can change; poles that are held stay."""
     if samples.heads == 1:
         moving = pole_functions(apart(fit.poles, held))
 

@@ -1,6 +1,6 @@
 """The samples of a problem as a linear map of what a model puts out, in units of their bounds.
 
-A model is seen from its side with fewer channels: its heads; the others are its tails. With fewer inputs than outputs that is
+A model is seen from its side with fewer signals: its heads; the others are its tails. With fewer inputs than outputs that is
 the transposed model: its heads are the inputs. Every entry is then c_i (zI - A)^-1 x_j of a head i and a tail j.
 """
 
@@ -28,9 +28,9 @@ class Track:
     Attributes
     ----------
     signal : (L, q) array
-        Ones at the lines, the spectrum of periodic inputs at their lines, or the inputs in time.
+        Ones at the frequency points, the spectrum of periodic inputs at their spectral lines, or the inputs in time.
     points : (L,) complex array or None
-        The z of the lines; None: the signals are ones of time, from rest.
+        The z of the points or lines; None: the signals are ones of time, with zero initial conditions.
     rows : callable
         From what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds.
     y : (N,) complex array
@@ -76,7 +76,7 @@ class Track:
 
 @dataclasses.dataclass(frozen=True)
 class SampleMap:
-    """All experiments of a problem, frequency lines first; `integrators` poles at z = 1 belong to every entry of a model."""
+    """All experiments of a problem, frequency points first; `integrators` poles at z = 1 belong to every entry of a model."""
 
     tracks: tuple[Track, ...]
     discs: int
@@ -87,17 +87,17 @@ class SampleMap:
 
     @property
     def flipped(self) -> bool:
-        """Whether the heads are the inputs."""
+        """True if the heads are the inputs."""
         return self.inputs < self.outputs
 
     @property
     def heads(self) -> int:
-        """Channels of the side with fewer."""
+        """Number of signals on the side with fewer."""
         return min(self.outputs, self.inputs)
 
     @property
     def tails(self) -> int:
-        """Channels of the other side."""
+        """Number of signals on the other side."""
         return max(self.outputs, self.inputs)
 
     @functools.cached_property
@@ -127,7 +127,7 @@ class SampleMap:
 
     @functools.cached_property
     def weights(self) -> np.ndarray:
-        """What a unit at each head is in units of the bounds, (heads,)."""
+        """Size (heads,) of a unit at each head, in units of the bounds."""
         found = np.zeros((self.heads, self.tails))
         for track in self.tracks:
             ones = np.ones((track.signal.shape[0], 1))
@@ -158,7 +158,7 @@ class SampleMap:
         return np.vstack(parts)
 
     def outputs_of(self, A: np.ndarray, C: np.ndarray, X: np.ndarray) -> Signals:
-        """What C_k (zI - A)^-1 x_j makes of the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
+        """Responses of C_k (zI - A)^-1 x_j to the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
 
         With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
         """
@@ -213,7 +213,7 @@ def sample_map(problem: MixedProblem, integrators: int) -> SampleMap:
 
 
 def with_lines(samples: SampleMap, frf: FrequencyResponse, problem: MixedProblem) -> SampleMap:
-    """The map with further lines."""
+    """The map with further frequency points."""
     track = _line_track(frf, problem)
     return dataclasses.replace(samples, tracks=(track, *samples.tracks), discs=samples.discs + track.y.size)
 
@@ -247,7 +247,7 @@ def _line_track(frf: Any, problem: MixedProblem) -> Track:
 
 
 def _directions(frf: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, None]:
-    """Lines, weights and values of tangential samples, divided by their bounds."""
+    """Points, weights and values of tangential samples, divided by their bounds."""
     parts = []
     for row, column in measured_entries(frf):
         used = np.flatnonzero(np.isfinite(frf.bound[:, row, column]))

@@ -1,4 +1,4 @@
-"""Functions from which the models of one order are refined: poles, and with several channels on either side their directions."""
+"""Functions from which the models of one order are refined: poles, and with several signals on either side their directions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robustid.reduction.sample_map import SampleMap
 
 _SK_STEPS = 10
 RICH = 24  # states of the truncated model that stands for the data of SK steps
-_MOST_LINES = 1500  # of a subspace estimate: beyond, every so many lines
+_MOST_LINES = 1500  # points of a subspace estimate: beyond, every so many
 _DAMPINGS = (0.003, 0.03, 0.3)
 _ANGLES = 48
 
@@ -75,7 +75,7 @@ def _without_chains(pair: Pair, integrators: int) -> Pair:
 
 
 def _parametric_kept(identification: Identification, samples: SampleMap) -> Family:
-    """In the scaled variable, phi(zeta) in place of G(z) = K phi(z/rho), which keeps the poles inside 1/rho."""
+    """Functions truncated in the scaled variable, phi(zeta) in place of G(z) = K phi(z/rho): poles stay inside 1/rho."""
     import control
 
     full, rho, basis = identification.model, identification.prior.decay_rate, identification.problem.parametric
@@ -142,7 +142,7 @@ def truncated(samples: SampleMap, fit: Fit, count: int) -> Pair:
 
 
 def from_lines(identification: Identification, samples: SampleMap, count: int) -> Pair | None:
-    """The functions of a subspace estimate from the frequency lines; None where they are too few."""
+    """The functions of a subspace estimate from the frequency points; None where they are too few."""
     problem = identification.problem
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines or not count:
@@ -175,7 +175,7 @@ def spread(samples: SampleMap, count: int) -> np.ndarray:
 
 
 def spread_functions(samples: SampleMap, count: int) -> Pair:
-    """`spread` for every head, as equally as it goes: the observability indices of nearly all models."""
+    """`spread` for every head, as equally as it goes: the observability indices of almost all models."""
     h = samples.heads
     parts = [pole_functions(spread(samples, count // h + (i < count % h))) for i in range(h)]
     if h == 1:
@@ -227,7 +227,7 @@ def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[Pair]:
 
 
 def _gain(samples: SampleMap, U: np.ndarray, rest: np.ndarray, pole: complex) -> tuple[float, np.ndarray]:
-    """What a further pole of full rank removes; and the direction at the heads of its best part of rank one."""
+    """Length that a further pole of full rank removes; and the direction at the heads of its best part of rank one."""
     one = pole_functions(np.array([pole, pole.conjugate()] if pole.imag else [pole]))
     h, m = samples.heads, one.A.shape[0]
     C = np.kron(np.diag(1 / samples.weights), one.C) if h > 1 else one.C
@@ -244,7 +244,7 @@ def _gain(samples: SampleMap, U: np.ndarray, rest: np.ndarray, pole: complex) ->
 
 
 def statespace(samples: SampleMap, fit: Fit, like: Any) -> Any:
-    """The model of a fit, poles at z = 1 exact, with the channels of another model."""
+    """The model of a fit, poles at z = 1 exact, with the signals of another model."""
     import control
 
     h, count, entries = samples.heads, samples.integrators, samples.outputs * samples.inputs

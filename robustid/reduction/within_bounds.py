@@ -35,7 +35,7 @@ _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, 
 _REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
 _QUICK, _KEPT = 6, 3  # steps of the first look at every start; starts that are followed to their end
 _NEAR = 1.5  # times the limit: where further starts are followed too
-_EXCHANGES = 6  # times that lines where nothing was measured are added at one order
+_EXCHANGES = 6  # times that points where nothing was measured are added at one order
 _STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
 _CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
@@ -43,7 +43,7 @@ _ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified mod
 
 
 class SearchStatus(enum.Enum):
-    """What the search found; the value is the user's sentence."""
+    """Status of a search; the value is the user's sentence."""
 
     WITHIN = (
         "every sample stays within its bound, and where nothing was measured the model stays near the identified one"
@@ -59,24 +59,24 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     .. math:: \min_{\deg G = r} \; \max_k |y_k - (G u)_k| / \epsilon_k \le 1
 
     at all frequency and time samples together, order by order. At each order, first the poles of the parametric part as they are,
-    with a truncated rest: what is known of the plant is kept where that suffices. Else all poles move: starts from balanced
-    truncation (of the whole model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and from the
-    order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs. The model
-    is judged anew, by responses and simulations, at every sample.
+    with a truncated non-parametric part: what is known of the plant is kept where that suffices. Else all poles move: starts from
+    balanced truncation (of the whole model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and
+    from the order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs.
+    The model is judged anew, by responses and simulations, at every sample.
 
-    Between and beyond the lines, where no sample holds a model, it may differ from the identified one by K S (the prior) and the
-    largest gain that one has within a tenth of the frequency, entry by entry: no resonance that nobody measured. Where a model
-    differs by more, lines are added there and it is refined again.
+    Between and beyond the frequency points, where no sample holds a model, it may differ from the identified one by K S (the
+    prior) and the largest gain that one has within a tenth of the frequency, entry by entry: no resonance that nobody measured.
+    Where a model differs by more, points are added there and it is refined again.
 
-    Of several channels the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
-    of the modes move, on the side with fewer channels; the other side is linear. Samples that share a bound count together.
+    Of a MIMO model the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
+    of the modes move, on the side with fewer signals; the other side is linear. Samples that share a bound count together.
 
     Parameters
     ----------
     identification : Identification
         Its model is the start, its margin what the bounds are multiplied by where the data contradict the class.
     rigid_body : RigidBody, optional
-        ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact; of several channels ``RigidBody(min(ny, nu))``,
+        ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact; of a MIMO model ``RigidBody(min(ny, nu))``,
         one for each on the side with fewer. Integrators of the parametric part are always kept.
 
     Returns
@@ -90,7 +90,7 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     Raises
     ------
     InputError, InputTypeError
-        No Identification; a rigid-body mode with a line at omega = 0 or with a periodic record.
+        No Identification; a rigid-body mode with a frequency point at omega = 0 or with a periodic record.
 
     Notes
     -----
@@ -130,13 +130,13 @@ def _integrators(identification: Identification, rigid_body: Any) -> int:
     heads = min(problem.entries.outputs, problem.entries.inputs)
     if rigid_body.count != heads:
         raise InputError(
-            f"`rigid_body` must be RigidBody({heads}), a mode for every channel on the side with fewer; got"
+            f"`rigid_body` must be RigidBody({heads}), a mode for every signal on the side with fewer; got"
             f" {rigid_body.count} modes"
         )
     if np.any(problem.angles == 0) or any(record.initial == "periodic" for record in problem.time):
         raise InputError(
-            "`rigid_body`: a line at omega = 0, or a record in periodic steady state, leaves no finite response of a rigid body;"
-            " identify without that line, or with the lines of the record"
+            "`rigid_body`: a frequency point at omega = 0, or a record in periodic steady state, leaves no finite response of a"
+            " rigid body; identify without that point, or with the spectral lines of the record"
         )
     return max(held, 2)
 
@@ -182,7 +182,7 @@ class _Search:
         return self._result(self._smallest())
 
     def _stays(self, model: Any) -> bool:
-        """Whether a model stays near the identified one."""
+        """Tell whether a model stays near the identified one."""
         return self.guard.check(model, self.limit)[1] is None
 
     def _smallest(self) -> int:
@@ -197,7 +197,7 @@ class _Search:
         return self._downwards(high)
 
     def _downwards(self, order: int) -> int:
-        """As far as the model of one order, truncated, leads to one of the order below."""
+        """The lowest order that truncation leads to, from a model to one of the order below, and so on."""
         while order in self.fits and order > self.chains:
             start = starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)
             self._try(order - 1, [start])
@@ -207,7 +207,7 @@ class _Search:
         return order
 
     def suffices(self, order: int) -> bool:
-        """Whether a model of this order was found that keeps the limit."""
+        """Tell whether a model of this order was found that keeps the limit."""
         if order not in self.found:
             self._try(order, self._starts(order - self.chains))
         return order in self.found and self.found[order].judged <= self.limit
@@ -215,7 +215,7 @@ class _Search:
     def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
         """Refine these starts; the best model of the order is kept, judged anew at every sample.
 
-        Where it leaves the identified model too far between or beyond them, lines are added there, for all orders to come, and it
+        Where it leaves the identified model too far between or beyond them, points are added there, for all orders to come, and it
         is refined again.
         """
         n = order - self.chains
@@ -237,7 +237,7 @@ class _Search:
             fit = self._best([fit.pair], n)
 
     def _hold(self, lines: FrequencyResponse) -> None:
-        """Further lines with the identified model as data; with the first of them some everywhere."""
+        """Further frequency points with the identified model as data; with the first of them some everywhere."""
         problem = self.identification.problem
         if not self.holding:
             self.holding, self.samples = True, with_lines(self.samples, self.guard.spread, problem)
@@ -251,7 +251,7 @@ class _Search:
         return self._best(pairs, n)
 
     def _parametric_kept(self, n: int) -> Fit | None:
-        """The best fit with the poles of the parametric part, those of a short rest refined, the numerators minimax."""
+        """The best fit with the poles of the parametric part, a short non-parametric part refined, the numerators minimax."""
         held, best = self.held, None
         if not held.size or not held.size <= n <= _REFINED:
             return None
@@ -262,7 +262,7 @@ class _Search:
         return best
 
     def _with_held(self, n: int) -> Iterator[Pair | None]:
-        """Functions with the poles of the parametric part, the others inside; of several heads those poles alone."""
+        """Functions with the poles of the parametric part, the others inside; with several heads those poles alone."""
         rest = n - self.held.size
         if self.samples.heads > 1:
             yield self.families[1](n) if not rest else None

@@ -103,11 +103,11 @@ def test_bad_weights_are_named():
     ]:
         with pytest.raises(InputError, match=message):
             Weight(**arguments)
-    with pytest.raises(InputError, match=r"zero at line 1, entry \(0, 1\)"):
+    with pytest.raises(InputError, match=r"zero at frequency point 1, entry \(0, 1\)"):
         Weight.relative(np.where(np.arange(12).reshape(3, 2, 2) == 5, 0, 1.0))
-    with pytest.raises(InputError, match="positive definite; at line 0"):
+    with pytest.raises(InputError, match="positive definite; at frequency point 0"):
         Weight.from_covariance(np.ones((3, 4, 4)), 2, 2)
-    with pytest.raises(InputError, match="no line lies between 7 and 9"):
+    with pytest.raises(InputError, match="no frequency point lies between 7 and 9"):
         Weight(ones).banded(np.arange(3.0), [(7, 9, 2.0)])
     with pytest.raises(InputError, match="`factors` must have shape"):
         Weight(ones).scaled(np.ones(2))

@@ -193,7 +193,7 @@ def test_duplicated_lines_and_silent_channels_are_refused():
         fit_mfd(rid.FrequencyResponse(double, np.concatenate([truth[:3], truth[2:]])), order=4)
     silent = truth.copy()
     silent[:, 1] = 0
-    with pytest.raises(rid.InputError, match=r"zero at line 0, entry \(1, 0\)"):
+    with pytest.raises(rid.InputError, match=r"zero at frequency point 0, entry \(1, 0\)"):
         fit_mfd(rid.FrequencyResponse(OMEGA, silent), order=4)
     covariance = np.broadcast_to(np.ones((4, 4)), (OMEGA.size, 4, 4))
     with pytest.raises(rid.InputError, match="positive definite"):

@@ -319,7 +319,7 @@ def good():
         ({"points": np.geomspace(1, 100, 20)}, rid.InputError, "`points` must be 1j\\*omega"),
         ({"domain": "z"}, rid.InputError, "`points` must be exp"),
         ({"domain": "w"}, rid.InputError, "`domain` must be"),
-        ({"points": np.zeros(20)}, rid.InputError, "`points` has no line"),
+        ({"points": np.zeros(20)}, rid.InputError, "`points` has no frequency"),
         ({"order": 0}, rid.InputError, "`order` must be at least 1"),
         ({"order": 2.0}, rid.InputTypeError, "`order` must be an integer"),
         ({"order": 20}, rid.InputError, "`order` = 20 is too large for 20 different lines"),

@@ -77,7 +77,7 @@ def test_resonances_that_no_line_sees_at_40_seeds(monkeypatch):
 
 
 def test_excess_is_that_of_a_slow_judge():
-    """Of two channels: a resonance beyond the lines in one entry of a model."""
+    """Two outputs: a resonance beyond the lines in one entry of a model."""
     model, _ = plant(0, 2, 2, 1.2)
     angles = np.linspace(0.1, 1.5, 12)
     frf = rid.FrequencyResponse(angles, response(model, angles), bound=0.05, dt=1.0)

@@ -249,7 +249,7 @@ SAMPLED = control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1)
         (STABLE, {"weight": 2.0}, "`weight` must be a control.StateSpace"),
         (STABLE, {"weight": control.ss(1.0, 1, 1, 0)}, "`weight` must be stable"),
         (STABLE, {"weight": SAMPLED}, "time base"),
-        (STABLE, {"weight": control.ss(-1.0, [[1.0, 1.0]], 1, 0)}, "one channel"),
+        (STABLE, {"weight": control.ss(-1.0, [[1.0, 1.0]], 1, 0)}, "must be SISO"),
         (STABLE, {"match": "gain"}, '`match` must be None or "static gain"'),
     ],
 )

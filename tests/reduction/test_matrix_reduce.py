@@ -1,4 +1,4 @@
-"""The smallest model within the bounds with several channels: derivatives by differences, the judge, known truths."""
+"""The smallest model within the bounds for MIMO models: derivatives by differences, the judge, known truths."""
 
 import control
 import cvxpy as cp
@@ -186,5 +186,5 @@ def test_integrators_of_a_matrix_stay_exact():
     problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=[basis, integrator])
     small = found_at(problem, truth, 4)
     assert np.sum(small.model.poles() == 1) == 2
-    with pytest.raises(rid.InputError, match=r"RigidBody\(2\), a mode for every channel"):
+    with pytest.raises(rid.InputError, match=r"RigidBody\(2\), a mode for every signal"):
         rid.reduce_within_bounds(rid.identify(problem), rigid_body=rid.RigidBody(1))
