@@ -11,10 +11,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from robustid.core.simulation import response
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
+from robustid.core import response
 
 # A class has to be named before its prior is asked for; suggest_prior uses neither of these numbers.
 PLACEHOLDER = rid.Prior(gain_bound=1.0, decay_rate=1.1)

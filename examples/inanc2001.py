@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robustid.core.simulation import response, simulate
 
 import robustid as rid
 from robustid.advice import suggest_prior
 from robustid.advice.prior import smallest_gain
+from robustid.core import response, simulate
 from robustid.identification.residuals import largest_ratio
 from robustid.report.style import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL
 

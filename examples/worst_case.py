@@ -11,9 +11,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from robustid.core.simulation import response
 
 import robustid as rid
+from robustid.core import response
 from robustid.guarantees import response_tube
 
 # Between the samples, where nothing was measured: from 0 Hz to the Nyquist frequency, and around the light mode.

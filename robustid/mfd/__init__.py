@@ -5,7 +5,7 @@ from robustid.mfd.covariance import FitCovariance, fit_covariance
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
-from robustid.mfd.modal import ModalForm, continuous, curve_points, modal_form, resolvent
+from robustid.mfd.modal import ModalForm, continuous, curve_points, modal_form
 from robustid.mfd.modes import ModeRow, mode_table
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.order import suggest_order
@@ -42,7 +42,6 @@ __all__ = [
     "mode_table",
     "orthonormal_polynomials",
     "polynomial_nodes",
-    "resolvent",
     "retract",
     "sk_step",
     "subspace_estimate",

@@ -249,11 +249,6 @@ def curve_points(omega: np.ndarray, dt: float) -> np.ndarray:
     return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
-def resolvent(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """``C (xi I - A)^{-1} B`` at all points, (F, ny, nu)."""
-    return response_at((A, B, C, np.zeros((len(C), B.shape[1]))), points)
-
-
 def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
     """Largest difference of two responses on a grid, relative to the norm at the frequency."""
     s = np.array([continuous(pole, system.dt) for pole in poles])

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.core import response_at
 from robustid.errors import InputTypeError
 from robustid.mfd.covariance import FitCovariance
-from robustid.mfd.modal import continuous, curve_points, modal_form, resolvent, schur_poles
+from robustid.mfd.modal import continuous, curve_points, modal_form, schur_poles
 
 if TYPE_CHECKING:
     import control
@@ -110,12 +111,13 @@ def _slowest(N: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 def _peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> np.ndarray:
     """Largest modulus (ny, nu) of a mode's own response, inf where it isn't damped."""
+    own = (A, B, C, np.zeros((len(C), B.shape[1])))
     if not np.isfinite(s):
-        return np.abs(resolvent(A, B, C, np.ones(1, dtype=complex)))[0]
+        return np.abs(response_at(own, 1.0))[0]
     if s.real == 0:
         return np.where(np.abs(C) @ np.abs(B) > 0, np.inf, 0.0)
     omega = np.array([abs(s.imag), np.sqrt(max(0.0, s.imag**2 - s.real**2))])
-    return np.max(np.abs(resolvent(A, B, C, curve_points(omega, dt))), axis=0)
+    return np.max(np.abs(response_at(own, curve_points(omega, dt))), axis=0)
 
 
 def _with_participation(rows: list[ModeRow], peaks: list[np.ndarray]) -> list[ModeRow]:

@@ -142,7 +142,7 @@ DEAD = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 1, 1)) * [[1, 1], [0, 0]])
             rid.InputError,
             "is zero",
         ),
-        ({"frf": rid.FrequencyResponse([1, 2, 2, 3], np.ones(4))}, rid.InputError, "2 lines at 2 rad/s"),
+        ({"frf": rid.FrequencyResponse([1, 2, 2, 3], np.ones(4))}, rid.InputError, "2 frequency points at 2 rad/s"),
         ({"frf": PAIR, "weight": np.ones((9, 1, 1)) * [[1, 1], [0, 0]]}, rid.InputError, "all of signal y2; leave"),
         ({"frf": PAIR, "weight": np.ones((9, 1, 1)) * [[0, 1], [0, 1]]}, rid.InputError, "all of signal u1; leave"),
         ({"frf": DEAD}, rid.InputError, r"zero at frequency point 0, entry \(1, 0\).* leave dead signals out"),

@@ -322,15 +322,23 @@ def good():
         ({"points": np.zeros(20)}, rid.InputError, "`points` has no frequency"),
         ({"order": 0}, rid.InputError, "`order` must be at least 1"),
         ({"order": 2.0}, rid.InputTypeError, "`order` must be an integer"),
-        ({"order": 20}, rid.InputError, "`order` = 20 is too large for 20 different lines"),
-        ({"points": 1j * np.repeat([1.0, 2.0], 10)}, rid.InputError, "`order` = 2 is too large for 2 different lines"),
+        ({"order": 20}, rid.InputError, "`order` = 20 is too large for 20 different frequency points"),
+        (
+            {"points": 1j * np.repeat([1.0, 2.0], 10)},
+            rid.InputError,
+            "`order` = 2 is too large for 2 different frequency points",
+        ),
         ({"block_rows": 2}, rid.InputError, "`block_rows` must be between 3 and 20"),
         ({"block_rows": 21}, rid.InputError, "`block_rows` must be between 3 and 20"),
         ({"weight": np.ones(7)}, rid.InputError, "`weight` must have shape"),
         ({"weight": -np.ones(20)}, rid.InputError, "`weight` must be >= 0"),
         ({"weight": np.zeros(20)}, rid.InputError, "`weight` must be >= 0 and not all zero"),
         ({"weight": np.ones(20) * 1j}, rid.InputTypeError, "`weight` must be real"),
-        ({"weight": np.r_[np.ones(2), np.zeros(18)]}, rid.InputError, "too large for 2 different lines with weight"),
+        (
+            {"weight": np.r_[np.ones(2), np.zeros(18)]},
+            rid.InputError,
+            "too large for 2 different frequency points with weight",
+        ),
     ],
 )
 def test_one_thing_broken(change, error, message):

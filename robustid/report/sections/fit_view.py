@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Signal, as_signals
+from robustid.core import Signal, StateMatrices, as_signals, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Check
@@ -20,10 +20,8 @@ from robustid.mfd import (
     curve_points,
     fit_covariance,
     mode_table,
-    resolvent,
 )
 
-_BLOCK = 128  # frequencies evaluated at once: memory grows with states^2 times this
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8
 _CONDITION = 1e-8
@@ -135,9 +133,7 @@ class FitView:
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         """The model's own response (F, ny, nu), from A, B, C, D."""
-        A, B, C, D = (np.asarray(part, dtype=float) for part in (getattr(self.model, name) for name in "ABCD"))
-        points = curve_points(omega, self.dt or 0)
-        return np.concatenate([resolvent(A, B, C, points[k : k + _BLOCK]) + D for k in range(0, points.size, _BLOCK)])
+        return response_at(StateMatrices.of(self.model), curve_points(omega, self.dt or 0))
 
     @cached_property
     def fitted(self) -> np.ndarray:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import response_at, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model
-from robustid.mfd import continuous, curve_points, resolvent
+from robustid.mfd import continuous, curve_points
 from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, side_by_side
 from robustid.report.curves import around, low_quantile, magnitude_range, phase_curves, with_gaps
 from robustid.report.style import NOMINAL
@@ -34,7 +35,7 @@ def model_chart(model: Any) -> Chart:
     )
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-    values = resolvent(A, B, C, curve_points(omega, dt)) + D
+    values = response_at((*scaled_states(A, B, C), D), curve_points(omega, dt))
     charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
     return side_by_side("model", charts, system.ninputs)
 
