@@ -1,4 +1,4 @@
-"""What a value must be, said in one sentence where it isn't, and how an option is described once for every way to state it."""
+"""Checks of values, which say in one sentence what is wrong, and the description of an option for every way to state it."""
 
 from __future__ import annotations
 
@@ -76,8 +76,9 @@ def refuse_unknown(
     known = list(known)
     for name in content:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-            raise error(f"{place} has no {word} {name!r}; the nearest is {near!r} (all: {', '.join(known)})")
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"the nearest is {near[0]!r}; all" if near else "these are known"
+            raise error(f"{place} has no {word} {name!r}; {hint}: {', '.join(known)}")
 
 
 def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:
@@ -156,7 +157,7 @@ def table(item: Check) -> Check:
 
 
 def either(*checks: Check) -> Check:
-    """What passes one of the checks; the sentence is that of the last."""
+    """A value that passes one of the checks; the sentence is that of the last."""
 
     def check(name: str, value: Any) -> Any:
         for one in checks[:-1]:
@@ -170,7 +171,7 @@ def either(*checks: Check) -> Check:
 
 
 def auto_or(item: Check) -> Check:
-    """What passes the check, or the word auto."""
+    """A value that passes the check, or the word auto."""
 
     def check(name: str, value: Any) -> Any:
         if isinstance(value, str):

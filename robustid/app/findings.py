@@ -1,4 +1,4 @@
-"""What is found, in sentences: whether the data fit, which samples lie outside, how far the truth can be."""
+"""Sentences about what was found: whether the data fit, which samples lie outside, how far the truth can be."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FIXED_POLES = (
 
 
 def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
-    """Whether the data fit, and if not, what would help."""
+    """Sentences that say whether the data fit, and if not, what would help."""
     factor = run.identify.inflate
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
@@ -39,7 +39,7 @@ def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
 
 
 def sample_words(identification: Identification, model: Any, order: int) -> str:
-    """Whether a model keeps all samples, or which not."""
+    """Sentence that says whether a model keeps all samples, or names those that it doesn't."""
     problem = identification.problem
     residuals = model_residuals(problem, model)
     outside = [
@@ -58,7 +58,7 @@ def sample_words(identification: Identification, model: Any, order: int) -> str:
 
 
 def unused_words(validation: Validation) -> str:
-    """What lines that were not used say of the small model."""
+    """Sentence about the small model at frequency points that were not used."""
     data: Any = validation.data
     ratio = data.ratio(validation.residuals)
     joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
@@ -67,15 +67,15 @@ def unused_words(validation: Validation) -> str:
         entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
         place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
         outside.append((float(ratio[k, i, j]), place))
-    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} lines of {ratio[0].size}"
-    text = f"Of {count} {'lines' if ratio[0].size == 1 else 'entries each'} that were not used, "
+    count = ratio.shape[0] if ratio[0].size == 1 else f"{ratio.shape[0]} frequency points of {ratio[0].size}"
+    text = f"Of {count} {'frequency points' if ratio[0].size == 1 else 'entries each'} that were not used, "
     if not outside:
         return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
     return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
 
 
 def of_entry(data: Any, output: int | None, input: int | None) -> str:
-    """Which entry, output or column a sample is of, where there are several."""
+    """Name of the entry, output or input that a sample is of, where there are several."""
     if len(data.outputs) == len(data.inputs) == 1:
         return ""
     parts = [str(side[k].name) for side, k in ((data.outputs, output), (data.inputs, input)) if k is not None]
@@ -93,7 +93,7 @@ def _named(outside: list[tuple[float, str]]) -> str:
 
 
 def error_words(error: WorstCaseError) -> str:
-    """How far every consistent system can be from the small model."""
+    """Sentence that says how far every consistent system can be from the small model."""
     upper = error.upper
     size = np.abs(np.reshape(error.nominal, upper.shape))
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
@@ -109,5 +109,5 @@ def error_words(error: WorstCaseError) -> str:
 
 
 def fixed_poles_words(single: bool) -> str:
-    """Why the bound doesn't cover other poles, where they were taken from the data."""
+    """Sentence that says why the bound doesn't cover other poles, where they were taken from the data."""
     return _FIXED_POLES.format("" if single else "; of one entry, entry = [output, input]")

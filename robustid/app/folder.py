@@ -33,7 +33,7 @@ class RunFolder:
 
     @property
     def unfinished(self) -> Path | None:
-        """Where finished frequencies go until all are."""
+        """Folder of finished frequencies, until all are."""
         return None if self.folder is None else self.folder / _UNFINISHED
 
     def open(self, force: bool) -> None:
@@ -71,7 +71,7 @@ class RunFolder:
                 file.write(text)
 
     def asked(self, run: RunFile) -> RunFile | None:
-        """What was chosen before for the same question, None where nothing was; InputError if it was another one."""
+        """Run file as it was completed before for the same question; None where nothing was, InputError if it was another one."""
         if self.folder is None or not self.resume or not (self.folder / RUN_FILE).is_file():
             return None
         before = read_run_file(self.folder / RUN_FILE)

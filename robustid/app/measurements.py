@@ -28,14 +28,14 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
 class Say(Protocol):
-    """Where progress goes: what is done now, and how much of it is."""
+    """Receiver of progress: what is done now, and how much of it is."""
 
     def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
         """Say it."""
 
 
 class Measured(NamedTuple):
-    """What was measured, with bounds."""
+    """Measured responses and records, with bounds."""
 
     responses: tuple[FrequencyResponse, ...]
     records: tuple[TimeRecord, ...]
@@ -136,7 +136,7 @@ def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
 
 
 def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:
-    """What is known of the input outside the part of the record that is used, said."""
+    """The source with what is known of the input outside the part of the record that is used."""
     if source.past is not None or (source.start is None and source.stop is None):
         return source
     usual = "known" if source.use == "samples" else "periodic" if record.initial == "periodic" else "unknown"

@@ -185,7 +185,7 @@ class ResponseSource:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """How the records become a frequency response with bounds."""
+    """The way from the records to a frequency response with bounds."""
 
     method: str | None = key(
         text(("periodic", "local", "welch")),
@@ -195,7 +195,10 @@ class Estimate:
     )
     period: int | None = key(whole(2), help="Period of the excitation.", unit="samples")
     probability: float = key(
-        _probability, 0.95, help="Of the bound, for all lines and entries at once.", flag="--probability"
+        _probability,
+        0.95,
+        help="Probability of the bound, for all spectral lines and entries at once.",
+        flag="--probability",
     )
     noise_floor_factor: float = key(
         number(least=1), 1.5, help="Bounds are so many times the noise floor, where a record gives it."
@@ -214,7 +217,7 @@ class Delay:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FrequencyPoints:
-    """Which frequency points are used; the others are kept to test what was found."""
+    """The frequency points that are used; the others are kept to test what was found."""
 
     band_hz: tuple[float, float] | None = key(
         several(_frequencies, 2),
@@ -276,7 +279,7 @@ class PriorChoice:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Identify:
-    """How the consistency is decided, and the factor on all bounds."""
+    """The decision about consistency, and the factor on all bounds."""
 
     inflate: float | str = key(
         auto_or(_positive),
@@ -327,7 +330,7 @@ class Identify:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SmallModel:
-    """What the small model must have."""
+    """Demands on the small model."""
 
     rigid_body: int | None = key(
         whole(1),
@@ -338,7 +341,7 @@ class SmallModel:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WorstCase:
-    """What is bounded of all consistent systems."""
+    """The error bounds over all consistent systems."""
 
     compute: bool = key(flag, True, help="Bound the worst-case error, the longest part of a run.", keyword="worst_case")
     at_hz: tuple[float, ...] | None = key(
@@ -374,7 +377,7 @@ class WorstCase:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class General:
-    """What a run is about."""
+    """The subject of a run."""
 
     title: str | None = key(text(), help="Heading of the report.")
     entry: tuple | None = key(

@@ -46,7 +46,7 @@ class IdentifiedReduced(Frozen):
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """How the program made what was left to it, one paragraph each."""
+        """The choices that were left to the program, one paragraph each."""
         return self.run_file.choices
 
     @property

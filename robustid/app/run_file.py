@@ -69,7 +69,7 @@ class RunFile(Frozen, General):
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """How the program made what was left to it, one paragraph each."""
+        """The choices that were left to the program, one paragraph each."""
         notes = (self.delay.note, self.modes.note, self.identify.inflate_note, self.prior.note)
         return tuple(note for note in notes if note)
 
@@ -103,7 +103,7 @@ class RunFile(Frozen, General):
         )
 
     def agrees(self, asked: RunFile) -> bool:
-        """Whether this answers what was asked: every value stated there is the same here."""
+        """True if this answers what was asked: every value stated there is the same here."""
         if (len(self.record), len(self.frequency)) != (len(asked.record), len(asked.frequency)):
             return False
         pairs: list[tuple[Any, Any]] = [*zip(self.record, asked.record, strict=True)]
@@ -213,7 +213,7 @@ def _run_file(content: Mapping[str, Any]) -> RunFile:
 
 
 def _check_sources(run: RunFile) -> None:
-    """What contradicts itself before any file is opened."""
+    """Refuse what contradicts itself, before any file is opened."""
     if not run.record and not run.frequency:
         raise InputError("no data: give [[record]] or [[frequency]] with file = ..., or dataset = ... in a [[record]]")
     for k, source in enumerate(run.record, start=1):

@@ -30,7 +30,7 @@ from robustid.report import at_most
 
 @dataclasses.dataclass(frozen=True)
 class Surroundings:
-    """Where progress goes, where results are kept, and who computes."""
+    """Receiver of progress, folder of results, and workers."""
 
     say: Say
     folder: RunFolder = dataclasses.field(default_factory=RunFolder)

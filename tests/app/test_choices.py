@@ -39,7 +39,9 @@ OVERRIDES = {
     ),
     "every": (
         {"frequency_points": {"every": 2}},
-        lambda r: r.identification.problem.frequency[0].omega.size == 4 and "Of 4 lines" in " ".join(r.findings),
+        lambda r: (
+            r.identification.problem.frequency[0].omega.size == 4 and "Of 4 frequency points" in " ".join(r.findings)
+        ),
     ),
     "near": (
         {"frequency_points": {"every": 20, "near_hz": 0.35}},
@@ -79,7 +81,7 @@ def test_every_choice_can_be_stated(folder, name):
 
 
 def plant_records():
-    """Two outputs of one input, three periods of a multisine in steady state, and a rest record."""
+    """Two outputs of one input, three periods of a multisine in steady state, and a noise-floor record."""
     rng = np.random.default_rng(3)
     basis = rid.kautz([40.0], [0.05], dt=0.01, delay=1)
     period = np.concatenate([np.zeros(1), rng.standard_normal(49)])
@@ -95,7 +97,7 @@ def plant_records():
 
 
 @pytest.mark.usefixtures("unreduced")
-def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
+def test_records_become_a_response_with_the_bounds_of_the_noise_floor(folder):
     record, rest = plant_records()
     rid.save("record.npz", record)
     rid.save("rest.npz", rest)
@@ -122,7 +124,7 @@ def test_records_become_a_response_with_the_bounds_of_the_rest(folder):
 
 
 @pytest.mark.usefixtures("unreduced")
-def test_samples_without_bound_take_that_of_the_rest(folder):
+def test_samples_without_bound_take_that_of_the_noise_floor(folder):
     record, rest = plant_records()
     rid.save("record.npz", record.entry(0))
     rid.save("rest.npz", rest.entry(0))
@@ -140,7 +142,7 @@ def test_samples_without_bound_take_that_of_the_rest(folder):
 
 
 @pytest.mark.usefixtures("unreduced")
-def test_several_channels_are_taken_together_or_one_by_one(folder):
+def test_entries_are_taken_together_or_one_by_one(folder):
     record, _ = plant_records()
     rid.save("record.npz", record)
     data = {"record": [{"file": "record.npz"}], "estimate": {"period": 50}}

@@ -220,11 +220,12 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
     assert result.problem.time[0].note == data.time.note
 
 
-def test_two_channels_are_picked_as_asked(foreign, run):
-    code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", "1,0", *LINES, *SHORT])
-    assert code in (0, 3)
+def test_one_entry_is_picked_by_number_or_name(foreign, run):
     value = rid.flexible_structure(seed=0).frequency.values
-    np.testing.assert_allclose(rid.load("result").problem.frequency[0].values, 3 * value)
+    for entry in ("1,0", "y2,u1"):
+        code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", entry, *LINES, *SHORT, "--force"])
+        assert code in (0, 3)
+        np.testing.assert_allclose(rid.load("result").problem.frequency[0].values, 3 * value)
 
 
 def test_a_folder_that_can_not_be_written_to_is_refused_first(files, run, monkeypatch):

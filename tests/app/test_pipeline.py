@@ -304,4 +304,4 @@ def test_the_torsion_of_a_motor_bench_from_its_example(tmp_path):
     result = torsion(tmp_path)
     median = np.median(result.error.upper.ravel() / np.abs(result.error.nominal))
     assert median < 0.2
-    assert any(finding.startswith("Of 152 lines that were not used") for finding in result.findings)
+    assert any(finding.startswith("Of 152 frequency points that were not used") for finding in result.findings)

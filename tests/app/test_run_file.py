@@ -89,6 +89,7 @@ def _as_lists(value):
 
 MISUSE = {
     "unknown section": ({"mods": {"hz": [1.0]}}, "ask.toml: the file has no key 'mods'; the nearest is 'modes'"),
+    "nothing near": ({"xyz": {"every": 2}}, "has no key 'xyz'; these are known: title, entry, record"),
     "unknown key": ({"modes": {"damp": [0.1]}}, r"\[modes\] has no key 'damp'; the nearest is 'damping'"),
     "unknown key of a record": (
         {"record": [{"file": "step.csv", "usee": "rest"}]},

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force, Output
 from robustid.app.cli.terminal import counted, in_words, say, shown, step
 from robustid.app.options import WorstCase
@@ -59,8 +59,8 @@ def bounds(
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
-    written, written_poles = files.result_files(output), files.result_files(_beside(output))
-    files.check_outputs([*written, *(written_poles if how.over_poles else ())], files.sources(source), force)
+    written, written_poles = outputs.result_files(output), outputs.result_files(_beside(output))
+    outputs.check_outputs([*written, *(written_poles if how.over_poles else ())], outputs.sources(source), force)
     console = terminal.console()
     identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
@@ -88,8 +88,8 @@ def bounds(
 
 
 def _beside(output: Path) -> Path:
-    """Where the band over poles goes: NAME-poles."""
-    base = files.result_files(output)[0].with_suffix("")
+    """NAME-poles, for the worst case over poles."""
+    base = outputs.result_files(output)[0].with_suffix("")
     return base.with_name(base.name + "-poles")
 
 
@@ -169,7 +169,7 @@ def _spaced(identification: Any, points: int) -> Any:
 
 
 def _processes(identification: Any, omega: Any, directions: int, asked: int | None) -> int | None:
-    """How many processes; None for this one. The work: about 10 ms a side, growing with the third power of the coefficients."""
+    """Number of processes; None for this one. The work: about 10 ms a side, growing with the third power of the coefficients."""
     if asked is not None:
         return None if asked == 1 else asked
     cores, count = os.cpu_count() or 1, 70 if omega is None else len(omega)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.identify import finish, identified
 from robustid.app.options import Identify
 
@@ -29,7 +29,7 @@ def demo(
 
     console = terminal.console()
     data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
-    folder = files.new_folder(output)
+    folder = outputs.new_folder(output)
     for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
         save(folder / name, item)
     terminal.say(console, f"measurements written: {folder / 'frequency.csv'}, {folder / 'step.csv'}")

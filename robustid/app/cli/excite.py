@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force
 from robustid.app.cli.terminal import in_words, step
 from robustid.app.options import band as band_of
@@ -32,7 +32,7 @@ _WHOLE = 1e-6
 
 def excite(
     band: Annotated[
-        str, typer.Option(help="The lines between two frequencies in Hz, edges included.", metavar="LOW:HIGH")
+        str, typer.Option(help="The spectral lines between two frequencies in Hz, edges included.", metavar="LOW:HIGH")
     ],
     dt: Annotated[float, typer.Option(help="Sample time.", metavar="SECONDS")],
     period: Annotated[
@@ -64,7 +64,7 @@ def excite(
     output: Annotated[Path, typer.Option("--output", "-o", help="The signals, .csv or .npz.")] = Path("play.csv"),
     force: Force = False,
 ) -> None:
-    """Design what to play next: multisines on chosen lines with small crest factor, orthogonal over the inputs.
+    """Design what to play next: multisines on chosen spectral lines with small crest factor, orthogonal over the inputs.
 
     A .csv file has columns time, u1_exp1, u2_exp1, ...: input 1 and 2 of experiment 1, and so on.
 
@@ -75,8 +75,8 @@ def excite(
     """
     from robustid.data import multisine
 
-    files.check_ending(output, (".csv", ".npz"))
-    files.check_outputs([output], [], force)
+    outputs.check_ending(output, (".csv", ".npz"))
+    outputs.check_outputs([output], [], force)
     console = terminal.console()
     with in_words(_OPTIONS):
         asked: dict[str, Any] = {

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force, Report, only
 from robustid.app.cli.terminal import in_words, shown, step, warn
 from robustid.app.options import FrequencyPoints, ResponseSource
@@ -69,7 +69,7 @@ def fit(
 
     wanted, model_file = _order(order), _model_file(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
-    files.check_outputs([model_file, report], [source], force)
+    outputs.check_outputs([model_file, report], [source], force)
     console = terminal.console()
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "feedthrough": feedthrough}

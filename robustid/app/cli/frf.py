@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.excite import samples_of
 from robustid.app.cli.options import First, Force, Report, only
 from robustid.app.cli.terminal import in_words, step
@@ -47,7 +47,7 @@ def frf(
     report: Report = None,
     force: Force = False,
 ) -> None:
-    """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all lines at once.
+    """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all spectral lines at once.
 
     Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear. Periods with
     a transient are left out, unless --initial periodic says that there is none.
@@ -62,8 +62,8 @@ def frf(
     from robustid.data.io import WRITERS
     from robustid.report import render_summary
 
-    files.check_ending(output, tuple(WRITERS))
-    files.check_outputs([output, report], record, force)
+    outputs.check_ending(output, tuple(WRITERS))
+    outputs.check_outputs([output, report], record, force)
     for k, path in enumerate(record):
         if path.resolve() in [other.resolve() for other in record[:k]]:
             raise InputError(f"{path} is given twice; every experiment counts once")

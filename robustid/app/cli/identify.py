@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
 from robustid.app.cli.terminal import step
 from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice, RecordSource, ResponseSource
@@ -65,7 +65,7 @@ def identify(
     if (gain is None) != (decay is None):
         raise InputError("--gain and --decay make one prior; give both, or neither to have it suggested")
     wanted = None if gain is None or decay is None else Prior(gain_bound=gain, decay_rate=decay)
-    files.check_outputs([*files.result_files(output), report], paths, force)
+    outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry
     asked = [
         Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True),
@@ -150,5 +150,5 @@ def finish(
     console.print(summary)
     if diagnosis:
         terminal.say(console, "\n" + diagnosis)
-    terminal.say_written(console, *files.result_files(output), report)
+    terminal.say_written(console, *outputs.result_files(output), report)
     terminal.repeat_warnings(console, result)

@@ -159,7 +159,7 @@ def _described(data: FrequencyResponse | TimeRecord, words: str) -> str:
 
 
 def _unit_words(found: Origin, unit: str | None) -> str:
-    """Which unit the frequencies were read in, where the file doesn't say it."""
+    """The unit that the frequencies were read in, where the file doesn't say it."""
     if found.unit_known:
         return ""
     return "; omega read as Hz" if unit == "Hz" else "; omega read as rad/s (--frequency-unit Hz if the file has Hz)"

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force
 from robustid.app.cli.terminal import in_words, step
 from robustid.app.options import band as band_of
@@ -59,9 +59,9 @@ def reduce(
     from robustid.data.io import load_model, save_model
     from robustid.reduction import ReductionStatus
 
-    files.check_ending(output, (".npz", ".mat"))
+    outputs.check_ending(output, (".npz", ".mat"))
     limits: dict[str, Any] = {"band_hz": None if band is None else band_of("--band", band), "horizon": horizon}
-    files.check_outputs([output], [*files.sources(source), *([weight] if weight else [])], force)
+    outputs.check_outputs([output], [*outputs.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         limits["weight"] = load_model(weight)
     console = terminal.console()

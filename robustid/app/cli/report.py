@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import files, terminal
+from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force
 from robustid.app.cli.terminal import step
 from robustid.errors import InputError
@@ -25,7 +25,7 @@ def report(
     sensitivity: Annotated[
         bool,
         typer.Option(
-            "--sensitivity", help="Add how the guarantee moves with the assumptions and with the number of lines."
+            "--sensitivity", help="Add how the guarantee moves with the assumptions and with the number of points."
         ),
     ] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
@@ -41,8 +41,8 @@ def report(
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
-    inputs = [path for name in (source, *(bounds or [])) for path in files.sources(name)]
-    files.check_outputs([output], inputs, force)
+    inputs = [path for name in (source, *(bounds or [])) for path in outputs.sources(name)]
+    outputs.check_outputs([output], inputs, force)
     console = terminal.console()
     result = load_result(source, "identification")
     shown = _bounds(bounds or [], result)
@@ -63,7 +63,7 @@ def report(
 
 
 def _bounds(paths: list[Path], result: Any) -> dict[str, Any]:
-    """What was saved of the identification, by the argument of `write_report` that takes it."""
+    """The bounds that were saved of the identification, by the argument of `write_report` that takes it."""
     from robustid.app.files import load_result
     from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
