@@ -95,6 +95,21 @@ def order_axis(low: float, high: float, beyond: float) -> Axis:
     return Axis(label="order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
 
 
+def stacked(
+    name: str,
+    x: Axis,
+    drawn: Sequence[tuple[Axis, Sequence[Layer]]],
+    titles: Sequence[str],
+    *,
+    grid: bool = False,
+) -> Chart:
+    """Chart of panels below each other on one x axis: each with its y axis, its layers and its title."""
+    panels = (
+        Panel(title=title, x=x, y=y, layers=tuple(layers)) for (y, layers), title in zip(drawn, titles, strict=True)
+    )
+    return Chart(name=name, panels=tuple(panels), linked=True, grid=grid)
+
+
 def named(panel: Panel, name: str) -> Layer:
     """Return the layer of this name."""
     return next(layer for layer in panel.layers if layer.name == name)

@@ -77,9 +77,13 @@ def positive(values: np.ndarray) -> np.ndarray:
     return np.where(values > 0, values, np.nan)
 
 
-def around(pole: complex, angles: np.ndarray) -> np.ndarray:
-    """Frequencies around a light pole in s, at equal steps of phase across its resonance: w + sigma tan(theta)."""
-    return pole.imag + abs(pole.real) * np.tan(angles)
+def resolved(base: np.ndarray, poles: np.ndarray, phases: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Frequencies of `base` between two ends, and those at which the resonance of each pole in s has turned by these phases:
+    w + sigma tan(theta), equal steps of phase across it.
+    """
+    around = [pole.imag + abs(pole.real) * np.tan(phases) for pole in poles if pole.imag > 0 and pole.real]
+    omega = np.unique(np.concatenate([base, *around]))
+    return omega[(omega >= low) & (omega <= high)]
 
 
 def next_to(angle: np.ndarray, near: np.ndarray) -> np.ndarray:

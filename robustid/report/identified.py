@@ -12,7 +12,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification, Residual, check_model
 from robustid.report.charts import Axis
-from robustid.report.curves import around
+from robustid.report.curves import resolved
 from robustid.report.style import NOMINAL, further
 from robustid.report.words import HZ, matrix_unit_label, units
 
@@ -172,14 +172,11 @@ def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.n
     """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1
-    extra = [base, wanted, problem.angles[problem.angles > 0] / problem.dt]
-    for model in models:
-        poles = model.poles()
-        s = np.log(poles[np.abs(poles) > 0].astype(complex)) / problem.dt
-        narrow = (s.imag > 0) & (np.abs(s.real) < 4 * step * s.imag) & (s.real != 0)
-        extra += [around(pole, _AROUND) for pole in s[narrow]]
-    omega = np.unique(np.concatenate(extra))
-    return omega[(omega >= low) & (omega <= high)]
+    every = np.concatenate([base, wanted, problem.angles[problem.angles > 0] / problem.dt])
+    poles = np.concatenate([model.poles() for model in models]).astype(complex)
+    s = np.log(poles[np.abs(poles) > 0]) / problem.dt
+    light = s[np.abs(s.real) < 4 * step * s.imag]
+    return resolved(every, light, _AROUND, low, high)
 
 
 def _evaluate(model: Any, angles: np.ndarray) -> np.ndarray:

@@ -185,15 +185,7 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
     ResponseTube: the model inside the tube that no consistent system leaves, and the records of the same input; proved at
     the samples of the tube.
 
-    Parameters
-    ----------
-    result : Identification or ResponseTube
-    models, ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -224,15 +216,7 @@ def residuals(result: Identification, *, models: Models = None, ax: Any = None) 
     A panel for each entry or output, or for what shares a bound (the norm of those samples together). Samples within 1 % of
     max(1, margin) are marked; beyond a ratio of 3 the axis is logarithmic, and ratios below 1e-3 are drawn at 1e-3.
 
-    Parameters
-    ----------
-    result : Identification
-    models, ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -257,15 +241,7 @@ def nyquist(result: WorstCaseError, *, ax: Any = None) -> Figure:
     Beside it the polygons of the largest errors around the model, to scale. Of a MIMO problem a row for every entry, at the
     frequencies at which the largest singular value of the error is largest.
 
-    Parameters
-    ----------
-    result : WorstCaseError
-    ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -290,15 +266,7 @@ def poles(
 
     Of an Identification in the z-plane with the unit circle and the circle 1/rho; of a MatrixFraction with one standard deviation.
 
-    Parameters
-    ----------
-    result : Identification or MatrixFraction
-    models, data, ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -317,19 +285,9 @@ def _fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Ch
 
 
 def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Any = None) -> Figure:
-    """Draw the Hankel singular values of the full model, with the order that a reduction chose.
+    """Draw the Hankel singular values of the full model, with the order that a `reduction` of it chose.
 
-    Parameters
-    ----------
-    result : Identification
-    reduction : Reduction, optional
-        Of `identification.model`.
-    ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -348,15 +306,7 @@ def convergence(result: MatrixFraction, *, ax: Any = None) -> Figure:
 
     Source: `voorhoeve2016` figure 5.
 
-    Parameters
-    ----------
-    result : MatrixFraction
-    ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------
@@ -380,15 +330,7 @@ def orders(result: OrderSweep | Reduction, *, ax: Any = None) -> Figure:
     Of an OrderSweep: singular values of the subspace estimate; cost, MDL and AIC. Of a Reduction from `reduce_within_bounds`: the
     largest error over what is allowed, at the samples and where nothing was measured.
 
-    Parameters
-    ----------
-    result : OrderSweep or Reduction
-    ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Raises
     ------
@@ -418,16 +360,7 @@ def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:
 
     A physical mode keeps its frequency and damping from order to order.
 
-    Parameters
-    ----------
-    result : OrderSweep
-        From `suggest_order`.
-    ax
-        As for `bode`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters and errors as for `bode`.
 
     Examples
     --------

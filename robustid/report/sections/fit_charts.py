@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from robustid.mfd import continuous
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, stacked
 from robustid.report.curves import (
-    around,
     cells_per_entry,
     log_axis,
     low_quantile,
@@ -18,6 +17,7 @@ from robustid.report.curves import (
     phase_curves,
     position,
     positive,
+    resolved,
     rounded,
     thinned,
     with_gaps,
@@ -91,11 +91,8 @@ def _entry(
     magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
     phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
     size = Axis(label=f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
-    panels = (
-        Panel(title=view.entry(i, j), x=axis, y=size, layers=tuple(magnitude)),
-        Panel(title="", x=axis, y=phase_axis(phase_span), layers=tuple(phase)),
-    )
-    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
+    drawn = (size, magnitude), (phase_axis(phase_span), phase)
+    return stacked(f"entry-{i}-{j}", axis, drawn, (view.entry(i, j), ""))
 
 
 def model_grid(view: FitView, log: bool) -> np.ndarray:
@@ -105,8 +102,7 @@ def model_grid(view: FitView, log: bool) -> np.ndarray:
     base = np.geomspace(low, high, _GRID) if log else np.linspace(points.min(), high, _GRID)
     s = np.array([continuous(row.pole, view.dt or 0) for row in view.modes if row.count == 2 and not row.rigid])
     s = s[np.isfinite(s)] if s.size else np.zeros(0, dtype=complex)
-    omega = np.unique(np.concatenate([base, *(around(pole, _AROUND) for pole in s)]))
-    return omega[(omega >= low if log else omega >= points.min()) & (omega <= high)]
+    return resolved(base, s, _AROUND, low if log else float(points.min()), high)
 
 
 def convergence_chart(view: FitView) -> Chart:

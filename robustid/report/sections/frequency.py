@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter, phase_axis
+from robustid.report.charts import Axis, Chart, Layer, Panel, lighter, phase_axis, stacked
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
@@ -118,12 +118,9 @@ def _entry_chart(
     else:  # the name stands above
         titles, label, turn_axis = (title, ""), f"magnitude{unit_label(output.unit, input_.unit)}", phase_axis(span)
     size_axis = Axis(label=label, log=True, range=reach)
-    panels = (
-        Panel(title=titles[0], x=axis, y=size_axis, layers=tuple(magnitude)),
-        Panel(title=titles[1], x=axis, y=turn_axis, layers=tuple(phase)),
-    )
     chart = "frequency" if siso(identification) else f"entry-{entry[0]}-{entry[1]}"
-    return Chart(name=chart, panels=panels, linked=True, grid=not siso(identification))
+    drawn = (size_axis, magnitude), (turn_axis, phase)
+    return stacked(chart, axis, drawn, titles, grid=not siso(identification))
 
 
 def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import response_at, scaled_states
+from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.mfd import continuous, curve_points
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, side_by_side
-from robustid.report.curves import around, low_quantile, magnitude_range, phase_curves, with_gaps
+from robustid.report.charts import Axis, Chart, Layer, frequency_axis, phase_axis, side_by_side, stacked
+from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, with_gaps
 from robustid.report.style import NOMINAL
 from robustid.report.words import HZ
 
@@ -30,12 +30,8 @@ def model_chart(model: Any) -> Chart:
     sizes = np.abs(s) if s.size else np.ones(1)
     high = np.pi / dt if dt else _BESIDE * sizes.max()
     low = min(sizes.min(), high) / _BESIDE
-    omega = np.concatenate(
-        [np.geomspace(low, high, _POINTS), *(around(p, _AROUND) for p in s if p.imag > 0 and p.real)]
-    )
-    omega = np.unique(omega[(omega >= low) & (omega <= high)])
-    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-    values = response_at((*scaled_states(A, B, C), D), curve_points(omega, dt))
+    omega = resolved(np.geomspace(low, high, _POINTS), s, _AROUND, low, high)
+    values = response_at(StateMatrices.of(system), curve_points(omega, dt))
     charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
     return side_by_side("model", charts, system.ninputs)
 
@@ -46,8 +42,4 @@ def _entry(system: Any, i: int, j: int, omega: np.ndarray, values: np.ndarray) -
     magnitude = Axis(label="magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
     drawn = [Layer(name=name, x=omega / HZ, y=y, colour=NOMINAL, dash="solid") for y in (size, with_gaps(angle))]
     title = f"{system.output_labels[i]} / {system.input_labels[j]}"
-    panels = (
-        Panel(title=title, x=axis, y=magnitude, layers=(drawn[0],)),
-        Panel(title="", x=axis, y=phase_axis(span), layers=(drawn[1],)),
-    )
-    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
+    return stacked(f"entry-{i}-{j}", axis, ((magnitude, drawn[:1]), (phase_axis(span), drawn[1:])), (title, ""))

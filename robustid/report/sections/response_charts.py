@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, stacked
 from robustid.report.curves import (
     cells_per_entry,
     half_angle,
@@ -43,8 +42,8 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     frf, axis = view.frf, frequency_axis(view.frf.omega)
     used = ~frf.missing[:, i, j]
     if not used.any():
-        nothing = Panel(title=f"{view.entry(i, j)}: not measured", x=axis, y=Axis(label=""), layers=())
-        return Chart(name=f"entry-{i}-{j}", panels=(nothing, dataclasses.replace(nothing, title="")), linked=True)
+        titles = f"{view.entry(i, j)}: not measured", ""
+        return stacked(f"entry-{i}-{j}", axis, [(Axis(label=""), ())] * 2, titles)
     omega, size, silent = frf.omega[used], view.size[used, i, j], view.silent[used, i, j]
     radius = None if view.radius is None else view.radius[used, i, j]
     levels = {name: level[used, i, j] for name, level in view.levels.items()}
@@ -80,11 +79,7 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
         phase.append(Layer(x=x[part], y=rounded(angle[kept][part]), **lost))
     unit = unit_label(frf.outputs[i].unit, frf.inputs[j].unit)
     y = Axis(label=f"magnitude{unit}", log=True, range=low_high)
-    panels = (
-        Panel(title=view.entry(i, j), x=axis, y=y, layers=tuple(magnitude)),
-        Panel(title="", x=axis, y=phase_axis(span), layers=tuple(phase)),
-    )
-    return Chart(name=f"entry-{i}-{j}", panels=panels, linked=True)
+    return stacked(f"entry-{i}-{j}", axis, ((y, magnitude), (phase_axis(span), phase)), (view.entry(i, j), ""))
 
 
 def _band(x: np.ndarray, y: np.ndarray, ends: dict[str, np.ndarray], kept: np.ndarray, gap: Any = False) -> Layer:
