@@ -183,6 +183,40 @@ def auto_or(item: Check) -> Check:
     return check
 
 
+# Forms of values on the command line.
+
+
+def low_high(name: str, content: str) -> tuple[float, float]:
+    """Two frequencies from LOW:HIGH."""
+    try:
+        low, high = (float(part) for part in content.split(":"))
+    except ValueError:
+        raise InputError(f"{name} must be LOW:HIGH in Hz, such as 5:200; got {content!r}") from None
+    return low, high
+
+
+def output_input(name: str, content: str) -> list[int | str]:
+    """Two numbers or names from OUTPUT,INPUT."""
+    parts = [part.strip() for part in content.split(",")]
+    if len(parts) != 2 or not all(parts):
+        raise InputError(f"{name} must be OUTPUT,INPUT, by number or name, such as 0,0; got {content!r}")
+    return [int(part) if part.isdigit() else part for part in parts]
+
+
+def roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The name in the file of every role; a role that may be repeated has several signals."""
+    found: dict[str, list[str]] = {}
+    for pair in content:
+        role, sign, title = pair.partition("=")
+        if not sign:
+            raise InputError(f"{name} must be ROLE=NAME, such as u=current; got {pair!r}")
+        found.setdefault(role, []).append(title)
+    for role, titles in found.items():
+        if len(titles) > 1 and role not in repeated:
+            raise InputError(f"{name} {role} is given {len(titles)} times; give one name")
+    return {role: titles[0] if len(titles) == 1 else titles for role, titles in found.items()}
+
+
 def _got(value: Any) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."

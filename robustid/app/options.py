@@ -7,10 +7,25 @@ A run file is validated by these sections, `robustid run --keys` lists them, the
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+import importlib
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from robustid.app.checks import AUTO, auto_or, either, flag, key, number, several, table, text, whole
+from robustid.app.checks import (
+    AUTO,
+    auto_or,
+    either,
+    flag,
+    key,
+    low_high,
+    number,
+    output_input,
+    roles,
+    several,
+    table,
+    text,
+    whole,
+)
 from robustid.errors import InputError
 
 USES = ("response", "samples", "noise_floor")
@@ -22,83 +37,34 @@ _NOTE = "How the program chose these values, in words; written by the program."
 _DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
 
 
-def band(name: str, content: str) -> tuple[float, float]:
-    """Two frequencies from LOW:HIGH."""
-    try:
-        low, high = (float(part) for part in content.split(":"))
-    except ValueError:
-        raise InputError(f"{name} must be LOW:HIGH in Hz, such as 5:200; got {content!r}") from None
-    return low, high
-
-
-def _output_input(name: str, content: str) -> list[int | str]:
-    """Two numbers or names from OUTPUT,INPUT."""
-    parts = [part.strip() for part in content.split(",")]
-    if len(parts) != 2 or not all(parts):
-        raise InputError(f"{name} must be OUTPUT,INPUT, by number or name, such as 0,0; got {content!r}")
-    return [int(part) if part.isdigit() else part for part in parts]
-
-
-def _roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The name in the file of every role; a role that may be repeated has several signals."""
-    found: dict[str, list[str]] = {}
-    for pair in content:
-        role, sign, title = pair.partition("=")
-        if not sign:
-            raise InputError(f"{name} must be ROLE=NAME, such as u=current; got {pair!r}")
-        found.setdefault(role, []).append(title)
-    for role, titles in found.items():
-        if len(titles) > 1 and role not in repeated:
-            raise InputError(f"{name} {role} is given {len(titles)} times; give one name")
-    return {role: titles[0] if len(titles) == 1 else titles for role, titles in found.items()}
-
-
 def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
-    return _roles(name, content, _SIGNALS)
+    return roles(name, content, _SIGNALS)
+
+
+def _recognised(roles: str) -> str:
+    """Names of columns that are found without being told."""
+    from robustid.data import io
+
+    return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(io, roles).items())
 
 
 def _response_fields() -> str:
-    from robustid.data.io import FREQUENCY
-
-    known = "; ".join(f"{role}: {', '.join(names)}" for role, names in FREQUENCY.items())
     return (
         "Name in the file of every role: omega=w, real=Re, imag=Im, values=G.data, bound=eps. Recognised without it, upper or"
-        f" lower case: {known}; in .npz and .mat the sample time as dt, Ts or T."
+        f" lower case: {_recognised('FREQUENCY')}; in .npz and .mat the sample time as dt, Ts or T."
     )
 
 
 def _record_fields() -> str:
-    from robustid.data.io import TIME
-
-    known = "; ".join(f"{role}: {', '.join(names)}" for role, names in TIME.items())
     return (
         "Name in the file of every role, repeated for several signals: time=t, u=current, y=angle, y=speed, reference=setpoint"
-        f" (closed loop), bound=eps. Recognised without it, with numbers for several (u1, u2, ...): {known}."
+        f" (closed loop), bound=eps. Recognised without it, with numbers for several (u1, u2, ...): {_recognised('TIME')}."
     )
 
 
-def _initial() -> Iterable[str]:
-    from robustid.data import INITIAL
-
-    return INITIAL
-
-
-def _past() -> Iterable[str]:
-    from robustid.data import PAST
-
-    return PAST
-
-
-def _objectives() -> Iterable[str]:
-    from robustid.identification import OBJECTIVES
-
-    return OBJECTIVES
-
-
-def _forms() -> Iterable[str]:
-    from robustid.identification import FORMS
-
-    return FORMS
+def _listed(room: str, name: str) -> Callable[[], Iterable[str]]:
+    """The values that a room knows, asked for when they are needed: to import a room takes a while."""
+    return lambda: getattr(importlib.import_module(f"robustid.{room}"), name)
 
 
 def _solver(name: str, value: Any) -> str:
@@ -145,7 +111,7 @@ class RecordSource:
         _positive, help="Half-width of the error interval of every sample, in units of y.", flag="--time-bound"
     )
     initial: str | None = key(
-        text(_initial),
+        text(_listed("data", "INITIAL")),
         help="State before the first sample: rest (zero initial conditions, default), free, or periodic (in steady state).",
         flag="--initial",
     )
@@ -154,7 +120,9 @@ class RecordSource:
     )
     start: float | None = key(number(least=0), help="Start of the part of the record that is used.", unit="s")
     stop: float | None = key(_positive, help="End of the part of the record that is used.", unit="s")
-    past: str | None = key(text(_past), help="What is known of the input before that part: known, unknown or periodic.")
+    past: str | None = key(
+        text(_listed("data", "PAST")), help="What is known of the input before that part: known, unknown or periodic."
+    )
     detrend: str | None = key(text(("mean", "linear")), help="Take out the mean or a straight line.")
     until: float | None = key(_positive, help="The trend is that of the record up to here.", unit="s")
     decimate: int | None = key(whole(2), help="Keep one sample of so many, after a filter.", unit="samples")
@@ -167,7 +135,7 @@ class ResponseSource:
 
     file: str | None = key(text(), help="File with the response, seen from the folder of the run file.")
     fields: Mapping[str, Any] | None = key(
-        _names, help=_response_fields, flag="--frequency-field", text=_roles, metavar="ROLE=NAME"
+        _names, help=_response_fields, flag="--frequency-field", text=roles, metavar="ROLE=NAME"
     )
     dt: float | None = key(_positive, **_DT)
     bound: float | None = key(
@@ -224,7 +192,7 @@ class FrequencyPoints:
         help="Use only the points between two frequencies.",
         unit="Hz",
         flag="--band",
-        text=band,
+        text=low_high,
         metavar="LOW:HIGH",
     )
     every: int = key(whole(1), 1, help="Use one of so many.")
@@ -246,11 +214,7 @@ class Modes:
         keyword="repeat",
     )
     delay: int | None = key(
-        whole(),
-        help="Delay of the pairs; default: from the data.",
-        unit="samples",
-        flag="--delay",
-        keyword="delay",
+        whole(), help="Delay of the pairs; default: from the data.", unit="samples", flag="--delay", keyword="delay"
     )
     hz_interval: tuple | None = key(
         several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of hz.", unit="Hz"
@@ -291,7 +255,7 @@ class Identify:
     )
     inflate_note: str | None = key(text(), help=_NOTE)
     objective: str = key(
-        text(_objectives),
+        text(_listed("identification", "OBJECTIVES")),
         "center",
         help="Which of the systems becomes the model: center (the middle of all that are consistent), margin (the one that fits"
         " best), gain (smallest K) or order (smallest Hankel nuclear norm, the easiest to reduce).",
@@ -306,14 +270,10 @@ class Identify:
         keyword="solver",
     )
     accuracy: float = key(
-        _positive,
-        1e-4,
-        help="Width of the proven interval of the margin.",
-        flag="--accuracy",
-        keyword="accuracy",
+        _positive, 1e-4, help="Width of the proven interval of the margin.", flag="--accuracy", keyword="accuracy"
     )
     form: str = key(
-        text(_forms),
+        text(_listed("identification", "FORMS")),
         "auto",
         help="The finite problem: orthonormal (exact, up to 200 coefficients), classical (the same as published, for small data),"
         " taylor (any number of samples), sections (fewer coefficients where the frequency points fill a part of the circle only,"
@@ -368,10 +328,7 @@ class WorstCase:
         flag="--circle",
     )
     over_poles: bool = key(
-        flag,
-        False,
-        help="Cover the pole-uncertainty box that the data leave too; may take minutes.",
-        flag="--poles",
+        flag, False, help="Cover the pole-uncertainty box that the data leave too; may take minutes.", flag="--poles"
     )
 
 
@@ -384,7 +341,7 @@ class General:
         several(either(whole(), text()), 2),
         help="Output and input, by number from 0 or by name, of the one entry of a MIMO response that is used; default all.",
         flag="--entry",
-        text=_output_input,
+        text=output_input,
         metavar="OUTPUT,INPUT",
     )
 

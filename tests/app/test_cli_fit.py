@@ -154,10 +154,10 @@ def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
         (["it's.npz", "--order", "8"], "error: it's.npz: there is no such file"),
         ([".", "--order", "8"], "error: . is a folder; give the name of a file in it"),
         (["zero.npz", "--order", "8"], "error: zero.npz is zero everywhere; there is nothing to fit"),
-        (["twice.npz", "--order", "8"], "error: twice.npz has 2 lines at"),
+        (["twice.npz", "--order", "8"], "error: twice.npz has 2 frequency points at"),
         (["nan.npz", "--order", "8"], "nan.npz: values must be finite; got (nan+0j) at index (3, 0, 1)"),
         (["step.csv", "--order", "8"], "step.csv holds time data"),
-        (["frf.csv", "--order", "400"], "--order = 400 has 1600 free coefficients, but the 100 lines"),
+        (["frf.csv", "--order", "400"], "--order = 400 has 1600 free coefficients, but the 100 frequency points"),
         (["frf.csv", "--order", "8x"], "--order must be a positive whole number"),
         (["frf.csv", "--order", "0"], "--order must be a positive whole number"),
         (

@@ -7,6 +7,9 @@ import pytest
 
 import robustid as rid
 from robustid.app.checks import options
+from robustid.app.cli.excite import excite
+from robustid.app.cli.fit import fit
+from robustid.app.cli.reduce import reduce
 from robustid.app.options import PARTS, Identify, Modes, WorstCase
 
 ALL = [(kind, field, option) for kind in PARTS.values() for field, option in options(kind)]
@@ -74,6 +77,24 @@ def test_arguments_of_identify_reduced_are_those_of_the_run_file():
 def test_wrong_arguments_are_refused_by_their_own_name(stated, error, words):
     with pytest.raises(error, match=words):
         rid.identify_reduced(rid.flexible_structure(lines=5).frequency, **stated)
+
+
+@pytest.mark.parametrize(
+    ("command", "function", "names"),
+    [
+        (
+            excite,
+            rid.multisine,
+            "spacing lines_per_decade inputs realisations periods amplitude rms minimise_crest seed",
+        ),
+        (fit, rid.fit_mfd, "form domain feedthrough"),
+        (reduce, rid.balanced_truncation, "order tol horizon weight"),
+    ],
+)
+def test_defaults_of_commands_are_those_of_the_library(command, function, names):
+    ours, theirs = inspect.signature(command).parameters, inspect.signature(function).parameters
+    for name in names.split():
+        assert ours[name].default in (theirs[name].default, None), name
 
 
 def test_sections_left_alone_ask_for_what_the_library_does_by_itself():

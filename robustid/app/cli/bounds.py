@@ -11,13 +11,11 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Output
+from robustid.app.cli.options import Force, Output, words_of
 from robustid.app.cli.terminal import counted, in_words, say, shown, step
 from robustid.app.options import WorstCase
 from robustid.errors import InputError
 
-_OPTIONS = {name: f"--{name}" for name in ("omega", "directions", "rtol", "resume")}
-_OPTIONS |= {"executor": "--workers", "identification": "the identification"}
 _WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
 _GIVEN = (
     "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
@@ -65,14 +63,15 @@ def bounds(
     identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
     spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
-    with in_words(_OPTIONS), _resumable(console, resume):
+    words = words_of(bounds, executor="--workers", identification="the identification")
+    with in_words(words), _resumable(console, resume):
         error = _bounded(console, identification, asked, how, spread)
     certified = _certified(console, error)
     error.save(output)
     say(console, error.summary(), *([circle_words(error)] if how.circle else []))
     terminal.say_written(console, *written)
     if how.over_poles:
-        with in_words(_OPTIONS), _resumable(console, resume):
+        with in_words(words), _resumable(console, resume):
             band = _over_poles(console, error, spread)
         if band is None:
             say(console, _GIVEN)

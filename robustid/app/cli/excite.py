@@ -8,25 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
+from robustid.app.checks import low_high
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force
+from robustid.app.cli.options import Force, words_of
 from robustid.app.cli.terminal import in_words, step
-from robustid.app.options import band as band_of
 from robustid.errors import InputError
 
-_NAMES = (
-    "dt",
-    "period",
-    "spacing",
-    "lines_per_decade",
-    "inputs",
-    "realisations",
-    "periods",
-    "amplitude",
-    "rms",
-    "seed",
-)
-_OPTIONS = {name: "--" + name.replace("_", "-") for name in _NAMES} | {"band_hz": "--band", "path": "--output"}
 _WHOLE = 1e-6
 
 
@@ -78,9 +65,9 @@ def excite(
     outputs.check_ending(output, (".csv", ".npz"))
     outputs.check_outputs([output], [], force)
     console = terminal.console()
-    with in_words(_OPTIONS):
+    with in_words(words_of(excite, band_hz="--band", path="--output")):
         asked: dict[str, Any] = {
-            "band_hz": band_of("--band", band),
+            "band_hz": low_high("--band", band),
             "period": samples_of(period, dt),
             "spacing": spacing,
         }

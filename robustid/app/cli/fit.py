@@ -10,19 +10,10 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Report, only
+from robustid.app.cli.options import Force, Report, only, words_of
 from robustid.app.cli.terminal import in_words, shown, step, warn
 from robustid.app.options import FrequencyPoints, ResponseSource
 from robustid.errors import InputError
-
-_OPTIONS = {
-    "rigid_body": "--rigid-body",
-    "degree": "--roll-off",
-    "feedthrough": "--feedthrough",
-    "form": "--form",
-    "domain": "--domain",
-}
-_OPTIONS |= {"order": "--order", "orders": "--order", "method": "--method", "covariance": "the covariance in the file"}
 
 
 def fit(
@@ -75,7 +66,9 @@ def fit(
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "feedthrough": feedthrough}
     asked["rigid_body"] = RigidBody(rigid_body) if rigid_body else None
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
-    with in_words(_OPTIONS | {"frf": source.name, "values": source.name}):
+    words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
+    words |= {"frf": source.name, "values": source.name}
+    with in_words(words_of(fit, **words)):
         asked |= _weight(source, frf, relative)
         sweep: Any = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, wanted or sweep.suggested, asked)

@@ -11,14 +11,11 @@ import typer
 
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.excite import samples_of
-from robustid.app.cli.options import First, Force, Report, only
+from robustid.app.cli.options import First, Force, Report, only, words_of
 from robustid.app.cli.terminal import in_words, step
 from robustid.app.options import Estimate, RecordSource
 from robustid.errors import InputError
 
-_OPTIONS = {"record": "RECORD", "path": "--output"} | {
-    name: f"--{name}" for name in ("method", "period", "lines", "probability", "dt")
-}
 _SAME_STEP = 1e-6
 
 
@@ -71,7 +68,7 @@ def frf(
     records = Files(paths=record, source=source, first=first).read(console)
     samples, index = _periods(lines, period, how.method, records[0])
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
-    with in_words(_OPTIONS), step(console, words):
+    with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
         try:
             found = estimate_frf(records, method=how.method, period=samples, lines=index, probability=how.probability)
         except InputError as error:

@@ -25,8 +25,9 @@ FLAGS = {
     field.name: option.flag
     for kind in PARTS.values()
     for field, option in options(kind)
-    if option.flag and field.name != "bound"
+    if option.flag and field.name not in ("bound", "fields")
 }
+_BESIDE = ("output", "report", "force", "source")  # of every command: no arguments of the library
 _METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
 
 
@@ -68,6 +69,12 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
     called.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
     called.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}
     return called
+
+
+def words_of(command: Callable[..., None], **others: str) -> dict[str, str]:
+    """What stands in sentences for Python's arguments: the options of a command, and others in words."""
+    own = {name: f"--{name.replace('_', '-')}" for name in inspect.signature(command).parameters if name not in _BESIDE}
+    return FLAGS | own | others
 
 
 def _section(hint: Any) -> tuple[Any, tuple[str, ...] | None]:

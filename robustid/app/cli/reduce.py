@@ -7,13 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from robustid.app.checks import low_high
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force
+from robustid.app.cli.options import Force, words_of
 from robustid.app.cli.terminal import in_words, step
-from robustid.app.options import band as band_of
-
-_OPTIONS = {name: f"--{name}" for name in ("order", "tol", "horizon", "weight")}
-_OPTIONS |= {"band_hz": "--band", "unstable": "--keep-unstable", "model": "the model"}
 
 
 def reduce(
@@ -60,7 +57,7 @@ def reduce(
     from robustid.reduction import ReductionStatus
 
     outputs.check_ending(output, (".npz", ".mat"))
-    limits: dict[str, Any] = {"band_hz": None if band is None else band_of("--band", band), "horizon": horizon}
+    limits: dict[str, Any] = {"band_hz": None if band is None else low_high("--band", band), "horizon": horizon}
     outputs.check_outputs([output], [*outputs.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         limits["weight"] = load_model(weight)
@@ -72,7 +69,7 @@ def reduce(
     else:
         model = load_model(source) if identification is None else identification.model
         asked["unstable"] = "keep" if keep_unstable or identification is not None else "refuse"
-        with in_words(_OPTIONS):
+        with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
             reduction = _truncated(console, model, asked)
         if identification is not None:
             _say_margin(console, identification, reduction)
