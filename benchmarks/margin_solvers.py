@@ -16,7 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
 from problems import random_problem
 
 import robustid as rid
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.cvxpy_backend import available_solvers
 
 
@@ -24,7 +24,7 @@ def full_lmi(problem):
     """The margin from [I X; X' I] >= 0, one block of size 2n, through cvxpy and Clarabel."""
     import cvxpy as cp
 
-    data = pose(problem).data
+    data = ExactFormulation(problem).data
     rows, Q = data.rows, data.rows.real(data.orthonormal[0])
     y, E = rows.real(rows.y), rows.real(rows.E.dense())
     n, samples, discs = data.sarason.pair.order, rows.y.size, rows.discs

@@ -23,7 +23,7 @@ PEER = (2, 2, 6, 30), (2, 2, 10, 30), (3, 3, 10, 30), (2, 2, 20, 30), (3, 3, 20,
 def measurements(p, q, length, lines, seed=0):
     """Simulated lines of a p x q plant that take `length` Taylor coefficients at the default accuracy."""
     import robustid as rid
-    from robustid.identification.forms import taylor_length
+    from robustid.identification.formulation.taylor import taylor_length
 
     rng, bound = np.random.default_rng(seed), 0.05
     omega = np.sort(rng.uniform(0.05, 3.1, lines))
@@ -71,12 +71,13 @@ def margins(p, q, length, lines):
     """The margin alone, by the structured solver and from the semidefinite program that one would write down."""
     import cvxpy as cp
 
-    from robustid.bases import Sections
-    from robustid.identification.forms import pose
+    from robustid.identification.formulation import TaylorFormulation
     from robustid.identification.margin import prove_margin
 
-    prove_margin(pose(measurements(p, q, 4, 12), Sections.shift(4)), "structured", ACCURACY)  # imports and first calls
-    posed = pose(measurements(p, q, length, lines), Sections.shift(length))
+    prove_margin(
+        TaylorFormulation(measurements(p, q, 4, 12), 4).data, "structured", ACCURACY
+    )  # imports and first calls
+    posed = TaylorFormulation(measurements(p, q, length, lines), length)
     start = time.process_time()
     margin = prove_margin(posed, "structured", ACCURACY)[0].margin
     seconds = time.process_time() - start

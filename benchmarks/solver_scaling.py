@@ -27,7 +27,7 @@ FORMS = ("taylor", "sections")
 def measurements(length, lines, samples, kautz=False, seed=0):
     """A simulated problem that takes `length` Taylor coefficients at the default accuracy."""
     import robustid as rid
-    from robustid.identification.forms import taylor_length
+    from robustid.identification.formulation.taylor import taylor_length
 
     rng, dt, bound = np.random.default_rng(seed), 0.01, 0.05
     omega = np.sort(rng.uniform(0.2, 3.1 / dt, lines))
@@ -59,9 +59,8 @@ def measurements(length, lines, samples, kautz=False, seed=0):
 def ours(length, lines, samples, what):
     """Margin (or all of identify) by the structured solver: (value, Newton systems)."""
     import robustid as rid
-    from robustid.bases import Sections
     from robustid.core.threads import threads_for
-    from robustid.identification.forms import pose
+    from robustid.identification.formulation import TaylorFormulation
     from robustid.identification.margin import prove_margin
     from robustid.identification.solver import interior_point as structured
 
@@ -72,7 +71,7 @@ def ours(length, lines, samples, what):
         value = result.require().margin if result.consistent else result.margin
     else:
         with threads_for(length):
-            value = prove_margin(pose(problem, Sections.shift(length)), "structured", ACCURACY)[0].margin
+            value = prove_margin(TaylorFormulation(problem, length).data, "structured", ACCURACY)[0].margin
     return value, time.perf_counter() - start, len(systems)
 
 
@@ -114,7 +113,7 @@ def banded(rho, lines, form):
     seconds = time.perf_counter() - start
     if not result.verification.passed:
         raise RuntimeError(result.summary())
-    return (result.length, result.margin, result.margin - result.margin_lower), seconds, len(systems)
+    return (result.formulation.count, result.margin, result.margin - result.margin_lower), seconds, len(systems)
 
 
 def theirs(length, lines, samples, solver):
@@ -122,10 +121,9 @@ def theirs(length, lines, samples, solver):
     import cvxpy as cp
     import scipy.linalg
 
-    from robustid.bases import Sections
-    from robustid.identification.forms import pose
+    from robustid.identification.formulation import TaylorFormulation
 
-    rows = pose(measurements(length, lines, samples), Sections.shift(length)).data.rows
+    rows = TaylorFormulation(measurements(length, lines, samples), length).data.rows
     E, y = rows.real(rows.E.dense()), rows.real(rows.y)
     x, s = cp.Variable(length), cp.Variable()
     basis = np.stack([scipy.linalg.toeplitz(row, np.zeros(length)) for row in np.eye(length)])

@@ -11,7 +11,7 @@ import numpy as np
 
 import robustid as rid
 from robustid.guarantees.consistent_set import consistent_set
-from robustid.identification.support_certificate import Functional
+from robustid.identification.certificate import Functional
 
 
 def problem(light=(17.67, 0.004)):

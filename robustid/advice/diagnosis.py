@@ -14,7 +14,8 @@ from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification import QUICK_EXACT, Identification, MixedProblem, pose, sections_of
+from robustid.identification import Identification, MixedProblem
+from robustid.identification.formulation import QUICK_EXACT, formulate
 from robustid.identification.solver import margin_path
 
 _log = logging.getLogger("robustid")
@@ -174,7 +175,7 @@ def _effect(margin: float, before: float) -> str:
 def _reachable_margin(problem: MixedProblem) -> float:
     """A margin that some system reaches, within 0.1 % (or 0.001) of the smallest."""
     margin = np.inf
-    for _, margin, gap in margin_path(pose(problem, sections_of(problem, "auto", _DIGITS)).data):
+    for _, margin, gap in margin_path(formulate(problem, accuracy=_DIGITS).data):
         if gap <= _DIGITS * max(margin, 1.0):
             break
     return float(margin)

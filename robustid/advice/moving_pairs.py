@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
-from robustid.bases import ParametricBasis, Sections, kautz, stack_bases
+from robustid.bases import ParametricBasis, kautz, stack_bases
 from robustid.core import Frozen, freeze
 from robustid.errors import InputError
-from robustid.identification import MixedProblem, Posed
-from robustid.identification.formulation import measurement_rows
+from robustid.identification import MixedProblem
+from robustid.identification.formulation import Formulation, TaylorFormulation
 
 _SAME = 1e-6  # relative: a block that agrees with `kautz` so far was made by it
 _STEP = 1e-4  # of a difference quotient, in the units of `units`
@@ -134,13 +134,13 @@ def _mode_of(part: ParametricBasis) -> tuple[np.ndarray, int, int] | None:
     return np.log([size / part.dt, damping]), m // 2, delay
 
 
-def moved_samples(pairs: MovingPairs, posed: Posed, p: np.ndarray, poles: np.ndarray) -> np.ndarray:
+def moved_samples(pairs: MovingPairs, formulation: Formulation, p: np.ndarray, poles: np.ndarray) -> np.ndarray:
     """Derivatives of what the parametric part gives at the samples, to the logs of the poles, (N, 2 M), in units of the bounds.
 
     Of P(theta) q(theta) with the q nearest to P p: the projection of P p on the span at theta. So the scale of the functions,
     and which basis of the free transients was taken, do not matter.
     """
-    problem, rows = posed.problem, posed.data.rows
+    problem, rows = formulation.problem, formulation.rows
     given, step = rows.P @ p, (_STEP * units(problem, poles)).ravel()
 
     def projected(which: int, sign: int) -> np.ndarray:
@@ -153,8 +153,8 @@ def moved_samples(pairs: MovingPairs, posed: Posed, p: np.ndarray, poles: np.nda
 
 
 def _columns(problem: MixedProblem) -> np.ndarray:
-    """The columns of the parameters at the samples; those of the others are left out but for one."""
-    return measurement_rows(problem, Sections.shift(1)).P
+    """The columns of the parameters at the samples; those of the non-parametric part are left out but for one."""
+    return TaylorFormulation(problem, 1).rows.P
 
 
 def pairs_of(problem: MixedProblem) -> MovingPairs:

@@ -11,7 +11,6 @@ import numpy as np
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
-from robustid.bases import Sections
 from robustid.core import Frozen, as_positive, freeze, threads_for
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError, SolverError
@@ -19,13 +18,10 @@ from robustid.identification import (
     Claim,
     Identification,
     MixedProblem,
-    Posed,
     identify,
-    pose,
     prove_margin,
-    sections_of,
 )
-from robustid.identification.solver import ConvexData
+from robustid.identification.formulation import ConvexData, Formulation, formulate
 
 _log = logging.getLogger("robustid")
 
@@ -177,9 +173,9 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     target, pairs = as_positive("target", target), pairs_of(problem)
-    sections = sections_of(problem, "auto", _DIGITS)
-    with threads_for(sections.order if sections else problem.coefficients):
-        search = _Search(problem, pairs, sections, target)
+    formulation = formulate(problem, accuracy=_DIGITS)
+    with threads_for(formulation.count):
+        search = _Search(formulation, pairs, target)
         best, reason = search.run(repeat)
         return _result(search, best, reason)
 
@@ -190,7 +186,7 @@ class _Point:
 
     pairs: MovingPairs
     poles: np.ndarray
-    posed: Posed
+    formulation: Formulation
     claim: Claim
 
     @property
@@ -201,9 +197,9 @@ class _Point:
 class _Search:
     """The trials of one problem."""
 
-    def __init__(self, problem: MixedProblem, pairs: MovingPairs, sections: Sections | None, target: float) -> None:
-        self.problem, self.sections, self.target = problem, sections, target
-        self.given = self._point(problem, pairs, pairs.start)
+    def __init__(self, formulation: Formulation, pairs: MovingPairs, target: float) -> None:
+        self.problem, self.formulation, self.target = formulation.problem, formulation, target
+        self.given = self._point(formulation.problem, pairs, pairs.start)
         self.trials: list[PoleTrial] = []
 
     def run(self, repeat: bool) -> tuple[_Point, str]:
@@ -233,9 +229,9 @@ class _Search:
         for step in range(1, _MOST_STEPS + 1):
             unit = units(self.problem, at.poles)
             if D is None:
-                D = moved_samples(at.pairs, at.posed, at.claim.p, at.poles) * unit.ravel()
+                D = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
             try:
-                d, promised = _linearised(at.posed, D, radius)
+                d, promised = _linearised(at.formulation.data, D, radius)
                 if promised > (1 - _WORTH) * at.margin:
                     reach = 100 * radius * float(unit[:, 0].max())
                     return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
@@ -264,8 +260,8 @@ class _Search:
         return self._point(dataclasses.replace(self.problem, parametric=pairs.at(poles)), pairs, poles)
 
     def _point(self, problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> _Point:
-        posed = pose(problem, self.sections)
-        return _Point(pairs, poles, posed, prove_margin(posed, "structured", _DIGITS)[0])
+        formulation = self.formulation.of(problem)
+        return _Point(pairs, poles, formulation, prove_margin(formulation.data, "structured", _DIGITS)[0])
 
     def _note(self, change: str, point: _Point, kept: bool) -> None:
         omega, damping = freeze(np.exp(point.poles[:, 0])), freeze(np.exp(point.poles[:, 1]))
@@ -274,26 +270,24 @@ class _Search:
         _log.info("%s: margin %.6g%s", change, point.margin, "" if kept else " (not taken)")
 
 
-def _linearised(posed: Posed, D: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+def _linearised(data: ConvexData, D: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     """The d in [-radius, radius] that minimises the margin of y - E x - P p - D d, and that margin."""
-    rows, more = posed.data.rows, D.shape[1]
+    rows, more = data.rows, D.shape[1]
     ends = np.vstack([rows.ends, np.tile([-radius, radius], (more, 1))])
     scale = np.concatenate([rows.column_scale, np.ones(more)])
     wider = dataclasses.replace(rows, P=np.hstack([rows.P, D]), ends=ends, column_scale=scale)
-    claim, _ = prove_margin(
-        dataclasses.replace(posed, data=ConvexData(wider, posed.data.sarason)), "structured", _DIGITS
-    )
+    claim, _ = prove_margin(ConvexData(wider, data.sarason), "structured", _DIGITS)
     return claim.p[-more:], claim.margin
 
 
-def margin_slope(pairs: MovingPairs, posed: Posed, claim: Claim, poles: np.ndarray) -> np.ndarray:
+def margin_slope(pairs: MovingPairs, formulation: Formulation, claim: Claim, poles: np.ndarray) -> np.ndarray:
     """Derivatives of the margin to the logs of frequency and damping, (M, 2), by the envelope theorem."""
-    D = moved_samples(pairs, posed, claim.p, poles)
+    D = moved_samples(pairs, formulation, claim.p, poles)
     return -np.real(claim.certificate.samples.conj() @ D).reshape(-1, 2)
 
 
 def _result(search: _Search, best: _Point, reason: str) -> KautzImprovement:
-    given, problem = search.given, best.posed.problem
+    given, problem = search.given, best.formulation.problem
     repeated, moved = best.pairs is not given.pairs, best.poles is not given.poles
     (omega_before, damping_before), (omega, damping) = np.exp(given.poles).T, np.exp(best.poles).T
     box = _box(problem, best.pairs, best.poles) if moved else None
@@ -306,7 +300,7 @@ def _result(search: _Search, best: _Point, reason: str) -> KautzImprovement:
         omega=omega,
         damping=damping,
         repeated=repeated,
-        slope=margin_slope(best.pairs, best.posed, best.claim, best.poles),
+        slope=margin_slope(best.pairs, best.formulation, best.claim, best.poles),
         box=box,
         trials=tuple(search.trials),
         reason=reason,

@@ -12,7 +12,8 @@ from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.core import Frozen, as_array, freeze
 from robustid.data import TangentialResponse
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
-from robustid.identification import MixedProblem, Prior, pose, sections_of
+from robustid.identification import MixedProblem, Prior
+from robustid.identification.formulation import formulate
 from robustid.identification.solver import analytic_center, gain_path
 
 _log = logging.getLogger("robustid")
@@ -181,7 +182,7 @@ def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
     for ceiling in _CEILINGS:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
-        data = pose(trial, sections_of(trial, "auto", _TAILS)).data
+        data = formulate(trial, accuracy=_TAILS).data
         try:
             center = analytic_center(data, 1.0)
         except SolverError:
@@ -230,11 +231,12 @@ def possible_rates(problem: MixedProblem) -> np.ndarray:
     entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
         try:
-            form = sections_of(problem.with_prior(gain_bound=largest, decay_rate=float(rho)), "auto", _DIGITS)
+            trial = problem.with_prior(gain_bound=largest, decay_rate=float(rho))
+            form = formulate(trial, accuracy=_DIGITS)
         except SizeError as error:
             refusal = error
             continue
-        slow = form is not None and form.order * entries > _QUICK_MATRIX
+        slow = not form.exact and form.count * entries > _QUICK_MATRIX
         if not slow or entries == 1 or rho == rates[-1]:
             return rates[first:]
     raise refusal or InputError("`problem` has no decay rate to try")

@@ -8,22 +8,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.bases import input_normal_pair, solve_stein
+from robustid.bases import solve_stein
 from robustid.core import Frozen
 from robustid.errors import InconsistentDataError
 from robustid.identification import (
     Functional,
     Identification,
     MixedProblem,
-    Posed,
     SupportCertificate,
     certify_support,
     entry_name,
-    pose,
     verify_support_exactly,
 )
-from robustid.identification.formulation import Entries, Rows, SarasonMap, line_tails, measurement_rows
-from robustid.identification.solver import Candidate, ConvexData, analytic_center, support_path
+from robustid.identification.formulation import Candidate, ConvexData, Entries, Formulation, Rows, SarasonMap
+from robustid.identification.solver import analytic_center, support_path
 
 Entry = tuple[int, int]  # output and input
 
@@ -58,14 +56,14 @@ class ConsistentSet:
 
     Attributes
     ----------
-    posed : Posed
+    posed : Formulation
     center : Candidate
         Analytic centre.
     level : float
         1; barely more where the data are barely consistent, so that the set has an inside (bounds over it hold all the more).
     """
 
-    posed: Posed
+    posed: Formulation
     center: Candidate
     level: float
 
@@ -107,10 +105,8 @@ class ConsistentSet:
     def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[np.ndarray, np.ndarray, float]:
         """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""
         problem, here = self.posed.problem, np.array([omega * self.posed.problem.dt])
-        prior, sections, entries = problem.prior, self.posed.sections, problem.entries
-        basis = self.data.sarason.pair if sections is None else sections
-        phi = prior.gain_bound * basis.evaluate(np.exp(-1j * here) / prior.decay_rate)[0]
-        tail = 0.0 if sections is None else float(line_tails(problem, sections, here)[0])
+        prior, entries, phi = problem.prior, problem.entries, self.posed.values(here)[0]
+        tail = float(self.posed.response_tail(here)[0])
         number, part = entries.place(*entry)
         scale = float(prior.scales(entries.outputs, entries.inputs)[entry])
         x = np.zeros((entries.count, phi.size), complex)
@@ -148,23 +144,13 @@ class ConsistentSet:
         start = dataclasses.replace(self.center, x=posed.problem.entries.collapse(full))
         return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
 
-    def posed_at(self, omega: float) -> Posed:
+    def posed_at(self, omega: float) -> Formulation:
         """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""
-        problem = self.posed.problem
-        angle = omega * problem.dt
-        if self.posed.sections or np.any(np.abs(problem.angles - angle) <= 1e-12 * max(angle, 1e-300)):
-            return self.posed
-        # At the head of the cascade: tight samples then say nothing about the new coefficients.
-        head = [min(angle, np.pi)]
-        pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, problem.taylor, first=head)
-        data = ConvexData(measurement_rows(problem, pair), SarasonMap(pair, problem.entries))
-        return dataclasses.replace(self.posed, data=data)
+        return self.posed.with_node(omega * self.posed.problem.dt)
 
     @functools.cached_property
     def _interpolant(self) -> tuple[np.ndarray, ...]:
-        from robustid.identification import interpolants
-
-        return interpolants(self.data.sarason, self.center.x).realise()
+        return self.data.sarason.interpolants(self.center.x).realise()
 
 
 def consistent_set(identification: Identification) -> ConsistentSet:
@@ -181,7 +167,7 @@ def consistent_set(identification: Identification) -> ConsistentSet:
             " system whose error could be bounded; loosen the bounds or the prior first"
         )
     problem = identification.problem
-    posed = pose(problem, identification.sections)
+    posed = identification.formulation
     level = 1.0 if identification.margin < 1 - _BARELY else 1 + _BARELY
     claim = identification.claim
     shrink = identification.prior.gain_bound / problem.prior.gain_bound
@@ -195,7 +181,7 @@ def consistent_set(identification: Identification) -> ConsistentSet:
     return set_of(posed, level, starts)
 
 
-def set_of(posed: Posed, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
+def set_of(posed: Formulation, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
     """The set at a level above the smallest margin; `starts` are points that may be inside."""
     return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
 

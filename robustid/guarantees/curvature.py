@@ -54,7 +54,7 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     reach = parameters.reach(identification.parameters)
     functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
     # A reduced interpolant is near the ball, not in it.
-    inside = own and identification.sections is None
+    inside = own and identification.formulation.exact
     shape = len(identification.problem.outputs), len(identification.problem.inputs)
     return Curvature(identification.problem.prior, parts, functions, reach.reshape(-1, *shape), inside)
 

@@ -7,25 +7,13 @@ import functools
 
 import numpy as np
 
-from robustid.bases import Sections, input_normal_pair
 from robustid.core import Frozen, freeze, threads_for
 from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consistent_set
-from robustid.identification import (
-    LARGEST_EXACT,
-    LONGEST_TAYLOR,
-    Functional,
-    Identification,
-    MixedProblem,
-    Posed,
-    SupportCertificate,
-    pose,
-    taylor_length,
-)
-from robustid.identification.formulation import SarasonMap, measurement_rows
-from robustid.identification.solver import ConvexData, analytic_center
+from robustid.identification import Functional, Identification, SupportCertificate
+from robustid.identification.formulation import formulate_over
+from robustid.identification.solver import analytic_center
 
 _ACCURACY = 1e-2  # of a Taylor form: its tails are a tenth of this part of every bound
-_BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
 _BLOCKS = 60  # of at least half the size of the one before: what follows them is below rounding
 _LONGEST = 2**17  # samples in which a state must halve; slower ones are as good as undamped
 _ALLOWED = 1e-9  # for the rounding of the powers
@@ -51,13 +39,12 @@ class Outputs(Frozen):
     def _impulses(self) -> tuple[np.ndarray, np.ndarray]:
         """Weights of the coefficients in g_j and of the scaled parameters in the parametric f_j: (T, n) and (T, m)."""
         posed, count = self.consistent.posed, self.u.size
-        prior, rows = posed.problem.prior, posed.data.rows
-        g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float)[:, None]
+        rows = posed.data.rows
         parametric = np.zeros((count, rows.P.shape[1]))
         if rows.parameters:
             impulse = posed.problem.parametric.impulse(count)
             parametric[:, : rows.parameters] = impulse / rows.column_scale[: rows.parameters]
-        return g * posed.data.sarason.pair.taylor(count), parametric
+        return posed.impulses(count), parametric
 
     def functional(self, sample: int, sign: float = 1.0) -> Functional:
         """+-y_k.
@@ -75,14 +62,10 @@ class Outputs(Frozen):
             tail = float(np.sqrt(max(0.0, energy - w @ w) + 8 * (sample + 8) * np.finfo(float).eps * energy))
         return Functional(sign * w, sign * (delayed @ parametric), tail)
 
-    @functools.cached_property
+    @property
     def determined(self) -> int:
         """Number of Taylor coefficients that the basis determines: its zeros at the origin."""
-        posed = self.consistent.posed
-        if posed.sections is not None:
-            return posed.sections.order if posed.sections.is_shift else 0
-        nodes = sum(1 if angle in (0.0, np.pi) else 2 for angle in posed.problem.angles)
-        return posed.data.sarason.pair.order - nodes
+        return self.consistent.posed.determined
 
     def extreme(self, sample: int, sign: float, gap: float) -> Extreme:
         """The largest value of +-y_k over the set."""
@@ -108,22 +91,13 @@ def consistent_outputs(identification: Identification, u: np.ndarray) -> Outputs
     own = consistent_set(identification)
     if u.size <= Outputs(own, u).determined:
         return Outputs(own, u)
-    posed = _over_horizon(identification.problem, u.size)
+    posed = formulate_over(identification.problem, u.size, _ACCURACY)
     if posed is None:
         return Outputs(own, u)
     with threads_for(posed.data.sarason.pair.order):
         # Tails take from the bounds: a set that is thinner has an outer neighbour in its place, whose bounds hold all the more.
         level = max(own.level, identification.margin + 3 * float(posed.data.rows.tail.max()))
         return Outputs(ConsistentSet(posed, analytic_center(posed.data, level), level), u)
-
-
-def _over_horizon(problem: MixedProblem, horizon: int) -> Posed | None:
-    """The smaller form that determines a horizon; None where none is small enough."""
-    exact, length = problem.coefficients - problem.taylor + horizon, max(horizon, taylor_length(problem, _ACCURACY))
-    if exact <= LARGEST_EXACT and exact**2 <= _BALANCE * length:
-        pair = input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, max(horizon, problem.taylor))
-        return Posed(problem, ConvexData(measurement_rows(problem, pair), SarasonMap(pair)), None)
-    return pose(problem, Sections.shift(length)) if length <= LONGEST_TAYLOR else None
 
 
 def tail_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:

@@ -282,7 +282,7 @@ def _search(
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
         posed = posed_relaxation(cell, problem)
-        claim, passed = (None, []) if posed is None else prove_margin(posed, "structured", 1e-3)
+        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3)
         if claim is not None and claim.certificate.value > 1:
             refuted.append(RefutedCell(cell, claim.certificate))
             continue

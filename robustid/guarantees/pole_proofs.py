@@ -11,9 +11,8 @@ from robustid.core import Frozen
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import ValueSet, directions_at, value_set_claims
-from robustid.identification import MarginCertificate, MixedProblem, Posed, pose, sections_of, verify_margin_exactly
-from robustid.identification.formulation import Rows, SarasonMap
-from robustid.identification.solver import Candidate
+from robustid.identification import MarginCertificate, MixedProblem, verify_margin_exactly
+from robustid.identification.formulation import Candidate, Formulation, Rows, SarasonMap, formulate
 
 _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
 
@@ -102,10 +101,10 @@ class RefutationClaim(Frozen):
         return proof.verify(*arguments) and (not exact or verify_margin_exactly(proof, *arguments))
 
 
-def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Posed | None:
+def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | None:
     """Arrays of the problem that every consistent system with poles in the cell solves; None if no data are left."""
     relaxed = cell.relaxed(problem)
-    return None if relaxed is None else pose(relaxed, sections_of(relaxed, "auto", _ACCURACY))
+    return None if relaxed is None else formulate(relaxed, accuracy=_ACCURACY)
 
 
 def union_of(kept: Sequence[KeptCell], nominal: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,19 +1,9 @@
-"""The answer: identify() and its result."""
+"""The convex question and its answer: the problem, identify(), its result and its proofs."""
 
-from robustid.identification.certificate import MarginCertificate
-from robustid.identification.consistency import FORMS, OBJECTIVES, identify
+from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, certify_support
+from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import verify_margin_exactly, verify_support_exactly
-from robustid.identification.forms import (
-    LARGEST_EXACT,
-    LONGEST_TAYLOR,
-    QUICK_EXACT,
-    Claim,
-    Posed,
-    pose,
-    sections_of,
-    taylor_length,
-)
-from robustid.identification.interpolant import interpolants
+from robustid.identification.formulation import FORMS
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.prior import Prior, prior_fields
@@ -21,23 +11,18 @@ from robustid.identification.problem import MixedProblem, excited_lines
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.storage import describe_problem
-from robustid.identification.support_certificate import Functional, SupportCertificate, certify_support
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
-from robustid.identification.verification import Check
+from robustid.identification.verification import Check, Claim
 
 __all__ = [
     "FORMS",
-    "LARGEST_EXACT",
-    "LONGEST_TAYLOR",
     "OBJECTIVES",
-    "QUICK_EXACT",
     "Check",
     "Claim",
     "Functional",
     "Identification",
     "MarginCertificate",
     "MixedProblem",
-    "Posed",
     "Prior",
     "Residual",
     "SupportCertificate",
@@ -49,15 +34,11 @@ __all__ = [
     "entry_name",
     "excited_lines",
     "identify",
-    "interpolants",
     "largest_ratio",
     "model_residuals",
     "parametric_states",
-    "pose",
     "prior_fields",
     "prove_margin",
-    "sections_of",
-    "taylor_length",
     "validate",
     "verify_margin_exactly",
     "verify_support_exactly",

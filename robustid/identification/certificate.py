@@ -1,4 +1,4 @@
-"""Certificates: multipliers whose value bounds the margin from below, whatever solver found them.
+"""Certificates: multipliers whose value bounds the margin from below, or a functional from above, whatever solver found them.
 
 This module must not import a solver: its independence is what makes the numbers a proof.
 """
@@ -6,13 +6,16 @@ This module must not import a solver: its independence is what makes the numbers
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Frozen, freeze
-from robustid.identification.formulation.columns import DenseColumns
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
+
+_DROPPED = 1e-12  # singular values of a multiplier that are left out, relative: they only cost their part of the bound
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ class MarginCertificate(Frozen):
     ----------
     samples : (N,) complex array
         Multipliers of the samples, normalised to sum|l_k| = 1.
-    ball : (n, n) array, of matrices (np, nq)
+    ball : (np, nq) array
         S.
     upper : float
         A margin that is known to be reachable.
@@ -42,27 +45,27 @@ class MarginCertificate(Frozen):
         The proven lower bound of the margin; above 1 the data are refuted.
     """
 
-    samples: np.ndarray
-    ball: np.ndarray
+    samples: NDArray[np.complex128]
+    ball: NDArray[np.float64]
     upper: float
     value: float
 
     def __post_init__(self) -> None:
         self._set(samples=freeze(self.samples), ball=freeze(self.ball))
 
-    def shares(self, rows: Rows) -> np.ndarray:
+    def shares(self, rows: Rows) -> NDArray[np.float64]:
         """|l_k|, which sum to one: the part that each bound has in the proof, (M,)."""
         return rows.sizes(self.samples)
 
     def verify(self, rows: Rows, sarason: SarasonMap) -> bool:
-        """Whether the numbers, evaluated anew, support the stated value."""
+        """Say whether the numbers, evaluated anew, support the stated value."""
         if self.value <= 0:
             return self.value == 0  # claims nothing
         return bool(evaluate_certificate(self.samples, self.ball, self.upper, rows, sarason) >= self.value)
 
 
 def certify_margin(
-    samples: np.ndarray, Y: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap
+    samples: NDArray[np.complex128], Y: NDArray[np.float64], upper: float, rows: Rows, sarason: SarasonMap
 ) -> MarginCertificate:
     """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
 
@@ -73,9 +76,10 @@ def certify_margin(
     best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros(sarason.shape), upper, 0.0)
     if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
         return best
-    raw, S = np.asarray(samples, complex) / weight, sarason.stein(Y / weight)
-    changes = [raw]
-    if isinstance(rows.E, DenseColumns):
+    raw: NDArray[Any] = np.asarray(samples, complex) / weight
+    S = sarason.stein(Y / weight)
+    changes: list[NDArray[Any]] = [raw]
+    if rows.E.stored:
         changes.append(_balanced(raw, sarason.first_row(S), rows))
     for changed in changes:
         multipliers = _cancel_parameters(changed, rows)
@@ -86,7 +90,9 @@ def certify_margin(
     return best
 
 
-def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
+def evaluate_certificate(
+    samples: NDArray[np.complex128], ball: NDArray[np.float64], upper: float, rows: Rows, sarason: SarasonMap
+) -> float:
     """The lower bound of the margin that the multipliers prove, rounding errors allowed for."""
     size, count, eps = np.abs(samples), rows.y.size, float(np.finfo(float).eps)
     shared = rows.sizes(samples)
@@ -102,13 +108,144 @@ def evaluate_certificate(samples: np.ndarray, ball: np.ndarray, upper: float, ro
     return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
 
 
-def nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> float:
-    """||S - A S A'||_*, with an allowance for rounding; of matrices A stands for A (x) I."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Functional(Frozen):
+    """A real number that every system of the class has: f = <x, u> + <p, v> + remainder, |remainder| <= tail.
+
+    Attributes
+    ----------
+    x : (n,) array
+        Weights of the coefficients of the non-parametric part.
+    p : (m,) array
+        Weights of the scaled parameters (transients included).
+    tail : float
+        What the other coefficients can do; 0 where the n coefficients determine the value.
+    """
+
+    x: NDArray[np.float64]
+    p: NDArray[np.float64]
+    tail: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._set(x=freeze(self.x), p=freeze(self.p))
+
+    def __call__(self, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+        """The value but for the remainder."""
+        return float(self.x @ x + self.p @ p)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SupportCertificate(Frozen):
+    """A proof that a functional f is at most ``value`` for every system of the class with |residual_k| <= level * bound_k.
+
+    For any multipliers `samples` l (one per sample, complex for discs) and any matrix Y = `left` `right`', with the S that solves
+    S - A S A' = Y,
+
+        f <= Re<l, y> + sum|l_k| reach_k + ||Y||_* + r ||w - E'l - c S|| + max (d - P'l)'p + tail
+
+    because y = E x + P p + e with |e_k| <= reach_k (level, and the tail of the sample), <c S, x> = <Y, X(x)> with ||X(x)|| <= 1,
+    which implies ||x|| <= r (r and |l_k| as in `MarginCertificate`), and the parameters are in their intervals or bounded by the
+    samples. w and d are the weights of f. The right-hand side is evaluated as sums and products, Y as S - A S A' of the S found,
+    with an allowance for their rounding.
+
+    Attributes
+    ----------
+    samples : (N,) complex array
+    left, right : (n, r) arrays
+        Factors of Y: few directions of the contraction are at their limit.
+    level : float
+        Multiple of the bounds that is allowed.
+    value : float
+    """
+
+    samples: NDArray[np.complex128]
+    left: NDArray[np.float64]
+    right: NDArray[np.float64]
+    level: float
+    value: float
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("samples", "left", "right")})
+
+    def shares(self, rows: Rows) -> NDArray[np.float64]:
+        """Part of each bound in the proof, (M,); they sum to one."""
+        size = rows.sizes(self.samples)
+        return size / max(float(size.sum()), np.finfo(float).tiny)
+
+    def verify(self, functional: Functional, rows: Rows, sarason: SarasonMap) -> bool:
+        """Say whether the numbers, evaluated anew, support the stated value."""
+        multipliers = self.samples, self.left @ self.right.T
+        return bool(evaluate_support(functional, *multipliers, self.level, rows, sarason) <= self.value)
+
+
+def certify_support(
+    functional: Functional,
+    samples: NDArray[np.complex128],
+    Y: NDArray[np.float64],
+    level: float,
+    rows: Rows,
+    sarason: SarasonMap,
+) -> SupportCertificate:
+    """Certificate from any multipliers; value inf where they are not numbers.
+
+    Free parameters may be very large: their equation P'l = d is met to rounding first.
+    """
+    count, (high, wide) = rows.y.size, sarason.shape
+    if not (np.all(np.isfinite(samples)) and np.all(np.isfinite(Y))):
+        return SupportCertificate(np.zeros(count, complex), np.zeros((high, 0)), np.zeros((wide, 0)), level, np.inf)
+    multipliers = _match_parameters(np.asarray(samples, complex), functional.p, rows)
+    left, singular, right = np.linalg.svd(Y, full_matrices=False)
+    rank = int(np.sum(singular > _DROPPED * singular.max(initial=0.0)))
+    root = np.sqrt(singular[:rank])
+    factors = left[:, :rank] * root, right[:rank].T * root
+    value = evaluate_support(functional, multipliers, factors[0] @ factors[1].T, level, rows, sarason)
+    # Solving for S again, elsewhere, may differ in its last digits.
+    return SupportCertificate(multipliers, *factors, level, float(value + 1e-12 * abs(value)))
+
+
+def evaluate_support(
+    functional: Functional,
+    samples: NDArray[np.complex128],
+    Y: NDArray[np.float64],
+    level: float,
+    rows: Rows,
+    sarason: SarasonMap,
+) -> float:
+    """The upper bound of the functional that the multipliers prove, rounding errors allowed for."""
+    count, eps, size = rows.y.size, float(np.finfo(float).eps), np.abs(samples)
+    if functional.x.shape != (sarason.size,) or functional.p.shape != (rows.P.shape[1],):
+        return np.inf
+    long = 2 * (count + 2) * eps
+    S = sarason.stein(Y)
+    reach = level + rows.tail
+    fit = float(np.real(samples.conj() @ rows.y)) + long * float(size @ np.abs(rows.y))
+    total = fit + float(rows.sizes(samples) @ reach) * (1 + long)
+    total += nuclear_norm(S, sarason)
+    total += mismatched(-samples, S, rows, sarason, functional.x)
+    total += leaked(-samples, rows, level, functional.p) + functional.tail
+    return float(total + 8 * eps * (abs(fit) + abs(total)))
+
+
+def _match_parameters(
+    samples: NDArray[np.complex128], wanted: NDArray[np.float64], rows: Rows
+) -> NDArray[np.complex128]:
+    """The nearest multipliers with P'l = wanted for the free parameters."""
+    free = ~rows.held
+    if not free.any():
+        return samples
+    stacked, flat, wanted = real_rows(rows.P[:, free]), real_rows(samples), wanted[free]
+    for _ in range(2):  # the second pass removes the rounding of the first
+        flat = flat - np.linalg.lstsq(stacked.T, stacked.T @ flat - wanted, rcond=None)[0]
+    return flat[: samples.size] + 1j * flat[samples.size :]
+
+
+def nuclear_norm(S: NDArray[np.float64], sarason: SarasonMap) -> float:
+    """||S - A S A'||_*, with an allowance for rounding; for MIMO A stands for A (x) I."""
     A, n, eps = sarason.pair.A, sarason.pair.order, float(np.finfo(float).eps)
     if not n:
         return 0.0
-    parts = sarason.parted(S)
-    Y = sarason.joined(parts - A @ parts @ A.T)
+    parts = sarason.entries.parted(S)
+    Y = sarason.entries.joined(parts - A @ parts @ A.T)
     spread = np.abs(parts) + np.abs(A) @ np.abs(parts) @ np.abs(A.T)
     nuclear, small = float(np.sum(np.linalg.svd(Y, compute_uv=False))), min(sarason.shape)
     return (
@@ -119,18 +256,24 @@ def nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> float:
 
 
 def mismatched(
-    samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray | float = 0.0
+    samples: NDArray[np.complex128],
+    S: NDArray[np.float64],
+    rows: Rows,
+    sarason: SarasonMap,
+    wanted: NDArray[np.float64] | float = 0.0,
 ) -> float:
     """An upper bound of <wanted + E'l - c S, x> over the unit ball, with an allowance for rounding."""
     c, n, size, eps = sarason.pair.c, sarason.pair.order, np.abs(samples), float(np.finfo(float).eps)
     long, short = 2 * (size.size + 2) * eps, 2 * (n + 4) * eps
     mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - sarason.first_row(S)))
     mismatch += long * float(np.linalg.norm(rows.E.spread(size))) + 4 * eps * float(np.linalg.norm(wanted))
-    spread = sarason.entries.spread(np.abs(c[0]) @ np.abs(sarason.parted(S)))
+    spread = sarason.entries.spread(np.abs(c[0]) @ np.abs(sarason.entries.parted(S)))
     return rows.reach * (mismatch + short * float(np.linalg.norm(spread))) * (1 + 4 * eps)
 
 
-def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | float = 0.0) -> float:
+def leaked(
+    samples: NDArray[np.complex128], rows: Rows, upper: float, wanted: NDArray[np.float64] | float = 0.0
+) -> float:
     """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     if not rows.P.shape[1]:
         return 0.0
@@ -145,13 +288,13 @@ def leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray | f
     return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
 
 
-def real_rows(matrix: np.ndarray) -> np.ndarray:
+def real_rows(matrix: NDArray[Any]) -> NDArray[np.float64]:
     """Real parts above imaginary parts."""
     return np.concatenate([np.real(matrix), np.imag(matrix)])
 
 
-def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray:
-    """The multipliers with the smallest relative change for which E'l = target and P'l = 0 of the free parameters, nearly."""
+def _balanced(samples: NDArray[np.complex128], target: NDArray[np.float64], rows: Rows) -> NDArray[np.complex128]:
+    """The smallest relative change of the multipliers for which E'l = target and P'l = 0 of the free parameters, approximately."""
     flat, scale = real_rows(samples), np.tile(np.abs(samples), 2)
     free = real_rows(rows.P[:, ~rows.held])
     matrix = np.hstack([real_rows(rows.E.dense()), free])
@@ -161,7 +304,7 @@ def _balanced(samples: np.ndarray, target: np.ndarray, rows: Rows) -> np.ndarray
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
-def _cancel_parameters(samples: np.ndarray, rows: Rows) -> np.ndarray:
+def _cancel_parameters(samples: NDArray[np.complex128], rows: Rows) -> NDArray[np.complex128]:
     """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
     if rows.held.all():
         return samples

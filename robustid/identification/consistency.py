@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from robustid.bases import Sections
 from robustid.core import as_positive, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
-from robustid.identification.forms import Posed, level_of, pose, sections_of
-from robustid.identification.margin import block_size, check_conic_size, prove_margin, wants_conic
-from robustid.identification.model import nominal_model
+from robustid.identification.formulation.base import Formulation
+from robustid.identification.formulation.choice import FORMS, formulate
+from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.margin import check_conic_size, prove_margin, wants_conic
+from robustid.identification.model import level_of, nominal_model
 from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
-from robustid.identification.solver.conic import Candidate, ConvexData
 from robustid.identification.solver.cvxpy_backend import solve_conic
 from robustid.identification.solver.paths import analytic_center, gain_path
 from robustid.identification.verification import verify
@@ -25,7 +25,6 @@ from robustid.identification.verification import verify
 _log = logging.getLogger("robustid")
 
 OBJECTIVES = ("center", "margin", "gain", "order")
-FORMS = ("auto", "orthonormal", "classical", "taylor", "sections")
 
 
 def identify(
@@ -61,9 +60,9 @@ def identify(
         out changes no sample by more than a tenth of `accuracy`, in units of its bound, whatever the number of samples; the
         tails are part of the proof on both sides, and the model is the central interpolant of the L coefficients without the
         states that do not matter. "sections": the same with the powers of an all-pass function of low degree in place of those
-        of the delay, chosen so that the tails are small at the lines: several times fewer coefficients where the lines fill a
-        part of the circle only (oversampled data, rho near 1); with time samples that are not periodic it is "taylor". "auto":
-        exact up to 100 coefficients, then the one with the least work.
+        of the delay, chosen so that the tails are small at the frequency points: several times fewer coefficients where these
+        fill a part of the circle only (oversampled data, rho near 1); with time samples that are not periodic it is "taylor".
+        "auto": exact up to 100 coefficients, then the one with the least work.
 
     Returns
     -------
@@ -74,7 +73,7 @@ def identify(
     Raises
     ------
     SizeError
-        More than 200 coefficients in the exact form (two per frequency line, one per time sample), 2000 Taylor coefficients and
+        More than 200 coefficients in the exact form (two per frequency point, one per time sample), 2000 Taylor coefficients and
         1000 coefficients of repeated sections; 100 for a solver that is not ours.
     SolverError
         No solver returned usable numbers.
@@ -94,46 +93,40 @@ def identify(
     """
     _check_arguments(problem, objective, form)
     accuracy = as_positive("accuracy", accuracy)
-    sections = sections_of(problem, form, accuracy)
-    entries = problem.entries
-    size = (sections.order if sections else problem.coefficients) * max(1, entries.count // 2)
-    with threads_for(size):
-        return _identify(problem, objective, solver, accuracy, form, sections)
+    formulation = formulate(problem, form, accuracy)
+    with threads_for(formulation.count * max(1, problem.entries.count // 2)):
+        return _identify(formulation, objective, solver, accuracy)
 
 
-def _identify(
-    problem: MixedProblem, objective: str, solver: str, accuracy: float, form: str, sections: Sections | None
-) -> Identification:
-    clock = _Clock()
-    posed = pose(problem, sections, form == "classical")
+def _identify(formulation: Formulation, objective: str, solver: str, accuracy: float) -> Identification:
+    clock, data = _Clock(), formulation.data
     if objective == "order":
-        check_conic_size(block_size(posed.data.sarason))
+        check_conic_size(max(data.sarason.blocks))
     clock.lap("assembly")
-    claim, passed = prove_margin(posed, solver, accuracy)
+    claim, passed = prove_margin(data, solver, accuracy)
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, accuracy)
     try:
-        point, used, notes = _choose_point(posed, level, objective, solver, passed)
+        point, used, notes = _choose_point(formulation, level, objective, solver, passed)
     except KeyboardInterrupt:
-        inside = [point for point in passed if posed.data.margin(point.x, point.p) <= level]
+        inside = [point for point in passed if data.margin(point.x, point.p) <= level]
         if not inside:
             raise
         note = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
-        point, used, notes = inside[0], posed, (note,)
+        point, used, notes = inside[0], formulation, (note,)
     clock.lap("centre")
     nominal = nominal_model(used, point, level)
     clock.lap("model")
-    checks = verify(used, point, nominal, claim, posed.data, level)
+    checks = verify(used, point, nominal, claim, data, level)
     clock.lap("verification")
     return Identification(
-        problem=problem,
+        formulation=formulation,
         objective=objective,
         claim=claim,
         prior=used.problem.prior,
         coefficients=point.x,
         scaled_parameters=point.p,
-        sections=sections,
         model=nominal.model,
         verification=checks,
         timing=clock.laps,
@@ -151,39 +144,40 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
 
 
 def _choose_point(
-    posed: Posed, level: float, objective: str, solver: str, passed: list[Candidate]
-) -> tuple[Candidate, Posed, tuple[str, ...]]:
-    """The point that the objective asks for, the problem it belongs to, and what should be said about it."""
-    center = analytic_center(posed.data, level, passed)
-    if objective in ("center", "margin") or not posed.data.sarason.pair.order:
-        return center, posed, ()
+    formulation: Formulation, level: float, objective: str, solver: str, passed: list[Candidate]
+) -> tuple[Candidate, Formulation, tuple[str, ...]]:
+    """The point that the objective asks for, the formulation it belongs to, and what should be said about it."""
+    data = formulation.data
+    center = analytic_center(data, level, passed)
+    if objective in ("center", "margin") or not data.sarason.pair.order:
+        return center, formulation, ()
     if objective == "order":
         try:
-            found = solve_conic(posed.data, "order", solver=solver, factor=level, classical=posed.classical)
+            found = solve_conic(data, "order", solver=solver, factor=level)
         except SolverError as problem:
-            return center, posed, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
-        return _step_inside(found, center, posed.data, level), posed, ()
-    K = posed.problem.prior.gain_bound
-    gain, growth = _smallest_gain(posed, center, level, solver), 1e-3
+            return center, formulation, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
+        return _step_inside(found, center, data, level), formulation, ()
+    K = formulation.problem.prior.gain_bound
+    gain, growth = _smallest_gain(data, center, level, solver), 1e-3
     while gain < 1:
-        smaller = posed.with_prior(gain_bound=K * gain)
+        smaller = formulation.with_prior(gain_bound=K * gain)
         try:
             return analytic_center(smaller.data, level), smaller, ()
         except SolverError:  # the solver's gain was too small
             gain, growth = gain * (1 + growth), 4 * growth
-    return center, posed, ()
+    return center, formulation, ()
 
 
-def _smallest_gain(posed: Posed, center: Candidate, level: float, solver: str) -> float:
+def _smallest_gain(data: ConvexData, center: Candidate, level: float, solver: str) -> float:
     """Smallest kappa for which gain kappa K is consistent at `level`, from above, to 1e-4."""
-    if wants_conic(posed, solver):
+    if wants_conic(data.sarason, solver):
         try:
-            found = solve_conic(posed.data, "gain", solver=solver, factor=level, classical=posed.classical)
-            return posed.data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
+            found = solve_conic(data, "gain", solver=solver, factor=level)
+            return data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
     kappa = 1.0
-    for _, kappa, gap in gain_path(posed.data, center, level):
+    for _, kappa, gap in gain_path(data, center, level):
         if gap <= 1e-4 * kappa or kappa < 1e-9:
             break
     return kappa + 1e-9

@@ -1,6 +1,6 @@
 """Certificates evaluated in ball arithmetic: every rounding error enclosed, with the library FLINT (extra `robustid[exact]`).
 
-The formulas are those of `certificate` and `support_certificate`, the numbers y, E, P, A, c of the problem and the multipliers
+The formulas are those of `certificate`, the numbers y, E, P, A, c of the problem and the multipliers
 exactly those that are stored, in double precision. This module must not import a solver.
 """
 
@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from robustid.errors import InputError
-from robustid.identification.certificate import MarginCertificate, real_rows
-from robustid.identification.formulation.columns import BlockColumns, DenseColumns, ShiftColumns
-from robustid.identification.formulation.entries import HALF
+from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, real_rows
+from robustid.identification.entries import HALF
+from robustid.identification.formulation.columns import BlockColumns, Columns
 from robustid.identification.formulation.rows import Rows
-from robustid.identification.formulation.sarason import SarasonMap, ShiftMap
-from robustid.identification.support_certificate import Functional, SupportCertificate
+from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.formulation.taylor import ShiftMap
+from robustid.identification.formulation.taylor_columns import ShiftColumns
 
 _BITS = 128  # products of doubles take 106
 _EPS = float(np.finfo(float).eps)
@@ -30,13 +31,13 @@ _EPS = float(np.finfo(float).eps)
 def verify_support_exactly(
     certificate: SupportCertificate, functional: Functional, rows: Rows, sarason: SarasonMap
 ) -> bool:
-    """Whether the stated value of a certificate is above what its multipliers prove, all rounding enclosed."""
+    """Say whether the stated value of a certificate is above what its multipliers prove, all rounding enclosed."""
     multipliers = certificate.samples, certificate.left @ certificate.right.T
     return enclose_support(functional, *multipliers, certificate.level, rows, sarason) <= certificate.value
 
 
 def verify_margin_exactly(certificate: MarginCertificate, rows: Rows, sarason: SarasonMap) -> bool:
-    """Whether the stated value of a certificate is below what its multipliers prove, all rounding enclosed."""
+    """Say whether the stated value of a certificate is below what its multipliers prove, all rounding enclosed."""
     _flint()
     if certificate.value <= 0:
         return certificate.value == 0  # claims nothing
@@ -132,7 +133,7 @@ def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
     arb = _flint().arb
     if not S.size:
         return arb(0)
-    Y = _matrix(S) - _shifted(S, sarason)
+    Y = _matrix(S) - _moved(sarason, S)
     U, s, Vt = np.linalg.svd(np.array([float(a.mid()) for a in Y.entries()]).reshape(S.shape), full_matrices=False)
     left, right, scaled = _matrix(U), _matrix(Vt), _flint().arb_mat(s.size, s.size, np.diag(s).ravel().tolist())
     rest = Y - left * scaled * right
@@ -140,17 +141,21 @@ def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
     return total * _norm_above(left) * _norm_above(right.transpose()) + arb(s.size).sqrt() * _frobenius(rest)
 
 
-def _shifted(S: np.ndarray, sarason: SarasonMap) -> Any:
-    """A S A', of matrices with A (x) I."""
-    p, q = sarason.entries.outputs, sarason.entries.inputs
-    if isinstance(sarason, ShiftMap):
-        return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
-    A = sarason.pair.A
+@functools.singledispatch
+def _moved(sarason: SarasonMap, S: np.ndarray) -> Any:
+    """A S A', for MIMO with A (x) I."""
+    (p, q), A = sarason.entries.shape, sarason.pair.A
     return _matrix(np.kron(A, np.eye(p))) * _matrix(S) * _matrix(np.kron(A, np.eye(q))).transpose()
 
 
+@_moved.register
+def _(sarason: ShiftMap, S: np.ndarray) -> Any:
+    p, q = sarason.entries.shape
+    return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
+
+
 def _norm_above(Q: Any) -> Any:
-    """Above ||Q|| of a nearly orthogonal matrix: ||Q||^2 <= 1 + ||Q'Q - I||."""
+    """Above ||Q|| of an almost orthogonal matrix: ||Q||^2 <= 1 + ||Q'Q - I||."""
     n = Q.ncols()
     identity = _flint().arb_mat(n, n, np.eye(n).ravel().tolist())
     return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
@@ -175,27 +180,30 @@ def _mismatched(samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: Sarason
     return _frobenius(rest) * arb(min(entries.outputs, entries.inputs)).sqrt() * (1 + 4 * _EPS)
 
 
-def _adjoint(E: Any, samples: np.ndarray) -> Any:
+@functools.singledispatch
+def _adjoint(E: Columns, samples: np.ndarray) -> Any:
     """Re E^H l, as a column."""
-    if isinstance(E, ShiftColumns):
-        return _shift_adjoint(E, samples)
-    if isinstance(E, BlockColumns):
-        total = [_flint().arb(0)] * E.shape[1]
-        for part in E.parts:
-            found = _adjoint(part.block, samples[part.rows]).entries()
-            for k, value in zip(range(*part.columns.indices(E.shape[1])), found, strict=True):
-                total[k] += value
-        return _flint().arb_mat(len(total), 1, total)
     re, im = _transposed(E)
     return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
 
 
+@_adjoint.register
+def _(E: BlockColumns, samples: np.ndarray) -> Any:
+    total = [_flint().arb(0)] * E.shape[1]
+    for part in E.parts:
+        found = _adjoint(part.block, samples[part.rows]).entries()
+        for k, value in zip(range(*part.columns.indices(E.shape[1])), found, strict=True):
+            total[k] += value
+    return _flint().arb_mat(len(total), 1, total)
+
+
 @functools.lru_cache(maxsize=16)
-def _transposed(E: DenseColumns) -> tuple[Any, Any]:
-    return _matrix(np.real(E.array).T), _matrix(np.imag(E.array).T)
+def _transposed(E: Columns) -> tuple[Any, Any]:
+    return _matrix(np.real(E.dense()).T), _matrix(np.imag(E.dense()).T)
 
 
-def _shift_adjoint(E: ShiftColumns, samples: np.ndarray) -> Any:
+@_adjoint.register
+def _(E: ShiftColumns, samples: np.ndarray) -> Any:
     """decay_j Re sum_k gain_k conj(l_k + kappa_k conj(l_k)) exp(-i theta_k j), by powers, and the rows that are stored."""
     flint = _flint()
     lines, terms, turns = E.angles.size, [], []

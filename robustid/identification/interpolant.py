@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
+from robustid.bases import InputNormalPair
 from robustid.core import Frozen, as_array, freeze, series_at
 from robustid.errors import InputError, InputTypeError
-from robustid.identification.formulation.sarason import SarasonMap
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -135,20 +136,27 @@ def _inverse_root(matrices: np.ndarray) -> np.ndarray:
 _ROUNDED = 1e-14  # what rounding adds to the norm of an orthogonal matrix
 
 
-def interpolants(sarason: SarasonMap, x: np.ndarray) -> Interpolants:
+def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArray[np.float64]) -> Interpolants:
     """All functions of the unit ball with the data x; needs ||X(x)|| < 1.
+
+    Parameters
+    ----------
+    pair : InputNormalPair
+    parts : (p, q, n, n) array
+        X(x) entry by entry.
+    full : (p, q, n) array
+        x entry by entry.
 
     Raises
     ------
     InputError
         Where M = I - X'X is not positive definite: at the edge the interpolant is unique and the form breaks down.
     """
-    n, entries = sarason.pair.order, sarason.entries
-    p, q = entries.outputs, entries.inputs
-    parts, full, transposed = sarason.parted(sarason.matrix(x)), entries.expand(x), p < q
+    n, (p, q) = pair.order, full.shape[:2]
+    transposed = p < q
     if transposed:
         p, q, parts, full = q, p, parts.transpose(1, 0, 2, 3), full.transpose(1, 0, 2)
-    A, B, c = (np.kron(part, np.eye(q)) for part in (sarason.pair.A, sarason.pair.B, sarason.pair.c))
+    A, B, c = (np.kron(part, np.eye(q)) for part in (pair.A, pair.B, pair.c))
     X, x, size = parts.transpose(2, 0, 3, 1).reshape(n * p, n * q), full.transpose(0, 2, 1).reshape(p, n * q), n * q
     # Product form: the eigenvalues of I - X'X near 0 keep their digits.
     _, singular, right = np.linalg.svd(X, full_matrices=False)
@@ -164,7 +172,7 @@ def interpolants(sarason: SarasonMap, x: np.ndarray) -> Interpolants:
     left, _, mid_right = np.linalg.svd(middle)
     V = QR[:, :size] @ (left @ mid_right) @ QD[:, :size].T
     kept = np.eye(size)
-    if n and sarason.pair.d[0, 0] == 0:
+    if n and pair.d[0, 0] == 0:
         lost = scipy.linalg.solve_triangular(root.T, B, lower=True)
         kept = np.linalg.qr(lost, mode="complete")[0][:, q:]
     return Interpolants(V, QR[:, size:], QD[:, size:], float(gaps.min(initial=1.0)), kept, transposed)

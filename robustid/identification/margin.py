@@ -10,11 +10,11 @@ import numpy as np
 
 from robustid.errors import SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
-from robustid.identification.forms import Claim, Posed
+from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.solver.conic import Candidate
 from robustid.identification.solver.cvxpy_backend import solve_conic, solver_name
 from robustid.identification.solver.paths import margin_path
+from robustid.identification.verification import Claim
 
 _log = logging.getLogger("robustid")
 
@@ -23,16 +23,16 @@ QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
 
 
-def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, list[Candidate]]:
+def prove_margin(data: ConvexData, solver: str, accuracy: float) -> tuple[Claim, list[Candidate]]:
     """The proven interval, and the points of our own path, where that was asked, without their multipliers.
 
     The path takes over where a solver's numbers don't hold. Ctrl-C on the way ends with the best interval proved so far.
     """
-    data, passed = posed.data, []
+    passed: list[Candidate] = []
     best: MarginCertificate | None = None
     reached, point = np.inf, None
     try:
-        for candidate, near in _candidates(posed, solver, _SPARE * accuracy):
+        for candidate, near in _candidates(data, solver, _SPARE * accuracy):
             upper = data.margin(candidate.x, candidate.p)
             if candidate.solver == "structured":
                 passed.append(dataclasses.replace(candidate, ball=np.zeros((0, 0))))
@@ -60,15 +60,15 @@ def prove_margin(posed: Posed, solver: str, accuracy: float) -> tuple[Claim, lis
     return Claim(reached, accuracy, point.x, point.p, best, point.solver), passed
 
 
-def _candidates(posed: Posed, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool]]:
-    """What a conic solver found, then our own path; and whether the optimum is so near that a certificate is worth its time."""
-    if wants_conic(posed, solver):
+def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool]]:
+    """The point of a conic solver, then our own path; and whether the optimum is so near that a certificate is worth its time."""
+    if wants_conic(data.sarason, solver):
         try:
-            yield solve_conic(posed.data, "margin", solver=solver, classical=posed.classical), True
+            yield solve_conic(data, "margin", solver=solver), True
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
     nearest, least = None, np.inf
-    for candidate, margin, gap in margin_path(posed.data):
+    for candidate, margin, gap in margin_path(data):
         near = gap <= accuracy * max(1.0, margin)
         if gap < least:
             nearest, least = None if near else candidate, gap
@@ -84,22 +84,17 @@ def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:
     return x / norm if norm > 1 else x
 
 
-def wants_conic(posed: Posed, solver: str) -> bool:
-    """Whether a general conic solver is asked; refused where it would take hours."""
+def wants_conic(sarason: SarasonMap, solver: str) -> bool:
+    """Say whether a general conic solver is asked; refuse it where it would take hours."""
     if solver == "structured":
         return False
-    n = block_size(posed.data.sarason)
+    n = max(sarason.blocks)
     if solver != "auto":
         solver_name(solver)
-    if solver == "auto" and posed.classical is None:
+    if solver == "auto" and not sarason.conic:
         return n <= QUICK_CONIC
     check_conic_size(n)
     return True
-
-
-def block_size(sarason: SarasonMap) -> int:
-    """Of the largest semidefinite block: n of one channel, n(p + q) of matrices."""
-    return sarason.pair.order if sarason.entries.single else sum(sarason.shape)
 
 
 def check_conic_size(rows: int) -> None:

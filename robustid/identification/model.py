@@ -1,32 +1,28 @@
-"""The engineer's model of an interpolant joined with the parametric part."""
+"""The model of an interpolant joined with the parametric part."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-import math
 from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
-from robustid.identification.contraction import BalancedContraction
-from robustid.identification.forms import Posed, smallest_bound
-from robustid.identification.formulation.functions import taylor_tail
+from robustid.bases import ParametricBasis
+from robustid.core import Frozen, freeze
+from robustid.identification.formulation.base import Formulation, States
+from robustid.identification.formulation.convex import Candidate
 from robustid.identification.formulation.rows import Rows
-from robustid.identification.hankel import ImpulseReduction, balanced_from_impulse
-from robustid.identification.interpolant import Interpolants, interpolants
+from robustid.identification.formulation.tails import smallest_bound
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
-from robustid.identification.schur import TaylorInterpolants, taylor_interpolants
-from robustid.identification.solver.conic import Candidate
 
 _SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
 _SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are rounding
-_LONGEST = 8000  # samples of the impulse response
-
-Family = Interpolants | TaylorInterpolants
-Scaled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_SAME_POLE = 1e-9
+_DEFECTIVE = 1e-6  # of the eigenvectors of both sides: rounding splits those of a Jordan block, and leaves them almost orthogonal
+_EDGE = 1e-6  # how far outside the smallest margin the model is centred
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +33,7 @@ class Nominal:
     ----------
     model : control.StateSpace
     states : int
-        Of the non-parametric part; they come first.
+        Number of states of the non-parametric part; they come first.
     error : float
         Bound of |model - interpolant| at any frequency; 0 where no state was left out.
     """
@@ -47,47 +43,32 @@ class Nominal:
     error: float
 
 
-def family_of(posed: Posed, x: np.ndarray) -> Family:
-    """All functions of the unit ball with the coefficients x."""
-    taylor = posed.sections is not None and posed.sections.is_shift and posed.problem.entries.single
-    return taylor_interpolants(x) if taylor else interpolants(posed.data.sarason, x)
+def level_of(objective: str, margin: float, accuracy: float) -> float:
+    """The multiple of the bounds that defines the set from which the model is taken."""
+    widest = max(1.0, margin * (1 + _EDGE))
+    return min(margin * (1 + _EDGE) + accuracy, widest) if objective == "margin" else widest
 
 
-def nominal_model(posed: Posed, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
+def nominal_model(formulation: Formulation, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
     """The interpolant with the free parameter E, joined with the parametric part.
 
-    But for the exact form, states are left out as long as every residual stays below level * bound.
+    Where the formulation leaves something out, so may the model: states, as long as every residual stays below level * bound.
     """
-    problem, rows = posed.problem, posed.data.rows
-    family = family_of(posed, point.x)
-    if isinstance(family, Interpolants):
-        states = _unscaled(problem, family.realise(E))
-        if posed.sections is None:
-            states = _with_scales(problem, states)
-            return Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], 0.0)
-        cut = BalancedContraction(*states).truncate
-    else:
-        cut = functools.partial(_from_impulse, problem, family, E)
+    problem, rows = formulation.problem, formulation.rows
+    realise = formulation.realisation(point.x, E)
     tolerance = _SHARE * smallest_bound(problem)
     while True:
-        small = cut(tolerance)
-        states = _with_scales(problem, small[:4])
-        nominal = Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], small.bound)
-        if tolerance < 1e-10 * problem.prior.gain_bound or largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
+        states, error = realise(tolerance)
+        states = _with_scales(problem, states)
+        nominal = Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], error)
+        if not error or tolerance < 1e-10 * problem.prior.gain_bound:
+            return nominal
+        if largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
             return nominal
         tolerance /= 10
 
 
-def _unscaled(problem: MixedProblem, scaled: Scaled) -> Scaled:
-    """State space of G(z) = K phi(z/rho) in the engineer's convention, of phi = (alpha, beta, gamma, delta) in z/rho."""
-    alpha, beta, gamma, delta = scaled
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    # Half of K on either side keeps the realisation balanced.
-    root = np.sqrt(K)
-    return alpha / rho, root * beta, root * gamma / rho, K * delta
-
-
-def _with_scales(problem: MixedProblem, states: Scaled) -> Scaled:
+def _with_scales(problem: MixedProblem, states: States) -> States:
     """The entries times the scaling of the prior: a copy of the states for every unit of its rank."""
     if problem.prior.scaling is None:
         return states
@@ -102,17 +83,7 @@ def _with_scales(problem: MixedProblem, states: Scaled) -> Scaled:
     return np.kron(np.eye(rank), A), B, C, scales * D
 
 
-def _from_impulse(problem: MixedProblem, family: TaylorInterpolants, E: float, tolerance: float) -> ImpulseReduction:
-    """Balanced truncation of the interpolant, from its impulse response, within a tolerance in units of the response."""
-    prior = problem.prior
-    wanted = taylor_tail(prior, 0) / (1e-3 * tolerance)
-    count = min(_LONGEST, max(2, math.ceil(math.log(max(wanted, 2.0)) / math.log(prior.decay_rate))))
-    g = prior.gain_bound * prior.decay_rate ** -np.arange(count, dtype=float) * family.coefficients(count, E)
-    small = balanced_from_impulse(g, tolerance)
-    return small._replace(bound=small.bound + taylor_tail(prior, count))
-
-
-def join_model(problem: MixedProblem, rows: Rows, realised: Scaled, p: np.ndarray) -> Any:
+def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[np.float64]) -> Any:
     """State space of F = p'P + G; the parametric states follow those of G."""
     import control
 
@@ -124,7 +95,7 @@ def join_model(problem: MixedProblem, rows: Rows, realised: Scaled, p: np.ndarra
     return control.ss(A, B, C, D, problem.dt, **signal_names(problem))
 
 
-def parametric_states(problem: MixedProblem, residues: np.ndarray) -> Scaled:
+def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> States:
     """State space of sum_i P_i R_i, residues (m, p, q): n min(p, q) states of functions with n."""
     basis, (_, p, q) = problem.parametric, residues.shape
     through = np.tensordot(basis.D[:, 0], residues, 1)
@@ -146,18 +117,65 @@ def _label(name: str, default: str) -> str:
     return name.replace(".", "_") or default
 
 
-def physical_parameters(rows: Rows, p: np.ndarray) -> np.ndarray:
+def physical_parameters(rows: Rows, p: NDArray[np.float64]) -> NDArray[np.float64]:
     """The independent parameters in the user's units, transients left out, entry by entry, (count m,)."""
     return (p / rows.column_scale)[: rows.parameters] if rows.parameters else np.zeros(0)
 
 
-def residue_matrices(problem: MixedProblem, rows: Rows, p: np.ndarray) -> np.ndarray:
+def residue_matrices(problem: MixedProblem, rows: Rows, p: NDArray[np.float64]) -> NDArray[np.float64]:
     """The parameters in the user's units as matrices, one per function, (m, p, q)."""
     return np.moveaxis(problem.entries.expand(physical_parameters(rows, p)), 2, 0)
 
 
-def parametric_values(problem: MixedProblem, rows: Rows, p: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Of the parametric part at exp(j angle), (F, p, q); zero where there is none."""
+def parametric_values(
+    problem: MixedProblem, rows: Rows, p: NDArray[np.float64], angles: NDArray[np.float64]
+) -> NDArray[Any]:
+    """Values of the parametric part at exp(j angle), (F, p, q); zero where there is none."""
     if problem.parametric is None:
-        return np.zeros((angles.size, problem.entries.outputs, problem.entries.inputs))
+        return np.zeros((angles.size, *problem.entries.shape))
     return np.tensordot(problem.parametric.response(angles), residue_matrices(problem, rows, p), 1)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mode(Frozen):
+    """One pole pair (or real pole) of the parametric part: R/(z - a) + conj(R)/(z - conj(a)), of a simple pole.
+
+    Attributes
+    ----------
+    omega : float, rad/s
+        Natural frequency |log a|/dt.
+    damping : float
+        Damping ratio.
+    residue : (ny, nu) complex array
+        R.
+    rank_ratio : float
+        Second singular value of R over the first: 0 where R has rank one, as the residue of a single mode of a structure has.
+    """
+
+    omega: float
+    damping: float
+    residue: NDArray[np.complex128]
+    rank_ratio: float
+
+    def __post_init__(self) -> None:
+        self._set(residue=freeze(self.residue))
+
+
+def modes_of(basis: ParametricBasis, residues: NDArray[np.float64]) -> tuple[Mode, ...]:
+    """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
+    values, *vectors = scipy.linalg.eig(basis.A, left=True)
+    left, right = (np.asarray(side) for side in vectors)
+    overlap = np.sum(left.conj() * right, axis=0)
+    near = np.abs(values[:, None] - values) <= _SAME_POLE
+    found = []
+    for k, pole in enumerate(values):
+        if np.sum(near[k]) > 1 or np.abs(overlap[k]) < _DEFECTIVE or np.imag(pole) < 0 or pole == 0:
+            continue
+        weights = (basis.C @ right[:, k]) * (left[:, k].conj() @ basis.B[:, 0]) / overlap[k]
+        R = np.tensordot(weights, residues, 1)
+        log = np.log(pole) / basis.dt
+        singular = np.linalg.svd(R, compute_uv=False)
+        ratio = float(singular[1] / singular[0]) if singular.size > 1 and singular[0] > 0 else 0.0
+        damping = float(-log.real / abs(log)) if log != 0 else 0.0
+        found.append(Mode(float(abs(log)), damping, R, ratio))
+    return tuple(sorted(found, key=lambda mode: mode.omega))

@@ -12,9 +12,9 @@ from robustid.bases import as_basis
 from robustid.core import Frozen, Signal, as_array, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.identification.channels import check_channels, check_excitation
-from robustid.identification.formulation.entries import Entries
+from robustid.identification.entries import Entries
 from robustid.identification.prior import Prior
+from robustid.identification.signals import check_excitation, check_signals
 
 # Angles closer than this, relatively, are one node with several discs on one value.
 _SAME_ANGLE = 1e-12
@@ -89,7 +89,7 @@ class MixedProblem(Frozen):
             raise InputTypeError(f"`prior` must be a Prior; got {type(self.prior).__name__}")
         _check_same_dt((*frequency, *time))
         self._set(frequency=frequency, time=time)
-        check_channels((*frequency, *time))
+        check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
         check_excitation((*frequency, *time))

@@ -1,4 +1,4 @@
-"""Data minus model at the samples, from the state space: responses at the lines, simulations of the records."""
+"""Data minus model at the samples, from the state space: responses at the frequency points, simulations of the records."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from robustid.core import Frozen, freeze, responses, simulate
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.identification.formulation.assembly import initial_state, measured_entries
+from robustid.identification.formulation.rows import Rows
 from robustid.identification.problem import MixedProblem, excited_lines
-from robustid.identification.solver.conic import ConvexData
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,14 +55,14 @@ class Residual(Frozen):
         return ratio if ratio.ndim == 1 else np.linalg.norm(ratio, axis=1)
 
 
-def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None = None, p: Any = None) -> list[Residual]:
+def model_residuals(problem: MixedProblem, model: Any, rows: Rows | None = None, p: Any = None) -> list[Residual]:
     """Residuals of any model at the samples of a problem, in the order of its bounds.
 
     For records with unknown initial state the free response of the parametric part is that of `p`, or the one with the smallest
     largest |residual|/bound where none is given.
     """
     out = [residual for i, f in enumerate(problem.frequency) for residual in _of_lines(i, f, model, problem)]
-    taken = 0 if data is None else data.rows.parameters
+    taken = 0 if rows is None else rows.parameters
     for i, record in enumerate(problem.time):
         used = np.isfinite(record.bound)
         count = np.flatnonzero(used.any(axis=1))[-1] + 1
@@ -74,8 +74,8 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
             error = record.y[samples, output] - predicted[samples, output]
             columns, widen = initial_state(problem, record, samples, output)
             bound = record.bound[samples, output] + widen
-            if data is not None and p is not None:
-                weights = (p / data.rows.column_scale)[taken : taken + columns.shape[1]]
+            if rows is not None and p is not None:
+                weights = (p / rows.column_scale)[taken : taken + columns.shape[1]]
                 taken += columns.shape[1]
             else:
                 weights = _least_largest(columns / bound[:, None], error / bound)
@@ -85,7 +85,7 @@ def model_residuals(problem: MixedProblem, model: Any, data: ConvexData | None =
 
 
 def entry_name(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:
-    """Of the entry of a residual in words; empty for one channel."""
+    """The entry of a residual in words; empty for SISO."""
     output, input = entry
     if problem.entries.single or (output is None and input is None):
         return ""
@@ -125,7 +125,7 @@ def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[Residual]:
-    """Of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
+    """Residuals of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
     predicted, out = responses(model, frf.omega * problem.dt), []
     if not isinstance(frf, FrequencyResponse):
         error = frf.values - np.einsum("klrab,kab->klr", frf.weights, predicted)

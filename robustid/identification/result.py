@@ -8,22 +8,27 @@ import os
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.bases import Sections
 from robustid.core import Frozen, freeze, save
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
 from robustid.identification.certificate import MarginCertificate
-from robustid.identification.forms import Claim, Posed, level_of, pose
-from robustid.identification.interpolant import Interpolants
-from robustid.identification.model import Family, family_of, nominal_model, parametric_values, residue_matrices
-from robustid.identification.modes import Mode, modes_of
-from robustid.identification.prior import Prior, prior_fields
+from robustid.identification.formulation.base import Family, Formulation
+from robustid.identification.formulation.convex import Candidate
+from robustid.identification.model import (
+    Mode,
+    level_of,
+    modes_of,
+    nominal_model,
+    parametric_values,
+    residue_matrices,
+)
+from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, entry_name
-from robustid.identification.solver.conic import Candidate
-from robustid.identification.verification import Verification
+from robustid.identification.verification import Claim, Verification
 
 _MODES = 12  # listed in a summary
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart
@@ -31,11 +36,12 @@ _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Identification(Frozen, Drawable):
-    """What the data say about the class, and a model.
+    """Finding about the class, with its proof, and a model.
 
     Attributes
     ----------
-    problem : MixedProblem
+    formulation : Formulation
+        The finite problem that was solved, with the `problem` that it stands for.
     objective : str
     claim : Claim
         The proven interval of the margin with its evidence: the point that reaches the upper end and the certificate of the
@@ -43,14 +49,11 @@ class Identification(Frozen, Drawable):
     prior : Prior
         Of the model: that of the problem, with a smaller gain bound for objective "gain".
     coefficients : (n,) array
-        Of the non-parametric part, in the orthonormal basis, relative to the gain bound; of several channels entry by entry.
+        Of the non-parametric part, in the orthonormal basis, relative to the gain bound; for MIMO entry by entry.
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
-    sections : Sections or None
-        The all-pass function, and how often it is repeated, whose basis was used: the shift for Taylor coefficients; None for
-        the exact form.
     model : control.StateSpace
-        Central interpolant joined with the parametric part, engineer's convention, with dt.
+        Central interpolant joined with the parametric part, forward-shift convention, with dt.
     verification : Verification
         Every claim, evaluated again.
     timing : dict
@@ -59,13 +62,12 @@ class Identification(Frozen, Drawable):
         How the assumptions were chosen, where the program chose them from the data; shown in reports.
     """
 
-    problem: MixedProblem
+    formulation: Formulation
     objective: str
     claim: Claim
     prior: Prior
     coefficients: np.ndarray
     scaled_parameters: np.ndarray
-    sections: Sections | None
     model: Any
     verification: Verification
     timing: dict[str, float]
@@ -75,8 +77,13 @@ class Identification(Frozen, Drawable):
         self._set(coefficients=freeze(self.coefficients), scaled_parameters=freeze(self.scaled_parameters))
 
     @property
+    def problem(self) -> MixedProblem:
+        """What was measured and assumed."""
+        return self.formulation.problem
+
+    @property
     def status(self) -> Status:
-        """What was found; its value is a sentence."""
+        """The finding; its value is a sentence."""
         return self.claim.status
 
     @property
@@ -91,31 +98,25 @@ class Identification(Frozen, Drawable):
 
     @property
     def length(self) -> int:
-        """Number of coefficients of the form of a repeated section; 0 for the exact form."""
-        return self.sections.order if self.sections else 0
+        """Number of coefficients of an entry where they leave something out; 0 for the exact form."""
+        return 0 if self.formulation.exact else self.formulation.count
 
     @property
     def form(self) -> str:
         """The finite problem that stood for the infinite one, in words."""
-        each = "" if self.problem.entries.single else " an entry"
-        if self.sections is None:
-            return f"{self.coefficients.size // self.problem.entries.count} coefficients{each}, exact"
-        if self.sections.is_shift:
-            return f"{self.length} Taylor coefficients{each}"
-        degree, repeats = self.sections.degree, self.sections.repeats
-        return f"{self.length} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
+        return self.formulation.description
 
     @functools.cached_property
     def tail(self) -> float:
-        """What the coefficients that were left out can do, at most, as a part of any sample's bound; 0: exact form.
+        """Largest effect of the coefficients that were left out, as a part of any sample's bound; 0: exact form.
 
         Both ends of the interval of the margin allow for it.
         """
-        return float(self._posed.data.rows.tail.max())
+        return float(self._used.rows.tail.max())
 
     @property
     def accuracy(self) -> float:
-        """What was asked of the width of the interval."""
+        """Largest width of the interval that was asked for."""
         return self.claim.accuracy
 
     @property
@@ -125,19 +126,19 @@ class Identification(Frozen, Drawable):
 
     @property
     def solver(self) -> str:
-        """Who found the point that reaches the margin."""
+        """Name of the solver that found the point that reaches the margin."""
         return self.claim.solver
 
     @property
     def consistent(self) -> bool:
-        """Whether a system of the class keeps every sample within its bound (margin <= 1)."""
+        """Say whether a system of the class keeps every sample within its bound (margin <= 1)."""
         return self.margin <= 1
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what makes the result say less than it seems to."""
         K, found = self.problem.prior.gain_bound, []
-        scales = self.problem.prior.scales(len(self.problem.outputs), len(self.problem.inputs))
+        scales = self.problem.prior.scales(*self.problem.entries.shape)
         largest = max(_largest_response(item, scales) for item in (*self.problem.frequency, *self.problem.time))
         if self.consistent and largest < K:
             found.append(
@@ -147,8 +148,8 @@ class Identification(Frozen, Drawable):
         wide = [_share_around_zero(f) for f in self.problem.frequency]
         if self.consistent and wide and max(wide) > 0.5:
             found.append(
-                f"at {100 * max(wide):.0f} % of the lines the bound exceeds the response itself: such lines can hardly contradict"
-                " any class"
+                f"at {100 * max(wide):.0f} % of the frequency points the bound exceeds the response itself: such points can hardly"
+                " contradict any class"
             )
         if self.consistent and self.margin_lower <= 0:
             found.append("the margin is 0: these data could not have contradicted this class, whatever the bounds")
@@ -156,33 +157,35 @@ class Identification(Frozen, Drawable):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Coefficients of the parametric functions, (m,); of several channels the residue matrices, (m, ny, nu)."""
-        residues = residue_matrices(self.problem, self._posed.data.rows, self.scaled_parameters)
-        return freeze(residues[:, 0, 0] if self.problem.entries.single else residues)
+        """Coefficients of the parametric functions, (m,); for MIMO the residue matrices, (m, ny, nu)."""
+        return freeze(self.problem.entries.as_given(self._residues))
+
+    @property
+    def _residues(self) -> NDArray[np.float64]:
+        """The parameters as matrices, (m, ny, nu)."""
+        return residue_matrices(self.problem, self._used.rows, self.scaled_parameters)
 
     @property
     def modes(self) -> tuple[Mode, ...]:
         """The modes of the parametric part: frequency, damping, residue matrix, and how near it is to rank one."""
         if self.problem.parametric is None:
             return ()
-        residues = residue_matrices(self.problem, self._posed.data.rows, self.scaled_parameters)
-        return modes_of(self.problem.parametric, residues)
+        return modes_of(self.problem.parametric, self._residues)
 
     @functools.cached_property
     def active_intervals(self) -> tuple[tuple[str, float], ...]:
         """Parameters at an end of their interval, in the model or where the margin is reached: (function, that end).
 
-        Within 1e-6 of half the interval, and so near that no sample feels the difference as 1e-6 of its bound, nearly.
+        Within 1e-6 of half the interval, and so near that approximately no sample feels the difference as 1e-6 of its bound.
         """
         problem, basis = self.problem, self.problem.parametric
         if problem.parameter_bounds is None:
             return ()
-        claimed = self._posed.with_prior(**prior_fields(problem.prior))
         bounds = problem.unknown_bounds
         count = bounds.shape[0]
         found = np.zeros((count, 2), bool)
-        for posed, p in ((self._posed, self.scaled_parameters), (claimed, self.claim.p)):
-            ends = posed.data.rows.ends[:count]
+        for rows, p in ((self._used.rows, self.scaled_parameters), (self.formulation.rows, self.claim.p)):
+            ends = rows.ends[:count]
             width = ends[:, 1] - ends[:, 0]
             near = np.abs(p[:count, None] - ends) <= _AT_END * np.minimum(width / 2, 1.0)[:, None]
             found |= near & (width > 0)[:, None]
@@ -190,7 +193,7 @@ class Identification(Frozen, Drawable):
 
     @property
     def residuals(self) -> tuple[Residual, ...]:
-        """Data minus model at every sample: of each experiment, of several channels of each entry or output."""
+        """Data minus model at every sample: of each experiment, for MIMO of each entry or output."""
         return self.verification.residuals
 
     @property
@@ -205,13 +208,15 @@ class Identification(Frozen, Drawable):
         return 0 if bounds is None else int(np.isfinite(bounds[..., 0]).sum())
 
     @functools.cached_property
-    def _posed(self) -> Posed:
-        """The problem with the prior of the model, in the form that was solved."""
-        return pose(dataclasses.replace(self.problem, prior=self.prior), self.sections)
+    def _used(self) -> Formulation:
+        """The formulation with the prior of the model."""
+        if self.prior == self.problem.prior:
+            return self.formulation
+        return self.formulation.of(dataclasses.replace(self.problem, prior=self.prior))
 
     @functools.cached_property
     def _family(self) -> Family:
-        return family_of(self._posed, self.coefficients)
+        return self._used.family(self.coefficients)
 
     def solution(self, E: Any = 0.0) -> Any:
         """Another model of the class with the same values at the samples.
@@ -230,13 +235,13 @@ class Identification(Frozen, Drawable):
         point = Candidate(
             self.coefficients, self.scaled_parameters, self.certificate.samples, np.zeros((0, 0)), self.solver
         )
-        return nominal_model(self._posed, point, level, E).model
+        return nominal_model(self._used, point, level, E).model
 
     def weyl_disc(self, omega: Any) -> tuple[np.ndarray, np.ndarray]:
         """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
 
-        A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the lines of the data. It does not cover
-        other consistent coefficients. One channel; `weyl_ball` for several.
+        A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the frequency points of the data. It does not
+        cover other consistent coefficients. SISO only; `weyl_ball` for MIMO.
         """
         centre, left, right = self.weyl_ball(omega)
         if not self.problem.entries.single:
@@ -253,19 +258,15 @@ class Identification(Frozen, Drawable):
         angles = omega * self.problem.dt
         K, rho = self.prior.gain_bound, self.prior.decay_rate
         zeta = np.exp(-1j * angles) / rho
-        if isinstance(self._family, Interpolants):
-            centre, left, right = self._family.weyl_ball(zeta)
-        else:
-            disc, radius = self._family.weyl_disc(zeta)
-            centre, left, right = (part[:, None, None] for part in (disc, radius, np.ones(radius.shape)))
+        centre, left, right = self._family.weyl_ball(zeta)
         scales = self.prior.scales(*centre.shape[1:])
-        outside = parametric_values(self.problem, self._posed.data.rows, self.scaled_parameters, angles)
+        outside = parametric_values(self.problem, self._used.rows, self.scaled_parameters, angles)
         return K * scales * centre + outside, K * left, right
 
     def limiting(self, share: float = 0.01) -> list[tuple[Residual, int, float]]:
         """As `conflicting_samples`: the `residuals` that a sample belongs to, its number among them, and its share."""
         places = [(r, k) for r in self.residuals for k in range(r.axis.size)]
-        weights = self.certificate.shares(self._posed.data.rows)
+        weights = self.certificate.shares(self._used.rows)
         return [(*places[k], float(weights[k])) for k in np.argsort(-weights) if weights[k] >= share]
 
     def conflicting_samples(self, share: float = 0.01) -> list[tuple[str, int, float, float]]:
@@ -301,8 +302,8 @@ class Identification(Frozen, Drawable):
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
-                [f"form       {self.form}; the rest moves no sample by more than {self.tail:.2g} bounds"]
-                * bool(self.length)
+                [f"form       {self.form}; the remainder moves no sample by more than {self.tail:.2g} bounds"]
+                * (not self.formulation.exact)
             ),
             f"model      order {self.order}, {self.objective}"
             + (f", {self._gain} <= {self.prior.gain_bound:.6g}" if self.prior != prior else ""),
@@ -328,7 +329,7 @@ class Identification(Frozen, Drawable):
 
     @property
     def _gain(self) -> str:
-        """What the gain bound bounds, in words."""
+        """The quantity that the gain bound bounds, in words."""
         if self.problem.entries.single:
             return "|G|"
         return "sigma_max(G)" if self.prior.scaling is None else "sigma_max(G / scaling)"
@@ -346,7 +347,7 @@ class Identification(Frozen, Drawable):
 
     @property
     def _mode_lines(self) -> list[str]:
-        """Of matrices: how near the residues are to rank one, as those of single modes are."""
+        """Lines on how near the residues of MIMO modes are to rank one, as those of single modes are."""
         if self.problem.entries.single:
             return []
         return [

@@ -78,6 +78,11 @@ class TaylorInterpolants(Frozen):
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| <= 1, as in `Interpolants`."""
         return self._pull_back(zeta, 0.0, 1.0)
 
+    def weyl_ball(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
+        centre, radius = self.weyl_disc(zeta)
+        return centre[:, None, None], radius[:, None, None], np.ones((radius.size, 1, 1))
+
     def _pull_back(self, zeta: np.ndarray, centre: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
         """The disc of the values phi_E(zeta) for E in a disc: one Mobius map a section."""
         zeta = np.atleast_1d(as_array("zeta", zeta, dtype=complex))

@@ -11,13 +11,13 @@ from robustid.bases import ParametricBasis, Sections
 from robustid.core import Arrays, Record, digest, keep, text_array
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.identification.certificate import MarginCertificate
-from robustid.identification.forms import Claim, level_of, pose
-from robustid.identification.model import nominal_model
+from robustid.identification.formulation.choice import formulate_in
+from robustid.identification.formulation.convex import Candidate
+from robustid.identification.model import level_of, nominal_model
 from robustid.identification.prior import Prior, prior_fields
 from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
-from robustid.identification.solver.conic import Candidate
-from robustid.identification.verification import verify
+from robustid.identification.verification import Claim, verify
 
 _CLASSES = {cls.__name__: cls for cls in (FrequencyResponse, TangentialResponse, TimeRecord)}
 
@@ -37,7 +37,7 @@ def pack(result: Identification) -> tuple[Record, Arrays]:
         "status": result.status.name,
         "meaning": result.status.value,
         "objective": result.objective,
-        "sections": _describe_sections(result.sections),
+        "sections": _describe_sections(result.formulation.repeated),
         "margin": result.margin,
         "margin_lower": result.margin_lower,
         "accuracy": result.accuracy,
@@ -96,9 +96,11 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
     problem = _read_problem(arrays, record["problem"])
     prior = Prior(**record["prior_of_model"])
     sections = _read_sections(record["sections"])
-    if sections is not None and sections.order * problem.entries.count != arrays["result/coefficients"].size:
+    formulation = formulate_in(problem, sections)
+    if formulation.count * problem.entries.count != arrays["result/coefficients"].size:
         raise ValueError("its sections do not belong to its coefficients")
-    data, posed = pose(problem, sections).data, pose(dataclasses.replace(problem, prior=prior), sections)
+    formulation.check_size(record["accuracy"])
+    used = formulation.of(dataclasses.replace(problem, prior=prior))
     x, p = arrays["result/coefficients"], arrays["result/scaled_parameters"]
     certificate = MarginCertificate(arrays["certificate/samples"], arrays["certificate/ball"], **record["certificate"])
     point = (arrays["claim/x"], arrays["claim/p"])
@@ -107,17 +109,16 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
         raise ValueError("its status or margin contradicts its own certificate")
     center = Candidate(x, p, certificate.samples, certificate.ball, claim.solver)
     level = level_of(record["objective"], claim.margin, claim.accuracy)
-    nominal = nominal_model(posed, center, level)
+    nominal = nominal_model(used, center, level)
     return Identification(
-        problem=problem,
+        formulation=formulation,
         objective=record["objective"],
         claim=claim,
         prior=prior,
         coefficients=x,
         scaled_parameters=p,
-        sections=sections,
         model=nominal.model,
-        verification=verify(posed, center, nominal, claim, data, level),
+        verification=verify(used, center, nominal, claim, formulation.data, level),
         timing=record["timing_s"],
         notes=tuple(record["notes"]),
     )

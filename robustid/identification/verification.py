@@ -6,20 +6,49 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import responses, simulate
 from robustid.data import tilted
-from robustid.identification.forms import Claim, Posed
-from robustid.identification.formulation.functions import line_tails
-from robustid.identification.model import Nominal, family_of, parametric_values, physical_parameters, residue_matrices
+from robustid.errors import Status
+from robustid.identification.certificate import MarginCertificate
+from robustid.identification.formulation.base import Formulation
+from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.model import Nominal, parametric_values, physical_parameters, residue_matrices
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, largest, model_residuals
-from robustid.identification.solver.conic import Candidate, ConvexData
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Claim:
+    """The margin as it is claimed: reached by the point (x, p), proved from below by the certificate, to an accuracy."""
+
+    margin: float
+    accuracy: float
+    x: NDArray[np.float64]
+    p: NDArray[np.float64]
+    certificate: MarginCertificate
+    solver: str
+
+    @property
+    def width(self) -> float:
+        """Width of the proven interval, relative where the margin exceeds 1; infinite where its ends are the wrong way round."""
+        difference = self.margin - self.certificate.value
+        return difference / max(1.0, self.margin) if difference >= 0 else np.inf
+
+    @property
+    def status(self) -> Status:
+        """The finding that the interval means."""
+        if self.margin <= 1:
+            return Status.CONSISTENT
+        if self.certificate.value > 1:
+            return Status.INCONSISTENT
+        return Status.UNDECIDED if self.width <= self.accuracy else Status.FAILED
 
 
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """One claim: its name, the number measured, its limit, and whether it holds."""
+    """One claim: its name, the number measured, and its limit."""
 
     name: str
     measured: float
@@ -27,7 +56,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the number is within its limit."""
+        """Say whether the number is within its limit."""
         return bool(self.measured <= self.limit)
 
 
@@ -40,28 +69,28 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Whether every check holds."""
+        """Say whether every check holds."""
         return all(check.holds for check in self.checks)
 
 
 def verify(
-    posed: Posed, point: Candidate, nominal: Nominal, claim: Claim, claimed: ConvexData, level: float
+    formulation: Formulation, point: Candidate, nominal: Nominal, claim: Claim, claimed: ConvexData, level: float
 ) -> Verification:
     """Evaluate every claim of an identification from its numbers.
 
-    The residuals come from the state-space model: its frequency response at the lines and its simulated response to the
-    recorded inputs, not from the coefficients that were solved for. `claimed` are the data that the margin is about, `posed`
-    those of the model's own prior.
+    The residuals come from the state-space model: its frequency response and its simulated response to the
+    recorded inputs, not from the coefficients that were solved for. `claimed` are the data that the margin is about,
+    `formulation` that of the model's own prior.
     """
-    problem, data, model = posed.problem, posed.data, nominal.model
-    residuals = model_residuals(problem, model, data, point.p)
+    problem, data, model = formulation.problem, formulation.data, nominal.model
+    residuals = model_residuals(problem, model, data.rows, point.p)
     worst = largest(residuals)
     reached = claimed.margin(claim.x, claim.p) if claimed.sarason.norm(claim.x) <= 1 else np.inf
     checks = [
         Check("largest |residual|/bound of the model", worst, level * (1 + 1e-5)),
         Check("||X||: the non-parametric part is in the ball", data.sarason.norm(point.x), 1.0),
         *_interval_checks(problem, data, point),
-        *_model_checks(posed, point, nominal),
+        *_model_checks(formulation, point, nominal),
         Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),
         Check("width of the proven interval of the margin", claim.width, claim.accuracy),
         Check(
@@ -74,7 +103,7 @@ def verify(
 
 
 def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) -> list[Check]:
-    """Whether the parameters of the model are in their intervals."""
+    """Check that the parameters of the model are in their intervals."""
     if problem.parameter_bounds is None:
         return []
     low, high = problem.unknown_bounds.T
@@ -84,19 +113,19 @@ def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) 
     ]
 
 
-def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Check]:
-    """What the state space must have in common with the interpolant that it stands for."""
-    problem, model, n = posed.problem, nominal.model, nominal.states
-    if posed.sections is not None:
+def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) -> list[Check]:
+    """Properties that the state space must share with the interpolant that it stands for."""
+    problem, model, n = formulation.problem, nominal.model, nominal.states
+    if not formulation.exact:
         return [
             Check(
                 "model minus the central interpolant, relative to K",
-                truncation_error(posed, point, model),
+                truncation_error(formulation, point, model),
                 nominal.error / problem.prior.gain_bound + 1e-9,
             ),
             Check(
-                "model minus the values of the coefficients at the lines, beyond the tails, relative to K",
-                line_error(posed, point, model),
+                "model minus the values of the coefficients at the frequency points, beyond the tails, relative to K",
+                point_error(formulation, point, model),
                 nominal.error / problem.prior.gain_bound + 1e-9,
             ),
             Check("largest |pole| of the non-parametric part", spectral_radius(model.A[:n, :n]), 1.0),
@@ -104,7 +133,7 @@ def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Chec
     return [
         Check(
             "model minus its own interpolation data, relative",
-            interpolation_error(problem, posed.data, point, model),
+            interpolation_error(formulation, point, model),
             1e-9,
         ),
         Check(
@@ -115,54 +144,55 @@ def _model_checks(posed: Posed, point: Candidate, nominal: Nominal) -> list[Chec
     ]
 
 
-def truncation_error(posed: Posed, point: Candidate, model: Any, count: int = 257) -> float:
+def truncation_error(formulation: Formulation, point: Candidate, model: Any, count: int = 257) -> float:
     """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states."""
-    problem = posed.problem
+    problem = formulation.problem
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
     angles, scales = np.pi * (np.arange(count) + 0.5) / count, _scales(problem)
-    values = family_of(posed, point.x).evaluate(np.exp(-1j * angles) / rho).reshape(count, *scales.shape)
-    error = (responses(model, angles) - parametric_values(problem, posed.data.rows, point.p, angles)) / scales
+    values = formulation.family(point.x).evaluate(np.exp(-1j * angles) / rho).reshape(count, *scales.shape)
+    error = (responses(model, angles) - parametric_values(problem, formulation.rows, point.p, angles)) / scales
     return float(np.linalg.norm(error - K * values, 2, axis=(1, 2)).max()) / K
 
 
-def _scales(problem: MixedProblem) -> np.ndarray:
-    return problem.prior.scales(problem.entries.outputs, problem.entries.inputs)
+def _scales(problem: MixedProblem) -> NDArray[np.float64]:
+    return problem.prior.scales(*problem.entries.shape)
 
 
-def line_error(posed: Posed, point: Candidate, model: Any) -> float:
+def point_error(formulation: Formulation, point: Candidate, model: Any) -> float:
     """Largest (|model - E x - P p| - tail)/K at the frequency samples; 0 where there are none.
 
     In units of the smallest response that a sample feels as its whole bound.
     """
-    problem, rows = posed.problem, posed.data.rows
-    if not rows.discs or posed.sections is None:
+    problem, rows = formulation.problem, formulation.rows
+    if not rows.discs:
         return 0.0
     found = [r for r in model_residuals(problem, model) if r.kind == "frequency"]
     from_model = np.concatenate([part for r in found for part in _parts(r)])
     difference = rows.y - rows.E @ point.x - rows.P @ point.p
     difference[: rows.discs] -= from_model
     difference[rows.discs :] = 0
-    limit = np.concatenate([line_tails(problem, posed.sections, r.axis * problem.dt) for r in found])
+    limit = np.concatenate([formulation.response_tail(r.axis * problem.dt) for r in found])
     tail = rows.tail[: limit.size]
     excess = (rows.sizes(difference)[: limit.size] - tail) * limit / tail
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
 
 
-def _parts(residual: Residual) -> list[np.ndarray]:
-    """The residuals in units of their bounds, in the order of the rows: of samples that share bounds entry by entry."""
+def _parts(residual: Residual) -> list[NDArray[Any]]:
+    """Residuals in units of their bounds, in the order of the rows: of samples that share bounds entry by entry."""
     if residual.error.ndim == 1:
         return [tilted(residual.error, residual.tilt) / residual.bound]
     pairs = zip(residual.error.T, residual.bound.T, strict=True)
     return [(error / bound)[np.isfinite(bound)] for error, bound in pairs]
 
 
-def spectral_radius(A: np.ndarray) -> float:
+def spectral_radius(A: NDArray[np.float64]) -> float:
     """Largest |eigenvalue| of A."""
     return float(np.abs(np.linalg.eigvals(A)).max()) if A.size else 0.0
 
 
-def interpolation_error(problem: MixedProblem, data: ConvexData, point: Candidate, model: Any) -> float:
+def interpolation_error(formulation: Formulation, point: Candidate, model: Any) -> float:
     """Model against K phi x' + p'P at the nodes, and against its Taylor coefficients; relative to their size."""
+    problem, data = formulation.problem, formulation.data
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
     rows, pair, scales, worst = data.rows, data.sarason.pair, _scales(problem), 0.0
     x = K * problem.entries.expand(point.x) * scales[..., None]
@@ -181,6 +211,6 @@ def interpolation_error(problem: MixedProblem, data: ConvexData, point: Candidat
     return worst
 
 
-def _relative(error: np.ndarray, values: np.ndarray, scales: np.ndarray, K: float) -> float:
+def _relative(error: NDArray[Any], values: NDArray[Any], scales: NDArray[np.float64], K: float) -> float:
     size = float(np.abs(values / scales).max())
     return float(np.abs(error / scales).max()) / max(size, 1e-6 * K)

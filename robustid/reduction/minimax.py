@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.identification.solver import Cones, DenseDesign, DenseMap, Limits, Program, SymmetricBall, path, start
+from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
+from robustid.identification.solver import Cones, Limits, Program, path, start
 
 _RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
 _GAP = 1e-4  # relative, of the maximum

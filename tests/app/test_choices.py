@@ -57,7 +57,7 @@ OVERRIDES = {
         ),
     ),
     "objective": ({"identify": {"objective": "margin"}}, lambda r: r.identification.objective == "margin"),
-    "form": ({"identify": {"form": "taylor"}}, lambda r: r.identification.length > 0),
+    "form": ({"identify": {"form": "taylor"}}, lambda r: not r.identification.formulation.exact),
     "accuracy": ({"identify": {"accuracy": 0.5}}, lambda r: r.identification.accuracy == 0.5),
     "solver": ({"identify": {"solver": "structured"}}, lambda r: r.identification.solver == "structured"),
     "delay": (

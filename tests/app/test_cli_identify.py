@@ -57,7 +57,7 @@ def test_the_form_is_an_option(files, run):
     assert code == 0, err
     result = rid.load("result")
     assert result.verification.passed
-    assert result.sections.degree > 1
+    assert result.formulation.repeated.degree > 1
     code, _, err = run([*lines, *CLASS[:-1], "1.0001", "--form", "sections", "--force"])
     assert code == 2
     assert "coefficients (a section of degree" in " ".join(err.split())

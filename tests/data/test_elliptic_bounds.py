@@ -12,10 +12,10 @@ import robustid as rid
 from robustid.advice import diagnose
 from robustid.data.ellipses import bound_ratio
 from robustid.identification.certificate import evaluate_certificate
-from robustid.identification.forms import pose
-from robustid.identification.formulation.columns import ShiftColumns
+from robustid.identification.formulation import ExactFormulation
+from robustid.identification.formulation.columns import DenseDesign
+from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
 from robustid.identification.residuals import largest_ratio
-from robustid.identification.solver.design import DenseDesign, ShiftDesign
 from robustid.identification.solver.paths import margin_path
 from robustid.report.sections.assumptions import experiments
 from support.problems import judge_margin, random_problem
@@ -177,7 +177,7 @@ def test_rows_of_a_taylor_form():
     from scipy.special import ellipk
 
     problem, _ = elliptic(random_problem(0, "mixed", 12).with_prior(decay_rate=1.2), 1)
-    rows = rid.identify(problem, form="taylor")._posed.data.rows
+    rows = rid.identify(problem, form="taylor").formulation.data.rows
     (frf,), K, rho = problem.frequency, problem.prior.gain_bound, problem.prior.decay_rate
     kappa, bound, L = frf.tilt[:, 0, 0], frf.bound[:, 0, 0], rows.E.shape[1]
     tail = K * rho**-L * 2 / np.pi * ellipk(rho**-2)
@@ -311,7 +311,7 @@ def test_a_certificate_belongs_to_its_ellipses():
     refuted = 0
     for seed in range(8):
         problem, _ = elliptic(random_problem(seed, "mixed", 10, spread=0.3, noise=3.0), seed)
-        result, data = rid.identify(problem, solver="structured"), pose(problem).data
+        result, data = rid.identify(problem, solver="structured"), ExactFormulation(problem).data
         rng = np.random.default_rng(seed)
         *_, (best, _, _) = margin_path(data)
         for _ in range(50):
@@ -319,7 +319,7 @@ def test_a_certificate_belongs_to_its_ellipses():
             x /= max(1.0, data.sarason.norm(x))
             assert data.margin(x, best.p) >= result.margin_lower
         (frf,) = problem.frequency
-        turned = pose(dataclasses.replace(problem, frequency=dataclasses.replace(frf, tilt=-frf.tilt))).data
+        turned = ExactFormulation(dataclasses.replace(problem, frequency=dataclasses.replace(frf, tilt=-frf.tilt))).data
         proof = result.certificate
         assert proof.verify(data.rows, data.sarason)
         value = evaluate_certificate(proof.samples, proof.ball, proof.upper, turned.rows, turned.sarason)

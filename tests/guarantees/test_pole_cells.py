@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import PoleCell
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
 
 DT = 0.01
 
@@ -112,7 +112,7 @@ def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
         record = rid.TimeRecord(u, y, dt=DT, bound=0.02)
         prior = rid.Prior(gain_bound=gain, decay_rate=1.3)
         relaxed = cell.relaxed(rid.MixedProblem(frequency=frf, time=record, prior=prior))
-        data = pose(relaxed).data
+        data = ExactFormulation(relaxed).data
         scaled = p * data.rows.column_scale
         assert data.rows.within(scaled)
         ratio = data.rows.ratio(g * data.sarason.pair.c[0], scaled)
@@ -151,7 +151,7 @@ def test_halves_cover_a_cell_and_do_not_refute_the_truth():
         assert any(inside)
         whole = halves[inside.index(True)]
         relaxed = whole.relaxed(problem)
-        assert pose(relaxed).data.rows.ends.shape == (12, 2)
+        assert ExactFormulation(relaxed).data.rows.ends.shape == (12, 2)
         assert rid.identify(relaxed).margin <= 1
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import load_saved
-from robustid.identification.support_certificate import evaluate_support
+from robustid.identification.certificate import evaluate_support
 from support.forging import forge, lower
 from support.problems import random_problem
 

@@ -10,7 +10,8 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.guarantees import horizon, response_tube
-from robustid.identification.support_certificate import Functional
+from robustid.identification.certificate import Functional
+from robustid.identification.formulation import choice
 from support.problems import CASES, random_problem, truth_of
 
 SLACK = 1e-9  # of rounding in the comparisons, relative to the outputs
@@ -89,7 +90,7 @@ def test_second_coefficient_in_closed_form(K, g0):
 def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     # Basis {1}: the representative K zeta/rho of g_1 is all missed, so that |g_1| <= K/rho whatever g_0.
     result = first_coefficient(0.6)
-    monkeypatch.setattr(horizon, "_over_horizon", lambda *_: None)
+    monkeypatch.setattr(horizon, "formulate_over", lambda *_: None)
     tube = response_tube(result, horizon=2)
     assert tube.upper[1] == pytest.approx(1 / 1.5, rel=1e-6)
     assert tube.upper[1] >= 1 / 1.5
@@ -103,16 +104,16 @@ def test_forms_agree(case, monkeypatch):
     result = rid.identify(random_problem(5, case, 10))
     options = {"input": "step", "horizon": 12, "times": [0.02, 0.11], "gap": 1e-3}
     exact = response_tube(result, **options)
-    assert exact._outputs.consistent.posed.sections is None
-    monkeypatch.setattr(horizon, "LARGEST_EXACT", 1)
+    assert exact._outputs.consistent.posed.exact
+    monkeypatch.setattr(choice, "LARGEST_EXACT", 1)
     taylor = response_tube(result, **options)
-    assert taylor._outputs.consistent.posed.sections.order > 12
+    assert taylor._outputs.consistent.posed.count > 12
     width = exact.upper - exact.lower
     np.testing.assert_allclose(taylor.upper, exact.upper, atol=5e-3 * width.max())
     np.testing.assert_allclose(taylor.lower, exact.lower, atol=5e-3 * width.max())
-    monkeypatch.setattr(horizon, "LONGEST_TAYLOR", 1)
+    monkeypatch.setattr(choice, "LONGEST_TAYLOR", 1)
     tails = response_tube(result, **options)
-    assert tails._outputs.consistent.posed.sections is None
+    assert tails._outputs.consistent.posed.exact
     for tube in (taylor, tails):  # each is proved: no attained value of the exact form is outside
         assert np.all(tube.lower <= exact.attained[:, 0] + SLACK)
         assert np.all(exact.attained[:, 1] - SLACK <= tube.upper)

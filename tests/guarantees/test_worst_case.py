@@ -12,9 +12,9 @@ from robustid.core import response
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.curvature import second_derivative
 from robustid.guarantees.value_set import ValueSet, value_set, value_set_claims
+from robustid.identification.certificate import Functional, certify_support, evaluate_support
+from robustid.identification.formulation.convex import Candidate
 from robustid.identification.model import nominal_model
-from robustid.identification.solver.conic import Candidate
-from robustid.identification.support_certificate import Functional, certify_support, evaluate_support
 from support.problems import CASES, random_experiment, random_problem
 
 K, RHO, DT = 2.0, 1.2, 0.1

@@ -8,11 +8,10 @@ import pytest
 
 import robustid as rid
 from robustid.bases import Sections
-from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.certificate import Functional, evaluate_certificate, evaluate_support
 from robustid.identification.exact_evaluation import enclose_margin, enclose_support, verify_margin_exactly
-from robustid.identification.forms import pose
-from robustid.identification.formulation.columns import ShiftColumns
-from robustid.identification.support_certificate import Functional, evaluate_support
+from robustid.identification.formulation import ExactFormulation, formulate_in
+from robustid.identification.formulation.taylor_columns import ShiftColumns
 from support.problems import random_problem
 
 pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
@@ -46,7 +45,7 @@ def arrays(name):
         parametric=problem.parametric,
         parameter_bounds=extra.get("ends"),
     )
-    data = pose(problem, Sections.shift(length) if length else None).data
+    data = formulate_in(problem, Sections.shift(length) if length else None).data
     return data.rows, data.sarason
 
 
@@ -145,7 +144,7 @@ def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name):
 
 def test_certificates_of_results_hold_in_ball_arithmetic_and_overstated_ones_do_not():
     result = rid.identify(random_problem(2, "parametric", 14, spread=0.2, noise=4.0))
-    data = pose(result.problem).data
+    data = ExactFormulation(result.problem).data
     proof = result.certificate
     assert result.margin_lower > 1
     assert verify_margin_exactly(proof, data.rows, data.sarason)

@@ -126,9 +126,9 @@ def test_smallest_gain_is_the_threshold_of_consistency(solver):
 
 def test_order_objective_lowers_the_nuclear_norm():
     problem = random_problem(8, "time", 20)
-    from robustid.identification.forms import pose
+    from robustid.identification.formulation import ExactFormulation
 
-    data = pose(problem).data
+    data = ExactFormulation(problem).data
     norms = {}
     for name in ("center", "order"):
         X = data.sarason.matrix(rid.identify(problem, objective=name).coefficients)

@@ -7,10 +7,9 @@ from scipy.optimize import brentq
 
 import robustid as rid
 from robustid.bases import input_normal_pair
-from robustid.identification import interpolants
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation.classical import classical_form
-from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.formulation.sarason import PairMap
 
 K, RHO, DT = 1.7, 1.2, 0.01
 
@@ -68,10 +67,10 @@ def test_every_solution_interpolates_and_stays_in_the_ball(seed):
     rng = np.random.default_rng(seed)
     angles, taylor = np.sort(rng.uniform(0.1, 3, 4)), 5
     pair = input_normal_pair(angles, 1 / RHO, taylor)
-    sarason = SarasonMap(pair)
+    sarason = PairMap(pair)
     x = rng.standard_normal(pair.order)
     x *= rng.uniform(0.3, 0.999) / sarason.norm(x)
-    family = interpolants(sarason, x)
+    family = sarason.interpolants(x)
     zeta, circle = np.exp(-1j * angles) / RHO, np.exp(1j * np.linspace(0, np.pi, 3000))
     dynamic = control.ss([[0.5]], [[0.5]], [[0.4]], [[0.2]], True)
     for E, states in (
@@ -97,14 +96,14 @@ def test_every_solution_interpolates_and_stays_in_the_ball(seed):
 def test_central_interpolant_is_the_closed_form():
     rng = np.random.default_rng(3)
     pair = input_normal_pair([0.3, 1.0, 2.0], 1 / RHO, 3)
-    sarason = SarasonMap(pair)
+    sarason = PairMap(pair)
     x = rng.standard_normal(pair.order)
     x *= 0.9 / sarason.norm(x)
     X = sarason.matrix(x)
     M = np.eye(pair.order) - X.T @ X
     W = M + np.outer(x, x)
     assert np.abs(W - pair.A.T @ M @ pair.A - pair.c.T @ pair.c).max() < 1e-13
-    a, b, c, d = interpolants(sarason, x).realise()
+    a, b, c, d = sarason.interpolants(x).realise()
     for zeta in 0.8 * np.exp(1j * rng.uniform(0, 3, 5)):
         direct = x @ np.linalg.solve(W - zeta * pair.A.T @ M, pair.c[0])
         ours = (d + zeta * c @ np.linalg.solve(np.eye(a.shape[0]) - zeta * a, b))[0, 0]
@@ -114,10 +113,10 @@ def test_central_interpolant_is_the_closed_form():
 def test_weyl_disc_is_filled_by_complex_free_parameters_and_holds_the_real_ones():
     rng = np.random.default_rng(4)
     pair = input_normal_pair([0.5, 1.5], 1 / RHO, 2)
-    sarason = SarasonMap(pair)
+    sarason = PairMap(pair)
     x = rng.standard_normal(pair.order)
     x *= 0.8 / sarason.norm(x)
-    family = interpolants(sarason, x)
+    family = sarason.interpolants(x)
     n, zeta = pair.order, 0.6 * np.exp(0.9j)
     centre, radius = family.weyl_disc(zeta)
 
@@ -157,12 +156,12 @@ def test_the_paper_s_matrices_are_those_of_its_theorem():
     assert np.abs(real - form.gram).max() < 1e-12
     for j in range(pair.order):
         X = form.V @ form.data_basis[j] @ np.linalg.inv(form.V)
-        assert np.abs(X - SarasonMap(pair).matrix(form.to_orthonormal[:, j])).max() < 1e-11
+        assert np.abs(X - PairMap(pair).matrix(form.to_orthonormal[:, j])).max() < 1e-11
 
 
 def test_adjoint_and_basis_agree_with_the_stein_equation():
     pair = input_normal_pair([0.0, 0.7, 2.0, np.pi], 1 / RHO, 4)
-    sarason, rng = SarasonMap(pair), np.random.default_rng(0)
+    sarason, rng = PairMap(pair), np.random.default_rng(0)
     x, Y = rng.standard_normal(pair.order), rng.standard_normal((pair.order, pair.order))
     X = sarason.matrix(x)
     assert np.abs(X - pair.A.T @ X @ pair.A - pair.c.T @ x[None, :]).max() < 1e-13
@@ -174,15 +173,14 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
 
 def test_any_multipliers_prove_a_true_bound():
     """20 problems x 20 random multipliers: none claims more than the margin that a system reaches."""
-    from problems import CASES, random_problem
-
-    from robustid.identification.forms import pose
+    from robustid.identification.formulation import ExactFormulation
+    from support.problems import CASES, random_problem
 
     held = 0
     for seed in range(5):
         for case in CASES:
             problem = random_problem(seed, case, 8, spread=0.2, noise=4.0)
-            result, data = rid.identify(problem), pose(problem).data
+            result, data = rid.identify(problem), ExactFormulation(problem).data
             rng = np.random.default_rng(seed)
             best = result.certificate
             for size in np.logspace(-9, 1, 20):

@@ -8,9 +8,9 @@ import pytest
 
 import robustid as rid
 from robustid.bases import input_normal_pair, shift_pair
-from robustid.identification import Prior, interpolants
-from robustid.identification.formulation.entries import Entries
-from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification import Prior
+from robustid.identification.entries import Entries
+from robustid.identification.formulation.sarason import PairMap
 from support.matrix_plants import random_matrix_problem, response
 
 SHAPES = (2, 2), (2, 3), (3, 2), (1, 3), (3, 1)
@@ -97,7 +97,7 @@ def test_the_ball_of_one_exact_value():
     for p, q in ((2, 2), (2, 3), (3, 2)):
         W = rng.standard_normal((p, q))
         W *= 0.6 / np.linalg.norm(W, 2)
-        family = interpolants(SarasonMap(shift_pair(1), Entries(p, q)), W.ravel())
+        family = PairMap(shift_pair(1), Entries(p, q)).interpolants(W.ravel())
         zeta = 0.5 * np.exp(0.7j)
         centre, left, right = (part[0] for part in family.weyl_ball(np.array([zeta])))
         for _ in range(10):
@@ -112,7 +112,7 @@ def test_the_ball_of_one_exact_value():
 
 def test_schwarz():
     """Of g(0) = 0: |g(zeta)| <= |zeta|."""
-    family = interpolants(SarasonMap(shift_pair(1), Entries(2, 3)), np.zeros(6))
+    family = PairMap(shift_pair(1), Entries(2, 3)).interpolants(np.zeros(6))
     zeta = 0.5 * np.exp(0.7j)
     centre, left, right = family.weyl_ball(np.array([zeta]))
     assert np.abs(centre).max() < 1e-14

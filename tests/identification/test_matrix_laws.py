@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.identification.modes import modes_of
+from robustid.identification.model import modes_of
 from support import problems
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 

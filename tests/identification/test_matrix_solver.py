@@ -8,11 +8,11 @@ import pytest
 
 import robustid as rid
 from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.entries import Entries
 from robustid.identification.exact_evaluation import enclose_margin, verify_margin_exactly
-from robustid.identification.forms import pose
-from robustid.identification.formulation.entries import Entries
-from robustid.identification.formulation.sarason import SarasonMap, ShiftMap
-from robustid.identification.solver.matrix_ball import MatrixBall
+from robustid.identification.formulation import ExactFormulation
+from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.formulation.taylor import ShiftMap
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 SHAPES = (2, 2), (2, 3), (3, 2)
@@ -137,9 +137,9 @@ def test_taylor_coefficients_prove_the_same(change, symmetric):
 
 
 def maps():
-    pair = pose(random_matrix_problem(0, 1, 1, 2)[0]).data.sarason.pair
+    pair = ExactFormulation(random_matrix_problem(0, 1, 1, 2)[0]).data.sarason.pair
     for entries in (Entries(2, 3), Entries(3, 1), Entries(2, 2, symmetric=True)):
-        yield SarasonMap(pair, entries)
+        yield PairMap(pair, entries)
         yield ShiftMap(5, entries)
 
 
@@ -159,7 +159,7 @@ def test_the_block_by_brute_force(sarason):
         np.testing.assert_allclose(sarason.matrix(x), X, atol=1e-12)
         H = np.kron(sarason.pair.symmetry(), np.eye(p)) @ X
         unit.append(np.block([[np.zeros((n * p, n * p)), H], [H.T, np.zeros((n * q, n * q))]]))
-    unit, ball = np.array(unit), MatrixBall(sarason)
+    unit, ball = np.array(unit), sarason.ball()
     P, Q = (a + a.T for a in rng.standard_normal((2, *unit.shape[1:])))
     x = rng.standard_normal(sarason.size)
     np.testing.assert_allclose(ball.matrices(x)[0], np.tensordot(x, unit, 1), atol=1e-12)
@@ -181,7 +181,7 @@ def test_proofs_hold_and_forged_ones_do_not(change, form):
         problem = dataclasses.replace(problem, frequency=change(problem.frequency[0], np.random.default_rng(7)))
     result = rid.identify(dataclasses.replace(problem, parametric=KAUTZ), form=form, accuracy=1e-5)
     assert result.margin_lower > 0.01
-    data, proof = result._posed.data, result.certificate
+    data, proof = result.formulation.data, result.certificate
     assert proof.verify(data.rows, data.sarason)
     assert verify_margin_exactly(proof, data.rows, data.sarason)
     numbers = proof.samples, proof.ball, proof.upper, data.rows, data.sarason
@@ -213,7 +213,7 @@ def test_no_multipliers_prove_more_than_what_a_member_reaches():
         values = response(truth, frf.omega)
         if change is directions:
             values = frf.left @ values @ frf.right
-        reached, data = frf.ratio(frf.values - values).max(), pose(problem).data
+        reached, data = frf.ratio(frf.values - values).max(), ExactFormulation(problem).data
         best = rid.identify(problem).certificate
         for spread in (0.0, 1e-3, 0.1, 1.0, 10.0):
             samples = best.samples + spread * np.abs(best.samples).max() * (

@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.identification.certificate import certify_margin, evaluate_certificate
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.cvxpy_backend import solve_conic
 from robustid.identification.solver.paths import analytic_center, gain_path, margin_path, support_path
 from support.intervals import FREE, KINDS, bounded, inside, intervals, tight
@@ -57,7 +57,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
         problem = rid.MixedProblem(
             frequency=loose, prior=problem.prior, parametric=problem.parametric, parameter_bounds=bounds
         )
-        data = pose(problem).data
+        data = ExactFormulation(problem).data
         center = analytic_center(data, 1.0)
         for i, k in np.argwhere(np.isfinite(bounds)):
             sign = 2 * k - 1
@@ -106,7 +106,7 @@ def test_gain_and_centre_with_intervals(kind):
     """The smallest gain against Clarabel; every point on the way keeps to the intervals; the centre is stationary."""
     for seed in range(4):
         problem = bounded(tight(seed), kind, seed)
-        data = pose(problem).data
+        data = ExactFormulation(problem).data
         *_, (best, _, _) = margin_path(data)
         level = 1.1 * data.margin(best.x, best.p) + 0.1
         center = analytic_center(data, level)
@@ -144,7 +144,7 @@ def test_a_certificate_belongs_to_its_intervals():
     for seed in range(10):
         problem = bounded(tight(seed), "outside", seed)
         result = rid.identify(problem, solver="structured")
-        proof, own = result.certificate, pose(problem).data
+        proof, own = result.certificate, ExactFormulation(problem).data
         assert proof.verify(own.rows, own.sarason)
         assert proof.shares(own.rows).sum() == pytest.approx(1)
         middle, half = problem.parameter_bounds.mean(axis=1), np.diff(problem.parameter_bounds)[:, 0] / 2
@@ -152,7 +152,7 @@ def test_a_certificate_belongs_to_its_intervals():
             wider = dataclasses.replace(
                 problem, parameter_bounds=np.stack([middle - factor * half, middle + factor * half], 1)
             )
-            data = pose(wider).data
+            data = ExactFormulation(wider).data
             value = evaluate_certificate(proof.samples, proof.ball, proof.upper, data.rows, data.sarason)
             slope = np.real(own.rows.P.conj().T @ proof.samples) * own.rows.column_scale
             assert value == pytest.approx(proof.value - (factor - 1) * np.abs(slope) @ half, abs=1e-9 * factor)
@@ -167,7 +167,7 @@ def test_certificates_from_arbitrary_multipliers_hold_for_members():
         rng = np.random.default_rng(seed)
         problem = random_problem(seed, "parametric", 8, spread=0.05)
         bounds = [(20.0, 21.0), FREE if seed % 2 else (-1.0, 1.0)]
-        data = pose(dataclasses.replace(problem, parameter_bounds=bounds)).data
+        data = ExactFormulation(dataclasses.replace(problem, parameter_bounds=bounds)).data
         rows, n = data.rows, data.sarason.pair.order
         *_, (found, _, _) = margin_path(data)
         scatter = 1e-3 * (rng.standard_normal(rows.y.size) + 1j * rng.standard_normal(rows.y.size))

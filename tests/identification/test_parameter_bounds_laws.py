@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import diagnose
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.paths import margin_path
 from robustid.report.sections.assumptions import assumptions
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
@@ -133,7 +133,7 @@ def test_storage_summary_and_advice(tmp_path):
 
 def test_a_forged_point_outside_its_interval_fails():
     problem = bounded(random_problem(0, "parametric", 8, spread=0.3, noise=3.0), "outside", 1)
-    data = pose(problem).data
+    data = ExactFormulation(problem).data
     *_, (point, _, _) = margin_path(data)
     for shift in (1.5, -1.5):
         p = point.p + shift * np.eye(2)[0] * np.diff(data.rows.ends[0])

@@ -7,10 +7,9 @@ import scipy.linalg as sla
 
 from robustid.bases import input_normal_pair
 from robustid.errors import InputError
-from robustid.identification import interpolants
-from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.hankel import balanced_from_impulse
+from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.schur import taylor_interpolants
+from robustid.identification.truncation import balanced_from_impulse
 from robustid.reduction import balanced_truncation, hankel_singular_values
 from support.reduction_models import gap, points_of
 
@@ -69,7 +68,7 @@ def test_every_solution_is_that_of_the_dense_form(seed):
     x *= rng.uniform(0.3, 0.999) / norm(x)
     pair = input_normal_pair([], 1.0, taylor=L)
     # The pair deals its delays out over two halves: its coefficients are those of x in another order.
-    dense, family = interpolants(SarasonMap(pair), pair.taylor(L).T @ x), taylor_interpolants(x)
+    dense, family = PairMap(pair).interpolants(pair.taylor(L).T @ x), taylor_interpolants(x)
     zeta = rng.uniform(0, 0.99, 40) * np.exp(1j * rng.uniform(-3, 3, 40))
     found, expected = family.weyl_disc(zeta), dense.weyl_disc(zeta)
     assert max(np.abs(a - b).max() for a, b in zip(found, expected, strict=True)) < 1e-10
@@ -192,7 +191,7 @@ def test_the_error_stays_within_the_bound_and_the_order_is_the_smallest(M, decay
 def test_a_partial_decomposition_finds_what_the_whole_one_does(monkeypatch):
     g = smooth(np.random.default_rng(3), 700, 0.9)
     partial = balanced_from_impulse(g, 1e-4)
-    monkeypatch.setattr("robustid.identification.hankel._FIRST_RANK", g.size)
+    monkeypatch.setattr("robustid.identification.truncation._FIRST_RANK", g.size)
     whole = balanced_from_impulse(g, 1e-4)
     assert partial.hankel.size == whole.hankel.size
     assert np.abs(partial.hankel - whole.hankel).max() < 1e-13 * whole.hankel[0]

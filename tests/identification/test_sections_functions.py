@@ -6,11 +6,12 @@ import pytest
 
 import robustid as rid
 from robustid.bases import Sections, shift_pair
-from robustid.identification.forms import sections_of, taylor_length
-from robustid.identification.formulation.functions import taylor_tail
-from robustid.identification.formulation.rows import measurement_rows
-from robustid.identification.formulation.sarason import SarasonMap, SectionMap
-from robustid.identification.section_choice import demands, shortest_sections
+from robustid.identification.formulation import formulate, formulate_in
+from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.formulation.section_choice import shortest_sections
+from robustid.identification.formulation.sections import SectionMap
+from robustid.identification.formulation.tails import demands, taylor_tail
+from robustid.identification.formulation.taylor import taylor_length
 from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
 from support.taylor_members import at, random_experiments, responses, taylor
 
@@ -50,7 +51,7 @@ def test_the_functions_of_a_repeated_section(sections):
 def test_the_map_of_a_repeated_section(sections):
     """Its blocks against the general map, and against g(A) of members by their Taylor series."""
     rng, n = np.random.default_rng(1), sections.order
-    fast, general = SectionMap(sections), SarasonMap(sections.pair)
+    fast, general = SectionMap(sections), PairMap(sections.pair)
     x, Y = rng.standard_normal(n), rng.standard_normal((n, n))
     assert np.abs(fast.matrix(x) - general.matrix(x)).max() <= 1e-12
     assert np.abs(fast.symmetry - general.symmetry).max() <= 1e-14
@@ -98,8 +99,8 @@ def test_the_tails_of_all_samples_hold_for_random_members():
         zeros = rng.uniform(0, 0.6, 1 + seed % 2) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed % 2))
         sections = Sections(np.abs(zeros) if seed % 2 else zeros, int(rng.integers(1, 5)))
         rows, bound = (
-            measurement_rows(problem, sections),
-            1 / np.abs(measurement_rows(problem, Sections([0.5], 1)).y + 1),
+            formulate_in(problem, sections).rows,
+            1 / np.abs(formulate_in(problem, Sections([0.5], 1)).rows.y + 1),
         )
         del bound
         widths = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
@@ -154,7 +155,7 @@ def test_the_tail_of_a_time_sample_is_the_distance_of_its_functional():
     record = rid.TimeRecord(u, np.zeros(30), dt=0.01, bound=0.5)
     problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=rho))
     for sections in CASES[:4]:
-        rows = measurement_rows(problem, sections)
+        rows = formulate_in(problem, sections).rows
         for n in (0, 3, 17, 29):
             h = u[n::-1] * rho ** -np.arange(n + 1.0)
             inside = rows.E.dense()[n].real * 0.5 / 2.0
@@ -170,7 +171,7 @@ def test_the_allowance_for_rounding_covers_the_columns():
         frf = rid.FrequencyResponse(angles, np.zeros(5), bound=1.0, dt=1.0)
         problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=rho))
         sections = Sections([np.exp(0.1j) / rho, 0.95 * np.exp(0.2j)], 30)
-        rows = measurement_rows(problem, sections)
+        rows = formulate_in(problem, sections).rows
         with mp.workdps(40):
             for k, angle in enumerate(angles):
                 zeta = mp.expj(-mp.mpf(angle)) / mp.mpf(rho)
@@ -237,8 +238,8 @@ def test_known_choices():
 
 
 def test_auto_takes_the_form_with_the_least_work():
-    assert sections_of(lines(np.linspace(0.01, 3, 40), rho=1.005), "auto", 1e-4) is None  # 80 coefficients
-    assert sections_of(lines(np.linspace(0.01, 3, 400)), "auto", 1e-4).is_shift
+    assert formulate(lines(np.linspace(0.01, 3, 40), rho=1.005), "auto", 1e-4).exact  # 80 coefficients
+    assert formulate(lines(np.linspace(0.01, 3, 400)), "auto", 1e-4).repeated.is_shift
     band = lines(np.linspace(0.001, 0.3, 400), rho=1.005)
-    assert taylor_length(band, 1e-2) > 4 * sections_of(band, "auto", 1e-2).order
-    assert not sections_of(band, "auto", 1e-2).is_shift
+    assert taylor_length(band, 1e-2) > 4 * formulate(band, "auto", 1e-2).count
+    assert not formulate(band, "auto", 1e-2).repeated.is_shift

@@ -9,10 +9,9 @@ import pytest
 import robustid as rid
 from robustid.bases import Sections
 from robustid.identification.certificate import evaluate_certificate
-from robustid.identification.contraction import BalancedContraction
-from robustid.identification.forms import pose
-from robustid.identification.formulation.rows import measurement_rows
+from robustid.identification.formulation import formulate_in
 from robustid.identification.residuals import model_residuals
+from robustid.identification.truncation import BalancedContraction
 from robustid.reduction import hankel_singular_values
 from support.problems import random_problem
 from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
@@ -41,7 +40,7 @@ def test_the_margin_is_that_of_the_exact_form(case, seed):
         problem = posed_problem(case, seed)
     exact, result = (rid.identify(problem, form=form, accuracy=ACCURACY) for form in ("orthonormal", "sections"))
     assert result.verification.passed, result.summary()
-    assert not result.sections.is_shift
+    assert not result.formulation.repeated.is_shift
     assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
     for each in (exact, result):
         assert each.margin - each.margin_lower <= ACCURACY * max(1, each.margin)
@@ -50,24 +49,24 @@ def test_the_margin_is_that_of_the_exact_form(case, seed):
     check_certificate(problem, result)
     check_model(problem, result)
     # No system drawn from the class has a worst residual below `margin_lower`.
-    rng, rows = np.random.default_rng(seed), pose(problem, result.sections).data.rows
+    rng, rows = np.random.default_rng(seed), result.formulation.rows
     for _ in range(3):
         model = exact.solution(rng.uniform(-1, 1))
         worst = max(r.ratio.max() for r in model_residuals(problem, model))
         assert worst >= result.margin_lower - 1e-9 * max(1, worst)
     for t in (1e-4, 1e-2, 0.1, 1.0):
-        other = coordinates(at(random_member(rng, 6), CIRCLE), result.sections)
+        other = coordinates(at(random_member(rng, 6), CIRCLE), result.formulation.repeated)
         x = (1 - t) * result.claim.x + t * other
         assert rows.ratio(x, result.claim.p).max() >= result.margin_lower - 1e-9
 
 
 def check_certificate(problem, result):
     """Its value by its definition; changed numbers do not verify."""
-    data, proof = pose(problem, result.sections).data, result.certificate
+    data, proof = result.formulation.data, result.certificate
     assert proof.verify(data.rows, data.sarason)
     if not proof.value:
         return
-    weights, A = proof.samples, result.sections.pair.A
+    weights, A = proof.samples, result.formulation.repeated.pair.A
     value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")
     assert proof.value <= value - np.abs(weights) @ data.rows.tail + 1e-12
     assert evaluate_certificate(weights, proof.ball, proof.upper, data.rows, data.sarason) >= proof.value
@@ -116,14 +115,14 @@ def test_periodic_records():
         problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.02))
         exact, result = (rid.identify(problem, form=form) for form in ("orthonormal", "sections"))
         assert result.verification.passed, result.summary()
-        assert not result.sections.is_shift
+        assert not result.formulation.repeated.is_shift
         assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
 
 
 def test_time_samples_from_rest_are_answered_by_taylor_coefficients():
     problem = random_problem(2, "mixed", 14).with_prior(decay_rate=1.25)
     taylor_form, result = (rid.identify(problem, form=form, accuracy=ACCURACY) for form in ("taylor", "sections"))
-    assert result.sections == taylor_form.sections
+    assert result.formulation.repeated == taylor_form.formulation.repeated
     assert (result.margin, result.margin_lower) == (taylor_form.margin, taylor_form.margin_lower)
     assert "Taylor coefficients" in result.summary()
 
@@ -155,9 +154,9 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     result = rid.identify(problem)
     assert result.status is status
     assert result.verification.passed, result.summary()
-    assert not result.sections.is_shift
-    assert result.length == result.coefficients.size < 200
-    assert f"{result.length} coefficients of an all-pass section" in result.summary()
+    assert not result.formulation.repeated.is_shift
+    assert result.formulation.count == result.coefficients.size < 200
+    assert f"{result.formulation.count} coefficients of an all-pass section" in result.summary()
     check_certificate(problem, result)
     check_model(problem, result)
     # The exact form of every other or third line: its margin is at most this one.
@@ -165,7 +164,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     assert rid.identify(some, form="orthonormal").margin_lower <= result.margin + 1e-9
     result.save(tmp_path / "sections")
     again = rid.load(tmp_path / "sections")
-    assert again.sections == result.sections
+    assert again.formulation.repeated == result.formulation.repeated
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert np.array_equal(again.model.A, result.model.A)
     assert again.verification.checks == result.verification.checks
@@ -202,8 +201,8 @@ def test_bad_input():
         rid.identify(oversampled(5), form="section")
     with pytest.raises(rid.SizeError, match=r"needs \d+ coefficients \(a section of degree 8, repeated\)"):
         rid.identify(lines(np.linspace(0.001, 1, 500), rho=1.001), form="sections")
-    with pytest.raises(rid.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency lines"):
-        measurement_rows(lines(np.linspace(0.001, 1, 100_000)), Sections([0.5], 500))
+    with pytest.raises(rid.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency points"):
+        _ = formulate_in(lines(np.linspace(0.001, 1, 100_000)), Sections([0.5], 500)).rows
 
 
 # --- the model --------------------------------------------------------------------------------------------------------

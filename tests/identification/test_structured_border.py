@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.identification import margin as margin_module
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.paths import analytic_center, gain_path, margin_path
 from support.problems import CASES, judge_margin, random_problem
 
@@ -20,7 +20,7 @@ def test_barely_feasible_problems_are_decided(case):
         problem = random_problem(40 + seed, case, 10, spread=0.5, noise=1.5)
         K = problem.prior.gain_bound
         for d in (-1e-6, 1e-6):
-            data = pose(problem).data
+            data = ExactFormulation(problem).data
             inside = analytic_center(data, 1 + d) if data.rows.y.size and lowest(data) < 1 else None
             if inside is None:
                 continue
@@ -28,7 +28,7 @@ def test_barely_feasible_problems_are_decided(case):
             if gain < 1e-3:
                 continue  # the parametric part fits alone
             barely = problem.with_prior(gain_bound=K * gain)
-            assert lowest(pose(barely).data) == pytest.approx(1 + d, abs=1e-8)
+            assert lowest(ExactFormulation(barely).data) == pytest.approx(1 + d, abs=1e-8)
             result = rid.identify(barely, solver="structured", accuracy=1e-6)
             assert result.margin_lower <= 1 + d + 1e-8
             assert result.margin >= 1 + d - 1e-8

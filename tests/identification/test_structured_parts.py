@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from robustid.bases import Sections, input_normal_pair
-from robustid.identification.formulation.columns import ShiftColumns
-from robustid.identification.formulation.sarason import SarasonMap, SectionMap
-from robustid.identification.solver import discs
-from robustid.identification.solver.ball import BlockHankelMap, DenseMap, TurnedMap, longest_step
-from robustid.identification.solver.design import DenseDesign, ShiftDesign
-from robustid.identification.solver.hankel_map import HankelMap
+from robustid.identification.formulation.ball import DenseMap, TurnedMap
+from robustid.identification.formulation.columns import DenseDesign
+from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
+from robustid.identification.formulation.taylor import HankelMap
+from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
+from robustid.identification.solver import cones as discs
+from robustid.identification.solver.cones import longest_step
 from support.paths import arrow, dense_scaling, times, triple
 
 
@@ -48,12 +50,12 @@ def test_balls_against_stored_matrices(n):
         check_ball(HankelMap(n), hankel_basis(n), rng)
         check_ball(DenseMap(hankel_basis(n)), hankel_basis(n), rng)
         angles = np.sort(rng.uniform(0.1, 3, n // 4))
-        sarason = SarasonMap(input_normal_pair(angles, 0.9, n - 2 * angles.size))
+        sarason = PairMap(input_normal_pair(angles, 0.9, n - 2 * angles.size))
         check_ball(DenseMap(sarason.symmetric_basis), sarason.symmetric_basis, rng)
         zeros = np.sqrt(rng.uniform(0, 1, 1 + seed)) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed))
         zeros[seed // 2 :] = np.abs(zeros[seed // 2 :])  # real ones too
         sections = Sections(zeros, max(1, n // 4))
-        basis = SarasonMap(sections.pair).symmetric_basis
+        basis = PairMap(sections.pair).symmetric_basis
         check_ball(BlockHankelMap(SectionMap(sections)), basis, rng)
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
         turned = TurnedMap(BlockHankelMap(SectionMap(sections)), axes)

@@ -8,8 +8,8 @@ import pytest
 
 from robustid.bases import Sections
 from robustid.identification.certificate import certify_margin
-from robustid.identification.forms import pose
-from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.formulation import formulate_in
+from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.solver.cvxpy_backend import solve_conic
 from robustid.identification.solver.interior_point import Limits, _State, center, path, start
 from robustid.identification.solver.paths import _program, analytic_center, gain_path, margin_path, support_path
@@ -24,13 +24,13 @@ FORMS = (None, Sections.shift(12), Sections([0.6, 0.5 + 0.4j], 4))  # the exact 
 
 def small_data(seed, case, form, coefficients=12):
     problem = random_problem(seed, case, coefficients, spread=0.5, noise=2.0)
-    return pose(problem.with_prior(decay_rate=1.25) if form else problem, form).data
+    return formulate_in(problem.with_prior(decay_rate=1.25) if form else problem, form).data
 
 
 def dense_arrays(data, axes=None):
     """H_j and G, by the definitions, of coordinates along the axes."""
     axes = np.eye(data.sarason.pair.order) if axes is None else axes
-    H = np.array([data.sarason.symmetry @ SarasonMap(data.sarason.pair).matrix(e) for e in axes.T])
+    H = np.array([data.sarason.symmetry @ PairMap(data.sarason.pair).matrix(e) for e in axes.T])
     return H, np.hstack([data.rows.E.dense() @ axes, data.orthonormal[0]])
 
 
@@ -131,7 +131,7 @@ def test_a_direction_solves_the_linearised_equations(case, form):
 def barrier_gradient(data, level, v):
     """Of -log det(I - X'X) - sum log(reach^2 - |e|^2), X and not H, each derivative by itself."""
     n = data.sarason.pair.order
-    basis = SarasonMap(data.sarason.pair).basis
+    basis = PairMap(data.sarason.pair).basis
     basis = basis if data.axes is None else np.tensordot(data.axes.T, basis, 1)
     X, G = np.tensordot(v[:n], basis, 1), dense_arrays(data, data.axes)[1]
     inverse = np.linalg.inv(np.eye(n) - X.T @ X)
@@ -250,7 +250,7 @@ def check_problem(seed, case, form, coefficients, count):
     """One problem, all programs against Clarabel; returns the largest relative differences."""
     spread, noise = ((1.0, 0.9), (0.2, 4.0))[seed % 2]
     problem = random_problem(seed, case, coefficients, spread=spread, noise=noise)
-    data = pose(problem.with_prior(decay_rate=1.25) if form else problem, form).data
+    data = formulate_in(problem.with_prior(decay_rate=1.25) if form else problem, form).data
     candidate, margin, _ = check_margin_path(data)
     count.take()
     conic = solve_conic(data, "margin", solver="cvxpy")

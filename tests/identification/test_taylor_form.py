@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.bases import Sections, shift_pair
+from robustid.bases import shift_pair
 from robustid.identification.certificate import evaluate_certificate
-from robustid.identification.forms import pose, taylor_length
-from robustid.identification.formulation.columns import ShiftColumns
-from robustid.identification.formulation.functions import taylor_tail
-from robustid.identification.formulation.rows import measurement_rows
-from robustid.identification.formulation.sarason import SarasonMap, ShiftMap
+from robustid.identification.formulation import TaylorFormulation
+from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.formulation.tails import taylor_tail
+from robustid.identification.formulation.taylor import ShiftMap, taylor_length
+from robustid.identification.formulation.taylor_columns import ShiftColumns
 from robustid.identification.residuals import model_residuals
 from support.problems import CASES, random_problem
 from support.taylor_members import DT, EPS, at, polynomials, random_experiments, responses, taylor
@@ -83,7 +83,7 @@ def test_the_tails_of_all_samples_hold_for_random_members():
         prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.01, 1.3))
         problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
         L = int(rng.integers(1, 60))
-        rows = measurement_rows(problem, Sections.shift(L))
+        rows = TaylorFormulation(problem, L).rows
         bound = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
         widened = bound.copy()
         past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
@@ -105,12 +105,10 @@ def test_the_length_keeps_every_tail_below_a_tenth_of_the_accuracy():
         problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
         for accuracy in (1e-2, 1e-5):
             L = taylor_length(problem, accuracy)
-            tail = measurement_rows(problem, Sections.shift(L)).tail
+            tail = TaylorFormulation(problem, L).rows.tail
             assert 0 < tail.max() <= 0.1 * accuracy or L >= 40
             assert tail.max() <= 0.1 * accuracy * (1 + 1e-9)
-            assert (
-                measurement_rows(problem, Sections.shift(max(L // 3, 1))).tail.max() > 0.1 * accuracy
-            )  # not absurdly long
+            assert TaylorFormulation(problem, max(L // 3, 1)).rows.tail.max() > 0.1 * accuracy  # not absurdly long
 
 
 # --- the map ----------------------------------------------------------------------------------------------------------
@@ -119,7 +117,7 @@ def test_the_length_keeps_every_tail_below_a_tenth_of_the_accuracy():
 @pytest.mark.parametrize("L", [1, 2, 9, 40])
 def test_the_shift_map_is_the_general_map_of_the_shift_pair(L):
     rng = np.random.default_rng(L)
-    fast, general = ShiftMap(L), SarasonMap(shift_pair(L))
+    fast, general = ShiftMap(L), PairMap(shift_pair(L))
     x, Y = rng.standard_normal(L), rng.standard_normal((L, L))
     assert np.allclose(fast.matrix(x), general.matrix(x), rtol=0, atol=1e-14)
     assert np.allclose(fast.stein(Y), general.stein(Y), rtol=0, atol=1e-13 * L)
@@ -167,7 +165,7 @@ def both(problem, accuracy=ACCURACY, **options):
     )
     assert exact.verification.passed, exact.summary()
     assert taylor_form.verification.passed, taylor_form.summary()
-    assert taylor_form.length
+    assert not taylor_form.formulation.exact
     return exact, taylor_form
 
 
@@ -178,10 +176,10 @@ def check_outer(problem, result, exact, rng):
         worst = max(r.ratio.max() for r in model_residuals(problem, model))
         assert worst >= result.margin_lower - 1e-9 * max(1, worst)
     # The best system known, mixed with random members: whatever the rest of its coefficients does.
-    rows = measurement_rows(problem, result.sections)
+    rows = result.formulation.rows
     for t in (1e-4, 1e-3, 1e-2, 0.1, 1.0):
         for sign in (1, -1):
-            x = (1 - t) * result.claim.x + sign * t * taylor(random_member(rng), result.length)
+            x = (1 - t) * result.claim.x + sign * t * taylor(random_member(rng), result.formulation.count)
             assert rows.ratio(x, result.claim.p).max() >= result.margin_lower - 1e-9
 
 
@@ -194,8 +192,8 @@ def compare(case, seed):
     if rid.Status.UNDECIDED not in (exact.status, result.status):
         assert exact.status is result.status
     # The certificate, re-evaluated by its definition; one of value 0 claims nothing.
-    data, proof = pose(problem, result.sections).data, result.certificate
-    weights, A = proof.samples, ShiftMap(result.length).pair.A
+    data, proof = result.formulation.data, result.certificate
+    weights, A = proof.samples, ShiftMap(result.formulation.count).pair.A
     if proof.value:
         value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")
         assert np.abs(weights).sum() == pytest.approx(1, rel=1e-12)
@@ -252,7 +250,7 @@ def test_a_taylor_result_comes_back_from_its_file(tmp_path):
     again = rid.load(tmp_path / "taylor")
     assert again.verification.passed
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
-    assert again.length == result.length
+    assert again.formulation.count == result.formulation.count
     assert np.array_equal(again.coefficients, result.coefficients)
     assert np.array_equal(again.model.A, result.model.A)
     assert again.verification.checks == result.verification.checks

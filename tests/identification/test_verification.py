@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 import robustid as rid
 from robustid.identification.certificate import MarginCertificate, evaluate_certificate
-from robustid.identification.forms import pose
+from robustid.identification.formulation import ExactFormulation
+from robustid.identification.formulation.convex import Candidate
 from robustid.identification.model import Nominal
-from robustid.identification.solver.conic import Candidate
 from robustid.identification.verification import verify
 from support.problems import CASES, random_problem
 
@@ -25,7 +25,7 @@ def result():
 
 def checks(result, *, claim=None, x=None, p=None, model=None, level=None):
     """The names of the checks that fail when one thing is replaced."""
-    posed = pose(PROBLEM)
+    posed = ExactFormulation(PROBLEM)
     point = Candidate(
         result.coefficients if x is None else x,
         result.scaled_parameters if p is None else p,
@@ -48,7 +48,7 @@ def test_each_check_sees_the_one_number_that_is_wrong(result):
     import control
 
     assert any("largest |residual|" in name for name in checks(result, level=0.5 * result.margin))
-    large = result.coefficients * 1.5 / pose(PROBLEM).data.sarason.norm(result.coefficients)
+    large = result.coefficients * 1.5 / ExactFormulation(PROBLEM).data.sarason.norm(result.coefficients)
     assert any("in the ball" in name for name in checks(result, x=large))
     moved = result.coefficients.copy()
     moved[0] += 1e-6
@@ -104,7 +104,7 @@ def test_the_rounding_allowance_covers_the_rounding(case):
     for seed in range(2):
         base = random_problem(seed, case, 8, spread=1e-4)
         problem = base.with_prior(decay_rate=1 + 1e-5, gain_bound=0.02)
-        result, data = rid.identify(problem), pose(problem).data
+        result, data = rid.identify(problem), ExactFormulation(problem).data
         claimed = evaluate_certificate(
             result.certificate.samples, result.certificate.ball, result.margin, data.rows, data.sarason
         )
@@ -265,6 +265,6 @@ def test_a_certificate_of_the_wrong_size_is_no_certificate(result):
     short = MarginCertificate(
         result.certificate.samples[:-1], result.certificate.ball, result.margin, result.margin_lower
     )
-    data = pose(PROBLEM).data
+    data = ExactFormulation(PROBLEM).data
     with pytest.raises(ValueError, match=r"."):
         short.verify(data.rows, data.sarason)

@@ -48,7 +48,7 @@ def verify(
 
 def _identification_failures(console: Any, result: Any, exact: bool) -> list[str]:
     """Print what an identification claims; the names of what does not hold."""
-    from robustid.identification import pose, verify_margin_exactly
+    from robustid.identification import verify_margin_exactly
 
     say(console, f"claimed    {result.status.value}", f"           {_margin(result)}")
     failed = []
@@ -57,7 +57,7 @@ def _identification_failures(console: Any, result: Any, exact: bool) -> list[str
         say(console, f"{word:<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})")
         failed += [] if check.holds else [check.name]
     if exact:
-        rows, sarason = (data := pose(result.problem, result.sections).data).rows, data.sarason
+        rows, sarason = (data := result.formulation.data).rows, data.sarason
         if not verify_margin_exactly(result.certificate, rows, sarason):
             failed.append("certificate of the margin, in ball arithmetic")
     return failed

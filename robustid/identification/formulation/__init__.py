@@ -1,18 +1,39 @@
-"""The infinite problem as a finite one: functions, rows, the map X(x)."""
+"""The infinite problem as a finite one: functions, rows, the map X(x), in one of four forms."""
 
+from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.assembly import initial_state, measured_entries
-from robustid.identification.formulation.entries import SINGLE, Entries
-from robustid.identification.formulation.functions import line_tails
-from robustid.identification.formulation.rows import Rows, measurement_rows
+from robustid.identification.formulation.ball import DenseMap, SymmetricBall
+from robustid.identification.formulation.base import Formulation
+from robustid.identification.formulation.choice import FORMS, formulate, formulate_in, formulate_over
+from robustid.identification.formulation.classical import ClassicalFormulation
+from robustid.identification.formulation.columns import DenseDesign
+from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.formulation.exact import QUICK_EXACT, ExactFormulation
+from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.formulation.sections import SectionsFormulation
+from robustid.identification.formulation.taylor import TaylorFormulation
 
 __all__ = [
+    "FORMS",
+    "QUICK_EXACT",
     "SINGLE",
+    "Candidate",
+    "ClassicalFormulation",
+    "ConvexData",
+    "DenseDesign",
+    "DenseMap",
     "Entries",
+    "ExactFormulation",
+    "Formulation",
     "Rows",
     "SarasonMap",
+    "SectionsFormulation",
+    "SymmetricBall",
+    "TaylorFormulation",
+    "formulate",
+    "formulate_in",
+    "formulate_over",
     "initial_state",
-    "line_tails",
     "measured_entries",
-    "measurement_rows",
 ]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse, TimeRecord, tilted
-from robustid.identification.formulation.columns import DenseColumns, ShiftColumns
-from robustid.identification.formulation.entries import Entries
-from robustid.identification.formulation.functions import Functions, TaylorFunctions, filtered_by
+from robustid.identification.entries import Entries
+from robustid.identification.formulation.columns import Columns, DenseColumns
+from robustid.identification.formulation.functions import EntryColumns, Functions, filtered_by
 from robustid.identification.problem import MixedProblem, excited_lines
 
 
@@ -24,7 +24,7 @@ class Block:
     """
 
     y: np.ndarray
-    E: DenseColumns | ShiftColumns
+    E: Columns
     columns: slice
     P: np.ndarray
     free: np.ndarray
@@ -49,41 +49,38 @@ class Assembly:
 
     @functools.cached_property
     def scales(self) -> np.ndarray:
-        """What the scaling of the prior makes of the gain of every entry, (p, q)."""
+        """Gain that the scaling of the prior gives every entry, (p, q)."""
         return self.problem.prior.scales(self.entries.outputs, self.entries.inputs)
 
     def lines(self, frf: Any) -> list[Block]:
-        """Of a frequency response."""
+        """Blocks of a frequency response."""
         angles = frf.omega * self.problem.dt
         if not isinstance(frf, FrequencyResponse):
             return self._directions(frf, angles)
-        values = None if isinstance(self.functions, TaylorFunctions) else self.functions.lines(angles)
-        response = self._responses(angles)
         if frf.joint == "matrix":
             return self._ellipsoids(frf, angles)
-        blocks = [self._entry(frf, output, input, values, response) for output, input in measured_entries(frf)]
+        make, response = self.functions.entry_columns(angles), self._responses(angles)
+        blocks = [self._entry(frf, output, input, make, response) for output, input in measured_entries(frf)]
         return self._columns(frf, blocks) if frf.joint == "column" else blocks
 
-    def _entry(self, frf: FrequencyResponse, output: int, input: int, values: Any, response: np.ndarray) -> Block:
-        """The lines of one entry, in discs or ellipses."""
+    def _entry(
+        self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: np.ndarray
+    ) -> Block:
+        """The frequency points of one entry, in discs or ellipses."""
         used = np.isfinite(frf.bound[:, output, input])
         number, part = self.entries.place(output, input)
         angles, bound = frf.omega[used] * self.problem.dt, frf.bound[used, output, input]
         tilt = None if frf.tilt is None else frf.tilt[used, output, input]
         scale, n, m = float(self.scales[output, input]), self.functions.count, response.shape[1]
-        if isinstance(self.functions, TaylorFunctions):
-            gain = self.problem.prior.gain_bound * scale * part / bound
-            E = ShiftColumns(angles, gain, self.functions.decay, np.zeros((0, n)), tilt)
-        else:
-            E = DenseColumns(tilted(values[used] * (scale * part) / bound[:, None], tilt))
+        E = make(used, scale, part, bound, tilt)
         P = np.zeros((angles.size, self.entries.count * m), complex)
         P[:, number * m : (number + 1) * m] = tilted(response[used] * part / bound[:, None], tilt)
-        tail = self.functions.line_tail(angles) * scale / bound * (1.0 if tilt is None else 1 + np.abs(tilt))
+        tail = self.functions.response_tail(angles) * scale / bound * (1.0 if tilt is None else 1 + np.abs(tilt))
         y = tilted(frf.values[used, output, input] / bound, tilt)
         return _complex_block(y, E, slice(number * n, (number + 1) * n), P, tail)
 
     def _columns(self, frf: FrequencyResponse, blocks: list[Block]) -> list[Block]:
-        """The entries of a column as one cone a line: the norm of a column is at most the largest singular value."""
+        """The entries of a column as one cone a frequency point: the norm of a column is at most the largest singular value."""
         last = -1
         for (output, input), block in zip(measured_entries(frf), blocks, strict=True):
             measured = np.isfinite(frf.bound[:, :, input])
@@ -91,7 +88,7 @@ class Assembly:
             block.cone = np.searchsorted(lines, np.flatnonzero(measured[:, output]))
             block.joins = input == last
             largest = (self.scales[:, input] / frf.bound[lines, :, input]).max(axis=1)
-            tail = largest * self.functions.line_tail(frf.omega[lines] * self.problem.dt)
+            tail = largest * self.functions.response_tail(frf.omega[lines] * self.problem.dt)
             block.tail = np.zeros(0) if block.joins else tail
             block.fixed, last = np.ones(block.tail.size), input
         return blocks
@@ -103,18 +100,20 @@ class Assembly:
             used = np.isfinite(frf.bound[:, row, column])
             bound, weights = frf.bound[used, row, column], frf.weights[used, row, column]
             tail = np.linalg.svd(weights * self.scales, compute_uv=False).sum(axis=1) / bound
-            tail = tail * self.functions.line_tail(angles[used])
+            tail = tail * self.functions.response_tail(angles[used])
             y = frf.values[used, row, column] / bound
             blocks.append(self._combined(y, weights / bound[:, None, None], angles[used], tail))
         return blocks
 
     def _ellipsoids(self, frf: FrequencyResponse, angles: np.ndarray) -> list[Block]:
-        """Whitened, so that each line is one cone: with E = LL', the norm of L^-1 vec(error)."""
+        """Blocks, whitened, so that each frequency point is one cone: with E = LL', the norm of L^-1 vec(error)."""
         lines, p, q = frf.values.shape
         whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid))
         y = whiten @ frf.values.transpose(0, 2, 1).reshape(lines, p * q, 1)
         scales = self.scales.T.ravel()
-        tail = np.linalg.norm(whiten * scales, 2, axis=(1, 2)) * self.entries.reach * self.functions.line_tail(angles)
+        tail = (
+            np.linalg.norm(whiten * scales, 2, axis=(1, 2)) * self.entries.reach * self.functions.response_tail(angles)
+        )
         weights = whiten.reshape(lines, p * q, q, p).transpose(0, 1, 3, 2)
         blocks = [self._combined(y[:, r, 0], weights[:, r], angles, tail) for r in range(p * q)]
         for block in blocks[1:]:
@@ -125,15 +124,15 @@ class Assembly:
         """Samples that are sums of weights (N, p, q) times the entries."""
         inside = np.tensordot(weights * self.scales, self.entries.basis, ([1, 2], [1, 2]))
         outside = np.tensordot(weights, self.entries.basis, ([1, 2], [1, 2]))
-        E = _times(inside, self.functions.lines(angles))
+        E = _times(inside, self.functions.responses(angles))
         return _complex_block(y, DenseColumns(E), slice(0, E.shape[1]), _times(outside, self._responses(angles)), tail)
 
     def transient(self, record: TimeRecord, output: int) -> Block:
-        """One output of a record from rest or from an unknown state."""
+        """One output of a record from zero initial conditions or from an unknown state."""
         used = np.flatnonzero(np.isfinite(record.bound[:, output]))
         count, basis = int(used[-1]) + 1, self.problem.parametric
         u = record.u[:count]
-        E = np.stack([self.functions.filtered(one)[used] for one in u.T], axis=1)
+        E = np.stack([self.functions.time_responses(one)[used] for one in u.T], axis=1)
         none = np.zeros((used.size, u.shape[1], 0))
         impulse = None if basis is None else basis.impulse(count)
         P = none if impulse is None else np.stack([filtered_by(one, impulse)[used] for one in u.T], axis=1)
@@ -150,13 +149,13 @@ class Assembly:
         twice = np.where((lines == 0) | (2 * lines == samples), 1.0, 2.0)[:, None] / samples
         drive = twice * np.fft.rfft(record.u, axis=0)[lines]
         wave = np.exp(1j * (2 * np.pi / samples) * (np.outer(used, lines) % samples))
-        values = self.functions.lines(angles)
+        values = self.functions.responses(angles)
         E = np.stack([((wave * one) @ values).real for one in drive.T], axis=1)
         P = np.zeros((used.size, drive.shape[1], 0))
         if basis is not None:
             P = np.stack([((wave * one) @ basis.response(angles)).real for one in drive.T], axis=1)
         size = np.linalg.norm(drive * self.scales[output], axis=1)
-        tail = np.abs(wave) @ (size * self.functions.line_tail(angles))
+        tail = np.abs(wave) @ (size * self.functions.response_tail(angles))
         none, bound = np.zeros((used.size, 0)), record.bound[used, output]
         return self._row(record.y[used, output], E, P, bound, np.zeros(used.size), none, tail, output)
 
@@ -183,7 +182,7 @@ class Assembly:
         return Block(y, DenseColumns(E), columns, P, free, bound / total, tail / total, np.arange(y.size), False)
 
     def _placed(self, row: np.ndarray, output: int) -> np.ndarray:
-        """What (N, q, k) of one row of the matrix is in all unknowns, (N, count k)."""
+        """(N, q, k) of one row of the matrix, in all unknowns, (N, count k)."""
         full = np.zeros((row.shape[0], self.entries.count, row.shape[2]))
         for input in range(row.shape[1]):
             number, part = self.entries.place(output, input)
@@ -191,7 +190,7 @@ class Assembly:
         return full.reshape(row.shape[0], -1)
 
     def _responses(self, angles: np.ndarray) -> np.ndarray:
-        """Of the parametric functions, (F, m)."""
+        """Values of the parametric functions at exp(j angle), (F, m)."""
         basis = self.problem.parametric
         return np.zeros((angles.size, 0)) if basis is None else basis.response(angles)
 
@@ -202,9 +201,7 @@ def measured_entries(frf: Any) -> list[tuple[int, int]]:
     return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
 
 
-def _complex_block(
-    y: np.ndarray, E: DenseColumns | ShiftColumns, columns: slice, P: np.ndarray, tail: np.ndarray
-) -> Block:
+def _complex_block(y: np.ndarray, E: Columns, columns: slice, P: np.ndarray, tail: np.ndarray) -> Block:
     return Block(y, E, columns, P, np.zeros((y.size, 0)), np.ones(y.size), tail, np.arange(y.size), True)
 
 
@@ -216,10 +213,10 @@ def _times(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
 def initial_state(
     problem: MixedProblem, record: TimeRecord, used: np.ndarray, output: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What an unknown state before the record can do to the samples `used` of an output.
+    """Effect of an unknown state before the record on the samples `used` of an output.
 
     Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past
-    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u the rows and vectors of several channels.
+    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO.
     """
     if record.initial != "free":
         return np.zeros((used.size, 0)), np.zeros(used.size)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, solve_stein
 from robustid.core import Frozen, freeze
+from robustid.identification.formulation.ball import Inequalities
+from robustid.identification.formulation.exact import ExactFormulation
+from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.problem import MixedProblem
 
 _TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -32,10 +39,10 @@ class ClassicalForm(Frozen):
         The coefficients x of each unknown (columns).
     """
 
-    V: np.ndarray
-    gram: np.ndarray
-    data_basis: np.ndarray
-    to_orthonormal: np.ndarray
+    V: NDArray[np.float64]
+    gram: NDArray[np.float64]
+    data_basis: NDArray[np.float64]
+    to_orthonormal: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self)})
@@ -46,8 +53,8 @@ class ClassicalForm(Frozen):
         return float(np.linalg.cond(self.gram))
 
 
-def classical_form(pair: InputNormalPair, angles: np.ndarray, decay_rate: float, taylor: int) -> ClassicalForm:
-    """Theorem 1's matrices for lines at `angles` and `taylor` coefficients, in real coordinates."""
+def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rate: float, taylor: int) -> ClassicalForm:
+    """Return the matrices of Theorem 1 for nodes at `angles` and `taylor` coefficients, in real coordinates."""
     blocks, starts, directions = [], [], []
     for angle in np.sort(angles):
         zeta = np.exp(-1j * angle) / decay_rate
@@ -74,3 +81,43 @@ def classical_form(pair: InputNormalPair, angles: np.ndarray, decay_rate: float,
         ]
     )
     return ClassicalForm(V, V.T @ V, basis, np.linalg.solve(V.T, (start @ basis).T))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ClassicalMap(PairMap):
+    """The map of a pair, whose condition is stated to general solvers as in Theorem 1."""
+
+    form: ClassicalForm = dataclasses.field(kw_only=True)
+
+    conic: ClassVar[bool] = True
+
+    def inequalities(self) -> Inequalities:
+        """``[b M0^{-1} Z; Z' b M0] >= 0``, = F [b I X; X' b I] F' with F = diag(V^{-1}, V')."""
+        form, n = self.form, self.pair.order
+        both = np.zeros((n, 2 * n, 2 * n))
+        both[:, :n, n:], both[:, n:, :n] = form.data_basis, form.data_basis.transpose(0, 2, 1)
+        constant = np.asarray(scipy.linalg.block_diag(np.linalg.inv(form.gram), form.gram))
+
+        def multiplier(Z: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+            return -2 * np.linalg.inv(form.V).T @ Z[0][:n, n:] @ form.V.T
+
+        return Inequalities((constant,), (both,), form.to_orthonormal, multiplier)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ClassicalFormulation(ExactFormulation):
+    """The exact form, solved in the basis of the paper: for small data, and to show what its conditioning costs."""
+
+    name: ClassVar[str] = "classical"
+
+    @classmethod
+    def takes(cls, problem: MixedProblem) -> bool:
+        """Say whether the problem is SISO."""
+        return problem.entries.single
+
+    @functools.cached_property
+    def sarason(self) -> ClassicalMap:
+        """The map of the pair, with the matrices of Theorem 1."""
+        problem = self.problem
+        form = classical_form(self.pair, problem.angles, problem.prior.decay_rate, self.determined)
+        return ClassicalMap(self.pair, problem.entries, form=form)

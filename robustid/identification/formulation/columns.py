@@ -1,28 +1,86 @@
-"""The columns of the non-parametric part in the measurement equations: stored, or generated from the lines."""
+"""The columns E of the non-parametric part in the measurement equations, and the residuals y - [E Q] v as linear maps."""
 
 from __future__ import annotations
 
+import abc
 import dataclasses
-from collections.abc import Iterator
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Frozen, freeze
-from robustid.data import tilted
 
-_TABLE = 2**21  # complex entries of a generated block of lines: 32 MiB
+
+class Columns(Frozen, abc.ABC):
+    """A complex matrix E (N, n) that acts on real unknowns, with the products that the proofs need.
+
+    Attributes
+    ----------
+    shape : (N, n)
+    stored : bool
+        Whether the matrix itself is kept, so that `dense` costs nothing.
+    """
+
+    shape: tuple[int, int]
+    stored: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def dense(self) -> NDArray[np.complex128]:
+        """E itself, (N, n)."""
+
+    @abc.abstractmethod
+    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]: ...
+
+    @abc.abstractmethod
+    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re E^H l, (n,)."""
+
+    @abc.abstractmethod
+    def spread(self, size: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Upper bound of |E|' size, (n,): what rounding errors are measured against."""
+
+    @property
+    @abc.abstractmethod
+    def norm(self) -> float:
+        """Frobenius norm, or an upper bound of it."""
+
+    @abc.abstractmethod
+    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+        """The map of [E Q], Q the columns of the parameters, with `discs` complex samples first, in its fastest form."""
+
+
+class Design(abc.ABC):
+    """G (N, n) complex, acting on real unknowns v = (x, q): products and weighted Gram matrices."""
+
+    @abc.abstractmethod
+    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """G v, (N,)."""
+
+    @abc.abstractmethod
+    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re G^H z, (n,)."""
+
+    @abc.abstractmethod
+    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re G^H diag(a) G + Re G^T diag(b) G, (n, n), for real a and complex b."""
+
+    @abc.abstractmethod
+    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+        """The rows sums Re conj(c) G, (M, n), `sums` a sparse matrix (M, N)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class DenseColumns(Frozen):
-    """An array E (N, n) with the products that the proofs need.
+class DenseColumns(Columns):
+    """E as a stored array.
 
     Attributes
     ----------
     array : (N, n) complex array
     """
 
-    array: np.ndarray
+    array: NDArray[np.complex128]
+    stored: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self._set(array=freeze(self.array))
@@ -33,19 +91,19 @@ class DenseColumns(Frozen):
         rows, columns = self.array.shape
         return rows, columns
 
-    def dense(self) -> np.ndarray:
+    def dense(self) -> NDArray[np.complex128]:
         """E itself."""
         return self.array
 
-    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         return self.array @ x
 
-    def adjoint(self, samples: np.ndarray) -> np.ndarray:
-        """Re E^H l, (n,)."""
+    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re E^H l."""
         return np.real(self.array.conj().T @ samples)
 
-    def spread(self, size: np.ndarray) -> np.ndarray:
-        """An upper bound of |E|' size, (n,): what rounding errors are measured against."""
+    def spread(self, size: NDArray[np.float64]) -> NDArray[np.float64]:
+        """|E|' size."""
         return np.abs(self.array).T @ size
 
     @property
@@ -53,90 +111,9 @@ class DenseColumns(Frozen):
         """Frobenius norm."""
         return float(np.linalg.norm(self.array))
 
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class ShiftColumns(Frozen):
-    """E of L Taylor coefficients, never stored for the lines: E_kj = gain_k rho^-j exp(-i theta_k j), then the rows `real`.
-
-    Of tilted lines E + kappa conj(E): E'x is tilted, and Re E'^H l = Re E^H (l + kappa conj(l)), since that map is symmetric.
-
-    Attributes
-    ----------
-    angles, gain : (F,) arrays
-        theta = omega T in rad, and K/bound.
-    decay : (L,) array
-        rho^-j.
-    real : (N - F, L) array
-        Rows of the time samples.
-    tilt : (F,) complex array or None
-        kappa.
-    """
-
-    angles: np.ndarray
-    gain: np.ndarray
-    decay: np.ndarray
-    real: np.ndarray
-    tilt: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in ("angles", "gain", "decay", "real")})
-        self._set(tilt=None if self.tilt is None else freeze(self.tilt))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(N, L)."""
-        return self.angles.size + self.real.shape[0], self.decay.size
-
-    def dense(self) -> np.ndarray:
-        """All of E, (N, L)."""
-        lines = [table * self.gain[at, None] * self.decay for at, table in self._tables()]
-        return np.vstack([tilted(np.vstack(lines), self.tilt), self.real]) if lines else self.real.astype(complex)
-
-    def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        weighted = self.decay * x
-        lines = [self.gain[at] * (table @ weighted) for at, table in self._tables()]
-        return np.concatenate([tilted(np.concatenate([np.zeros(0), *lines]), self.tilt), self.real @ x])
-
-    def adjoint(self, samples: np.ndarray) -> np.ndarray:
-        """Re E^H l, (L,)."""
-        lines = self.angles.size
-        total, weights = np.zeros(self.decay.size), self.gain * tilted(samples[:lines], self.tilt)
-        for at, table in self._tables():
-            total += np.real(weights[at].conj() @ table)
-        return self.decay * total + self.real.T @ np.real(samples[lines:])
-
-    def spread(self, size: np.ndarray) -> np.ndarray:
-        """An upper bound of |E|' size, (L,), with the rounding of the phases theta j included.
-
-        In units of an inner product's 2 (N + 2) eps: the phases err by pi j eps, everything else by 8 times less.
-        """
-        lines = self.angles.size
-        phases = 8 + np.pi * np.arange(self.decay.size) / (size.size + 2)
-        return self.decay * phases * float(self._reach @ size[:lines]) + np.abs(self.real).T @ size[lines:]
-
-    @property
-    def norm(self) -> float:
-        """Frobenius norm; of tilted lines an upper bound."""
-        return float(np.hypot(np.linalg.norm(self._reach) * np.linalg.norm(self.decay), np.linalg.norm(self.real)))
-
-    @property
-    def _reach(self) -> np.ndarray:
-        """What the tilts can make of the gains, (F,)."""
-        return self.gain if self.tilt is None else self.gain * (1 + np.abs(self.tilt))
-
-    def _tables(self) -> Iterator[tuple[slice, np.ndarray]]:
-        """Blocks of exp(-i theta_k j): products of two short tables, one exponential per 32 entries."""
-        count = self.decay.size
-        coarse, fine = np.arange(0, count, 32), np.arange(min(32, count))
-        rows = max(1, _TABLE // max(count, 1))
-        for first in range(0, self.angles.size, rows):
-            at = slice(first, min(first + rows, self.angles.size))
-            theta = self.angles[at, None]
-            product = np.exp(-1j * theta * coarse)[:, :, None] * np.exp(-1j * theta * fine)[:, None, :]
-            yield at, product.reshape(theta.shape[0], -1)[:, :count]
-
-
-Columns = DenseColumns | ShiftColumns
+    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+        """[E Q] as one stored matrix."""
+        return DenseDesign(np.hstack([self.array, Q]), discs)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -146,7 +123,7 @@ class ColumnPart(Frozen):
     Attributes
     ----------
     rows, columns : slice
-    block : DenseColumns or ShiftColumns
+    block : Columns
     """
 
     rows: slice
@@ -155,8 +132,8 @@ class ColumnPart(Frozen):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class BlockColumns(Frozen):
-    """E of a matrix: every part of the rows sees one entry, one row, or all of its coefficients.
+class BlockColumns(Columns):
+    """E of a MIMO problem: every part of the rows sees one entry, one row, or all of its coefficients.
 
     Attributes
     ----------
@@ -168,28 +145,28 @@ class BlockColumns(Frozen):
     parts: tuple[ColumnPart, ...]
     shape: tuple[int, int]
 
-    def dense(self) -> np.ndarray:
-        """All of E, (N, n)."""
+    def dense(self) -> NDArray[np.complex128]:
+        """All of E."""
         out = np.zeros(self.shape, complex)
         for part in self.parts:
             out[part.rows, part.columns] = part.block.dense()
         return out
 
-    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         out = np.zeros(self.shape[0], complex)
         for part in self.parts:
             out[part.rows] = part.block @ x[part.columns]
         return out
 
-    def adjoint(self, samples: np.ndarray) -> np.ndarray:
-        """Re E^H l, (n,)."""
+    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re E^H l."""
         out = np.zeros(self.shape[1])
         for part in self.parts:
             out[part.columns] += part.block.adjoint(samples[part.rows])
         return out
 
-    def spread(self, size: np.ndarray) -> np.ndarray:
-        """An upper bound of |E|' size, (n,), as of its parts."""
+    def spread(self, size: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Upper bound of |E|' size, as of its parts."""
         out = np.zeros(self.shape[1])
         for part in self.parts:
             out[part.columns] += part.block.spread(size[part.rows])
@@ -197,5 +174,124 @@ class BlockColumns(Frozen):
 
     @property
     def norm(self) -> float:
-        """Frobenius norm; of tilted lines an upper bound."""
+        """Frobenius norm; of tilted samples an upper bound."""
         return float(np.linalg.norm([part.block.norm for part in self.parts]))
+
+    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+        """[E Q], part by part."""
+        parts = []
+        for part in self.parts:
+            rows = range(*part.rows.indices(self.shape[0]))
+            last = np.flatnonzero(np.any(Q[part.rows] != 0, axis=0))  # the others belong to other entries
+            index = np.concatenate([np.arange(*part.columns.indices(self.shape[1])), self.shape[1] + last])
+            within = min(max(discs - rows.start, 0), len(rows))
+            parts.append((part.rows, index, part.block.design(Q[part.rows, last], within)))
+        return BlockDesign((self.shape[0], self.shape[1] + Q.shape[1]), parts)
+
+
+class DenseDesign(Design):
+    """G stored as its real and imaginary rows; real samples have none of the latter."""
+
+    def __init__(self, G: NDArray[Any], discs: int):
+        self._discs = discs
+        self._real, self._imag = np.ascontiguousarray(np.real(G)), np.ascontiguousarray(np.imag(G[:discs]))
+
+    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """G v."""
+        out = (self._real @ v).astype(complex)
+        out[: self._discs] += 1j * (self._imag @ v)
+        return out
+
+    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re G^H z."""
+        return self._real.T @ np.real(z) + self._imag.T @ np.imag(z[: self._discs])
+
+    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Weighted Gram matrix."""
+        # a |e|^2 + Re(b e^2) = (a + |b|) Re(u e)^2 + (a - |b|) Im(u e)^2 with u^2 = b/|b|: a sum of squares, one product.
+        real, imag, d = self._real, self._imag, self._discs
+        size = np.abs(b[:d])
+        turn = np.sqrt(np.where(size > 0, b[:d] / np.where(size > 0, size, 1.0), 1.0))
+        along, across = np.sqrt(a[:d] + size) * turn, np.sqrt(np.maximum(a[:d] - size, 0.0)) * turn
+        rows = np.empty((real.shape[0] + d, real.shape[1]))
+        rows[:d] = np.real(along)[:, None] * real[:d] - np.imag(along)[:, None] * imag
+        rows[d : 2 * d] = np.imag(across)[:, None] * real[:d] + np.real(across)[:, None] * imag
+        rows[2 * d :] = np.sqrt(a[d:] + np.real(b[d:]))[:, None] * real[d:]
+        return rows.T @ rows
+
+    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+        """The rows sums Re conj(c) G."""
+        rows = np.real(c)[:, None] * self._real
+        rows[: self._discs] += np.imag(c[: self._discs])[:, None] * self._imag
+        return sums @ rows
+
+
+class BlockDesign(Design):
+    """G of which every part of the rows acts on some unknowns only.
+
+    Parameters
+    ----------
+    shape : (N, n)
+    parts : list of (slice of rows, index array of unknowns, Design)
+    """
+
+    def __init__(self, shape: tuple[int, int], parts: list[tuple[slice, NDArray[Any], Design]]):
+        self._shape, self._parts = shape, parts
+
+    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """G v."""
+        out = np.zeros(self._shape[0], complex)
+        for rows, index, design in self._parts:
+            out[rows] = design.apply(v[index])
+        return out
+
+    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re G^H z."""
+        out = np.zeros(self._shape[1])
+        for rows, index, design in self._parts:
+            out[index] += design.adjoint(z[rows])
+        return out
+
+    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Weighted Gram matrix."""
+        out = np.zeros((self._shape[1], self._shape[1]))
+        for rows, index, design in self._parts:
+            out[index[:, None], index] += design.gram(a[rows], b[rows])
+        return out
+
+    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+        """The rows sums Re conj(c) G."""
+        out = np.zeros((sums.shape[0], self._shape[1]))
+        for rows, index, design in self._parts:
+            if np.any(c[rows]):
+                out[:, index] += design.turned(c[rows], sums[:, rows])
+        return out
+
+
+class IntervalDesign(Design):
+    """The rows of the samples, then real rows B of the last unknowns alone: those of the parameters' intervals."""
+
+    def __init__(self, samples: Design, count: int, B: NDArray[np.float64]):
+        self._samples, self._count, self._B = samples, count, B
+
+    def apply(self, v: NDArray[np.float64]) -> NDArray[Any]:
+        """G v."""
+        return np.concatenate([self._samples.apply(v), self._B @ v[v.size - self._B.shape[1] :]])
+
+    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Re G^H z."""
+        out = self._samples.adjoint(z[: self._count])
+        out[out.size - self._B.shape[1] :] += self._B.T @ np.real(z[self._count :])
+        return out
+
+    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Weighted Gram matrix."""
+        count, B = self._count, self._B
+        out = self._samples.gram(a[:count], b[:count])
+        first = out.shape[0] - B.shape[1]
+        out[first:, first:] += B.T @ ((a + np.real(b))[count:, None] * B)
+        return out
+
+    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+        """The rows sums Re conj(c) G: those of the intervals have none."""
+        return self._samples.turned(c[: self._count], sums[:, : self._count])

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 
-from robustid.bases import InputNormalPair, Sections
 from robustid.core import Frozen, freeze
 from robustid.errors import InputError
 from robustid.identification.formulation.assembly import Assembly, Block
-from robustid.identification.formulation.columns import BlockColumns, ColumnPart, DenseColumns, ShiftColumns
-from robustid.identification.formulation.functions import Functions, TaylorFunctions, functions_of
+from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
+from robustid.identification.formulation.functions import Functions
 from robustid.identification.problem import MixedProblem
 
 
@@ -29,7 +27,7 @@ class Rows(Frozen):
     Attributes
     ----------
     y : (N,) complex array
-    E : columns (N, n)
+    E : Columns (N, n)
         Of the coefficients x of G/K in the orthonormal basis.
     P : (N, m) complex array
         Of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
@@ -51,7 +49,7 @@ class Rows(Frozen):
     """
 
     y: np.ndarray
-    E: DenseColumns | ShiftColumns | BlockColumns
+    E: Columns
     P: np.ndarray
     fixed: np.ndarray
     tail: np.ndarray
@@ -68,7 +66,7 @@ class Rows(Frozen):
 
     @property
     def held(self) -> np.ndarray:
-        """Which parameters have an interval, (m,) bool."""
+        """Mask of the parameters that have an interval, (m,)."""
         return np.isfinite(self.ends[:, 0])
 
     @property
@@ -77,7 +75,7 @@ class Rows(Frozen):
         return self.tail.size
 
     def within(self, p: np.ndarray) -> bool:
-        """Whether every scaled parameter is in its interval."""
+        """Say whether every scaled parameter is in its interval."""
         return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
 
     def real(self, a: np.ndarray) -> np.ndarray:
@@ -95,16 +93,17 @@ class Rows(Frozen):
         return self.sizes(self.y - self.E @ x - self.P @ p) + self.tail
 
 
-def measurement_rows(problem: MixedProblem, basis: InputNormalPair | Sections) -> Rows:
-    """All samples of the problem as `Rows`: in the basis of a pair (the exact form), or of a repeated section."""
-    assembly = Assembly(problem, functions_of(problem, basis))
+def measurement_rows(functions: Functions) -> Rows:
+    """All samples of the problem as `Rows`, seen through the functions of a formulation."""
+    problem = functions.problem
+    assembly = Assembly(problem, functions)
     blocks = [block for frf in problem.frequency for block in assembly.lines(frf)]
     for record in problem.time:
         make = assembly.periodic if record.initial == "periodic" else assembly.transient
         for output in range(record.y.shape[1]):
             if np.any(np.isfinite(record.bound[:, output])):
                 blocks.append(make(record, output))
-    return _stacked(problem, blocks, assembly.functions)
+    return _stacked(problem, blocks, functions)
 
 
 def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -> Rows:
@@ -148,17 +147,12 @@ def _cones(blocks: list[Block]) -> np.ndarray | None:
     return np.concatenate(numbers)
 
 
-def _joined(blocks: list[Block], width: int, functions: Functions) -> DenseColumns | ShiftColumns | BlockColumns:
+def _joined(blocks: list[Block], width: int, functions: Functions) -> Columns:
     """The columns of all blocks, in one piece where they all act on all coefficients in one way."""
-    everywhere = all(block.columns == slice(0, width) for block in blocks)
-    lines, real = (
-        [block.E for block in blocks if block.complex],
-        [block.E.dense() for block in blocks if not block.complex],
-    )
-    if everywhere and isinstance(functions, TaylorFunctions) and all(isinstance(part, ShiftColumns) for part in lines):
-        return _merged(functions.decay, lines, real)
-    if everywhere and all(isinstance(part, DenseColumns) for part in lines):
-        return DenseColumns(np.vstack([block.E.dense() for block in blocks]))
+    if all(block.columns == slice(0, width) for block in blocks):
+        lines, real = ([block.E for block in blocks if block.complex is kind] for kind in (True, False))
+        if (together := functions.joined(lines, real)) is not None:
+            return together
     parts, row = [], 0
     for block in blocks:
         parts.append(ColumnPart(slice(row, row + block.y.size), block.columns, block.E))
@@ -166,23 +160,13 @@ def _joined(blocks: list[Block], width: int, functions: Functions) -> DenseColum
     return BlockColumns(tuple(parts), (row, width))
 
 
-def _merged(decay: np.ndarray, lines: list[Any], real: list[np.ndarray]) -> ShiftColumns:
-    """Lines of several experiments, and rows of records, of one entry."""
-    tilt = None
-    if any(part.tilt is not None for part in lines):
-        tilt = np.concatenate([np.zeros(part.angles.size) if part.tilt is None else part.tilt for part in lines])
-    rows = np.real(np.vstack([np.zeros((0, decay.size)), *real]))
-    angles, gain = (np.concatenate([np.zeros(0), *(getattr(part, n) for part in lines)]) for n in ("angles", "gain"))
-    return ShiftColumns(angles, gain, decay, rows, tilt)
-
-
 def _parameter_name(problem: MixedProblem, column: int) -> str:
-    """Of a column of P."""
+    """Name of a column of P in messages."""
     basis, entries = problem.parametric, problem.entries
     if basis is None or column >= basis.size * entries.count:
         return "of a transient"
     label = basis.labels[column % basis.size]
-    if entries.single:
+    if entries.single:  # the user counts the functions
         return f"number {column} ({label})"
     output, input = (int(k) for k in np.argwhere(entries.basis[column // basis.size])[0])
     return f"{label} of the entry from {problem.inputs[input].name} to {problem.outputs[output].name}"

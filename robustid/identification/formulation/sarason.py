@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import functools
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.bases import InputNormalPair, Sections, shift_pair, solve_stein
+from robustid.bases import InputNormalPair, solve_stein
 from robustid.core import Frozen, freeze
-from robustid.identification.formulation.entries import SINGLE, Entries
+from robustid.identification.entries import SINGLE, Entries
+from robustid.identification.formulation.ball import (
+    Ball,
+    DenseMap,
+    DenseProducts,
+    EntryProducts,
+    Inequalities,
+    MatrixBall,
+    SymmetricBall,
+    SymmetricMap,
+    TurnedMap,
+)
+from robustid.identification.interpolant import Interpolants, interpolants
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class SarasonMap(Frozen):
+class SarasonMap(Frozen, abc.ABC):
     """x -> X(x) = g(A), the solution of X - A'XA = c'x, and its symmetric form H = T X.
 
-    A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1. For one channel
-    T X is symmetric, hence the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n.
+    A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1. For SISO T X is symmetric, hence
+    the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n.
 
     Matrix functions, p x q, have n coefficients an entry, and the condition is the same for X(x) = sum_j X(e_j) (x) x_j
     (Kronecker products), of size np x nq.
@@ -27,6 +41,10 @@ class SarasonMap(Frozen):
     pair : InputNormalPair
     entries : Entries
         Outputs and inputs; x is a vector of `size` numbers.
+    graded : bool
+        Whether the columns of the samples fall in size along the basis, or it is small: else their axes are computed.
+    conic : bool
+        Whether the condition is for general semidefinite solvers in the first place.
 
     Notes
     -----
@@ -35,7 +53,9 @@ class SarasonMap(Frozen):
     """
 
     pair: InputNormalPair
-    entries: Entries = SINGLE
+    entries: Entries
+    graded: ClassVar[bool] = True
+    conic: ClassVar[bool] = False
 
     @property
     def size(self) -> int:
@@ -44,11 +64,16 @@ class SarasonMap(Frozen):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of X, (np, nq)."""
+        """Shape of X, (np, nq)."""
         return self.pair.order * self.entries.outputs, self.pair.order * self.entries.inputs
 
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the semidefinite blocks of the condition."""
+        return self.entries.blocks(self.pair.order)
+
     @functools.cached_property
-    def basis(self) -> np.ndarray:
+    def basis(self) -> NDArray[np.float64]:
         """X(e_j) of one entry for every unit vector, shape (n, n, n)."""
         n = self.pair.order
         unit = np.zeros((n, n, n))
@@ -56,139 +81,79 @@ class SarasonMap(Frozen):
         return freeze(solve_stein(self.pair.A.T, self.pair.A, unit))
 
     @functools.cached_property
-    def unit_matrices(self) -> np.ndarray:
+    def unit_matrices(self) -> NDArray[np.float64]:
         """X of every unit vector of all entries, (size, np, nq)."""
-        if self.entries.single:
-            return self.basis
         parts = self.entries.basis[:, None, None, :, None, :] * self.basis[None, :, :, None, :, None]
         return freeze(parts.reshape(self.size, *self.shape))
 
     @functools.cached_property
-    def symmetry(self) -> np.ndarray:
+    def symmetry(self) -> NDArray[np.float64]:
         """The T of `InputNormalPair.symmetry`."""
         return freeze(self.pair.symmetry())
 
     @functools.cached_property
-    def symmetric_basis(self) -> np.ndarray:
+    def symmetric_basis(self) -> NDArray[np.float64]:
         """H(e_j) = T X(e_j), symmetrised, shape (n, n, n)."""
         H = self.symmetry @ self.basis
         return freeze((H + H.transpose(0, 2, 1)) / 2)
 
-    def turned(self, M: np.ndarray) -> np.ndarray:
-        """T M, of matrices (T (x) I) M; T is symmetric and orthogonal, its own inverse."""
+    def turned(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
+        """T M, for MIMO (T (x) I) M; T is symmetric and orthogonal, its own inverse."""
         return self._turned(M.reshape(self.pair.order, M.size // max(self.pair.order, 1))).reshape(M.shape)
 
-    def matrix(self, x: np.ndarray) -> np.ndarray:
+    def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """X(x)."""
-        if self.entries.single:
-            return self._matrix(x)
-        return self.joined(self._matrix(self.entries.expand(x)))
+        return self.entries.joined(self._matrices(self.entries.expand(x)))
 
-    def stein(self, Y: np.ndarray) -> np.ndarray:
-        """The S with S - A S A' = Y: <Y, X(x)> = <`first_row`(S), x> for all x; entry by entry of matrices."""
-        if self.entries.single:
-            return self._stein(Y)
-        return self.joined(self._stein(self.parted(Y)))
+    def stein(self, Y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The S with S - A S A' = Y, entry by entry: <Y, X(x)> = <`first_row`(S), x> for all x."""
+        return self.entries.joined(self._stein(self.entries.parted(Y)))
 
-    def first_row(self, S: np.ndarray) -> np.ndarray:
+    def first_row(self, S: NDArray[np.float64]) -> NDArray[np.float64]:
         """The weights c S of x, (size,)."""
-        return self.entries.collapse(self.pair.c[0] @ self.parted(S))
+        return self.entries.collapse(self.pair.c[0] @ self.entries.parted(S))
 
-    def parted(self, M: np.ndarray) -> np.ndarray:
-        """The matrix (np, nq) entry by entry, (p, q, n, n)."""
-        n, p, q = self.pair.order, self.entries.outputs, self.entries.inputs
-        return M.reshape(n, p, n, q).transpose(1, 3, 0, 2)
-
-    def joined(self, parts: np.ndarray) -> np.ndarray:
-        """The matrix (np, nq) of its entries (p, q, n, n)."""
-        return parts.transpose(2, 0, 3, 1).reshape(self.shape)
-
-    def norm(self, x: np.ndarray) -> float:
+    def norm(self, x: NDArray[np.float64]) -> float:
         """||X(x)||, the smallest gain of any function with these data."""
         return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
 
-    def _matrix(self, x: np.ndarray) -> np.ndarray:
-        """X(x) of one entry or of a stack of them, from its Stein equation."""
+    def interpolants(self, x: NDArray[np.float64]) -> Interpolants:
+        """All functions of the unit ball with the data x; needs ||X(x)|| < 1."""
+        return interpolants(self.pair, self.entries.parted(self.matrix(x)), self.entries.expand(x))
+
+    def ball(self, axes: NDArray[np.float64] | None = None) -> Ball:
+        """||X|| <= b as semidefinite blocks of x, of its coordinates along `axes` where they are given, in the fastest form."""
+        if not self.entries.single:
+            return MatrixBall(self.entries, self.pair.order, self._products())
+        symmetric = self._symmetric_map()
+        return SymmetricBall(symmetric if axes is None else TurnedMap(symmetric, axes))
+
+    def inequalities(self) -> Inequalities:
+        """||X|| <= b as linear matrix inequalities of stored matrices, for general solvers."""
+        return self.ball().inequalities(self.unit_matrices, self.symmetric_basis, self.turned)
+
+    def _matrices(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """X of every entry, (p, q, n, n), of (p, q, n), from its Stein equation."""
         return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ x[..., None, :])
 
-    def _stein(self, Y: np.ndarray) -> np.ndarray:
+    def _stein(self, Y: NDArray[np.float64]) -> NDArray[np.float64]:
         return solve_stein(self.pair.A, self.pair.A.T, Y)
 
-    def _turned(self, M: np.ndarray) -> np.ndarray:
+    def _turned(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.symmetry @ M
 
+    def _symmetric_map(self) -> SymmetricMap:
+        """H of one entry."""
+        return DenseMap(self.symmetric_basis)
 
-class ShiftMap(SarasonMap):
-    """The map of the first L Taylor coefficients: X(x) is the upper-triangular Toeplitz matrix with first row x.
-
-    T is the flip and H(x) a Hankel matrix; nothing of size L^3 is stored.
-    """
-
-    def __init__(self, length: int, entries: Entries = SINGLE):
-        super().__init__(shift_pair(length), entries)
-
-    def __reduce__(self):
-        return ShiftMap, (self.pair.order, self.entries)
-
-    def _matrix(self, x: np.ndarray) -> np.ndarray:
-        if x.ndim > 1:
-            return np.array([self._matrix(part) for part in x])
-        padded = np.concatenate([np.zeros(max(self.pair.order - 1, 0)), x])
-        return np.lib.stride_tricks.sliding_window_view(padded, self.pair.order)[::-1].copy()
-
-    def _stein(self, Y: np.ndarray) -> np.ndarray:
-        """Sums along the diagonals, from the lower right corner."""
-        S = np.array(Y)
-        for row in range(S.shape[-2] - 2, -1, -1):
-            S[..., row, :-1] += S[..., row + 1, 1:]
-        return S
-
-    def _turned(self, M: np.ndarray) -> np.ndarray:
-        """M upside down."""
-        return M[::-1]
+    def _products(self) -> EntryProducts:
+        """H of every entry of a matrix."""
+        return DenseProducts(self.symmetric_basis)
 
 
-class SectionMap(SarasonMap):
-    """The map of a repeated section: X(x) is block upper triangular and Toeplitz, T the block flip with T of the section.
+@dataclasses.dataclass(frozen=True, eq=False)
+class PairMap(SarasonMap):
+    """The map of any input-normal pair."""
 
-    Block k above the diagonal is P(x_k) + Q(x_(k-1)): a function e(zeta) x_k' of one section acts on one section or two.
-    """
-
-    def __init__(self, sections: Sections):
-        super().__init__(sections.pair)
-        self._set(sections=sections)
-
-    sections: Sections
-
-    def __reduce__(self):
-        return SectionMap, (self.sections,)
-
-    @functools.cached_property
-    def maps(self) -> tuple[np.ndarray, np.ndarray]:
-        """P(e_a) and Q(e_a) for every unit vector, each (m, m, m)."""
-        m = self.sections.degree
-        two = SarasonMap(dataclasses.replace(self.sections, repeats=2).pair).basis[:m, :m]
-        return freeze(two[..., :m]), freeze(two[..., m:])
-
-    @functools.cached_property
-    def symmetry(self) -> np.ndarray:
-        """T."""
-        return freeze(np.kron(np.eye(self.sections.repeats)[::-1], self.sections.section.symmetry()))
-
-    def blocks(self, x: np.ndarray) -> np.ndarray:
-        """P(x_k) + Q(x_(k-1)), (M, m, m)."""
-        P, Q = self.maps
-        parts = np.reshape(x, (self.sections.repeats, self.sections.degree))
-        blocks = np.tensordot(parts, P, 1)
-        blocks[1:] += np.tensordot(parts[:-1], Q, 1)
-        return blocks
-
-    def _matrix(self, x: np.ndarray) -> np.ndarray:
-        return antidiagonal_blocks(self.blocks(x))[::-1].reshape(2 * (self.pair.order,))
-
-
-def antidiagonal_blocks(blocks: np.ndarray) -> np.ndarray:
-    """(M, m, M, m): block k + j - (M - 1) in the place (k, j), zero above the antidiagonal."""
-    M = blocks.shape[0]
-    padded = np.concatenate([np.zeros((M - 1, *blocks.shape[1:])), blocks])
-    return np.lib.stride_tricks.sliding_window_view(padded, M, axis=0).transpose(0, 1, 3, 2).copy()
+    pair: InputNormalPair
+    entries: Entries = SINGLE

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from robustid.errors import InputError, SolverError
-from robustid.identification.formulation.classical import ClassicalForm
+from robustid.identification.formulation.ball import Inequalities
+from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.rows import Rows
-from robustid.identification.solver.conic import Candidate, ConvexData
 
 _log = logging.getLogger("robustid.identification.solver")
 
@@ -49,14 +49,7 @@ def solver_name(solver: str) -> str:
     return name
 
 
-def solve_conic(
-    data: ConvexData,
-    objective: str,
-    *,
-    solver: str,
-    factor: float = 1.0,
-    classical: ClassicalForm | None = None,
-) -> Candidate:
+def solve_conic(data: ConvexData, objective: str, *, solver: str, factor: float = 1.0) -> Candidate:
     """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
 
     All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
@@ -72,7 +65,8 @@ def solve_conic(
     y, E, Q = rows.real(data.y), rows.real(rows.E.dense()), rows.real(Q)
     n, samples = data.sarason.size, rows.y.size
     unknown, q, level = cp.Variable(n), cp.Variable(Q.shape[1]), cp.Variable()
-    x = unknown if classical is None else classical.to_orthonormal @ unknown
+    condition = data.sarason.inequalities() if n else None
+    x = unknown if condition is None or condition.change is None else condition.change @ unknown
     residual = y - E @ x - (Q @ q if Q.shape[1] else 0)
     if objective == "margin":
         reach, ball = level * np.ones(rows.cones), 1.0
@@ -80,14 +74,9 @@ def solve_conic(
         reach, ball = factor * (rows.fixed + level * (1 - rows.fixed)) - level * rows.tail, level
     else:
         reach, ball = factor - rows.tail, 1.0
-    groups, cones = _sample_groups(rows), []
+    groups = _sample_groups(rows)
     limits = [_limit(reach, residual, samples, *group) for group in groups]
-    if n and classical is None:
-        cones = _ball_cones(data, unknown, ball)
-    elif n and classical is not None:
-        Z = cp.reshape(classical.data_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
-        inverse = np.linalg.inv(classical.gram)
-        cones = [cp.bmat([[ball * inverse, Z], [Z.T, ball * classical.gram]]) >> 0]
+    cones = [] if condition is None else _ball_cones(condition, unknown, ball)
     inside = [cp.abs(a - B @ q) <= 1] if a.size else []
     cost: Any = level
     if objective == "order":
@@ -107,7 +96,7 @@ def solve_conic(
     coefficients = np.zeros(0) if not n else np.asarray(x.value)
     parameters = data.scaled_parameters(np.zeros(0) if q.value is None else np.asarray(q.value))
     multipliers = _sample_multipliers(limits, groups, samples)
-    return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, data, classical), name)
+    return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, condition, data), name)
 
 
 def _run(program: Any, name: str) -> None:
@@ -154,18 +143,15 @@ def _limit(reach: Any, residual: Any, samples: int, bounds: np.ndarray, members:
     return [cp.SOC(reach[bounds], parts, axis=0)]
 
 
-def _ball_cones(data: ConvexData, unknown: Any, ball: Any) -> list:
-    """||X|| <= ball: of one channel two blocks of size n, of matrices one of size n(p + q)."""
+def _ball_cones(condition: Inequalities, unknown: Any, ball: Any) -> list:
+    """||X|| <= ball as semidefinite constraints."""
     import cvxpy as cp
 
-    sarason = data.sarason
-    if sarason.entries.single:
-        n = sarason.size
-        H = cp.reshape(sarason.symmetric_basis.reshape(n, -1).T @ unknown, (n, n), order="C")
-        return [ball * np.eye(n) - H >> 0, ball * np.eye(n) + H >> 0]
-    X = cp.reshape(sarason.unit_matrices.reshape(sarason.size, -1).T @ unknown, sarason.shape, order="C")
-    high, wide = sarason.shape
-    return [cp.bmat([[ball * np.eye(high), X], [X.T, ball * np.eye(wide)]]) >> 0]
+    cones = []
+    for constant, coefficients in zip(condition.constants, condition.coefficients, strict=True):
+        flat, shape = coefficients.reshape(coefficients.shape[0], -1), constant.shape
+        cones.append(ball * constant + cp.reshape(flat.T @ unknown, shape, order="C") >> 0)
+    return cones
 
 
 def _sample_multipliers(limits: list, groups: list[_Group], samples: int) -> np.ndarray:
@@ -184,18 +170,8 @@ def _sample_multipliers(limits: list, groups: list[_Group], samples: int) -> np.
     return out
 
 
-def _ball_multiplier(cones: list, data: ConvexData, classical: ClassicalForm | None) -> np.ndarray:
+def _ball_multiplier(cones: list, condition: Inequalities | None, data: ConvexData) -> np.ndarray:
     """Y with <Y, X> <= ||Y||_* on the ball, from the multipliers of the semidefinite blocks."""
-    sarason = data.sarason
-    n = sarason.pair.order
-    if not cones or any(c.dual_value is None for c in cones):
-        return np.zeros(sarason.shape)
-    if classical is None and not sarason.entries.single:
-        return -2 * np.asarray(cones[0].dual_value)[: sarason.shape[0], sarason.shape[0] :]
-    if classical is None:
-        # <Z1, I - H> + <Z2, I + H> >= 0 with H = T X.
-        return sarason.symmetry @ (np.asarray(cones[0].dual_value) - np.asarray(cones[1].dual_value))
-    # [M0^{-1} Z; Z' M0] = F [I X; X' I] F' with F = diag(V^{-1}, V'): move the multiplier to the orthonormal basis.
-    inverse = np.linalg.inv(classical.V)
-    upper = np.asarray(cones[0].dual_value)[:n, n:]
-    return -2 * inverse.T @ upper @ classical.V.T
+    if condition is None or any(c.dual_value is None for c in cones):
+        return np.zeros(data.sarason.shape)
+    return condition.multiplier([np.asarray(c.dual_value) for c in cones])

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from robustid.identification.solver import discs
-from robustid.identification.solver.ball import Ball, longest_step
-from robustid.identification.solver.design import Design
+from robustid.identification.formulation.ball import Ball
+from robustid.identification.formulation.columns import Design
+from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
 
 _log = logging.getLogger("robustid.identification.solver")
 
@@ -42,7 +42,7 @@ class Program:
 
     ball: Ball
     design: Design
-    cones: discs.Cones
+    cones: Cones
     y: np.ndarray
     limits: Limits
     cost: float | None
@@ -73,13 +73,13 @@ class Iterate:
     v: np.ndarray
     t: float
     Z: list[np.ndarray]
-    z: discs.Pair
+    z: Pair
     gap: float = np.inf
     dual: float = np.inf
 
     @property
     def estimate(self) -> float:
-        """Gap to the optimum, nearly: what is missing in the dual equalities counts with the size of the unknowns."""
+        """Gap to the optimum, approximately: what is missing in the dual equalities counts with the size of the unknowns."""
         return self.gap + self.dual * (1 + float(np.linalg.norm(self.v)) + abs(self.t))
 
 
@@ -99,12 +99,12 @@ class _State:
         self.mu = at.gap / program.degree
         self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
         at.dual = float(np.linalg.norm(self.residual))
-        self.scaling = discs.Scaling(cones, self.s, at.z)
+        self.scaling = Scaling(cones, self.s, at.z)
         if not cones.determinant(self.scaling.point).min(initial=1) > 0:
             raise np.linalg.LinAlgError("a scaled point has lost its digits")
 
     def _dual_residual(
-        self, Z: list[np.ndarray], z: discs.Pair, linear: np.ndarray | float, cost: float | None
+        self, Z: list[np.ndarray], z: Pair, linear: np.ndarray | float, cost: float | None
     ) -> np.ndarray:
         """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
         program = self.program
@@ -155,7 +155,7 @@ class _State:
             found = found + self.scale * self._solve(self.scale * rest)
         return found
 
-    def direction(self, target: list[np.ndarray], aim: discs.Pair) -> _Direction:
+    def direction(self, target: list[np.ndarray], aim: Pair) -> _Direction:
         """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step."""
         program, at, n = self.program, self.at, self.program.ball.size
         missing = self._dual_residual(target, aim, 0.0, 0.0)
@@ -213,8 +213,8 @@ class _Direction:
     dS: list[np.ndarray]
     dZ: list[np.ndarray]
     turned: list[np.ndarray]
-    ds: discs.Pair
-    dz: discs.Pair
+    ds: Pair
+    dz: Pair
 
     def moved(self, at: Iterate, primal: float, dual: float) -> Iterate:
         Z = [Z + dual * dZ for Z, dZ in zip(at.Z, self.dZ, strict=True)]
@@ -222,7 +222,7 @@ class _Direction:
         return Iterate(at.v + primal * self.dv, at.t + primal * self.dt, Z, z)
 
 
-def inner(cones: discs.Cones, S: list[np.ndarray], Z: list[np.ndarray], s: discs.Pair, z: discs.Pair) -> float:
+def inner(cones: Cones, S: list[np.ndarray], Z: list[np.ndarray], s: Pair, z: Pair) -> float:
     """<S, Z> + <s, z>."""
     blocks = sum(float(np.vdot(a, b)) for a, b in zip(S, Z, strict=True))
     return blocks + float(s[0] @ z[0] + np.sum(cones.dot(s[1], z[1])))
@@ -244,7 +244,7 @@ def start(program: Program, v: np.ndarray, t: float) -> Iterate:
     return Iterate(v, t, [mu * block for block in inverse], (mu * z[0], mu * z[1]))
 
 
-def _slacks(program: Program, v: np.ndarray, t: float) -> tuple[list[np.ndarray], discs.Pair]:
+def _slacks(program: Program, v: np.ndarray, t: float) -> tuple[list[np.ndarray], Pair]:
     """The slacks S_k of the ball and (r, e) of the samples."""
     limits, n = program.limits, program.ball.size
     radius = limits.ball[0] + limits.ball[1] * t

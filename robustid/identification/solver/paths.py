@@ -9,11 +9,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.errors import SolverError
-from robustid.identification.formulation.columns import DenseColumns
-from robustid.identification.solver.ball import ball_of
-from robustid.identification.solver.conic import Candidate, ConvexData
-from robustid.identification.solver.design import IntervalDesign, design_of
-from robustid.identification.solver.discs import Cones
+from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
+from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.solver.cones import Cones
 from robustid.identification.solver.interior_point import Iterate, Limits, Program, center, extent, path, start
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
@@ -22,10 +20,10 @@ _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
-    E, ball, y, cones = rows.E, ball_of(data.sarason, data.axes), data.y, Cones(rows.cones, rows.cone)
+    E, ball, y, cones = rows.E, data.sarason.ball(data.axes), data.y, Cones(rows.cones, rows.cone)
     if data.axes is not None:
         E = DenseColumns(E.dense() @ data.axes)
-    design = design_of(E, Q, rows.discs)
+    design = E.design(Q, rows.discs)
     if a.size:
         cones = cones.followed_by(a.size)
         design, y = IntervalDesign(design, y.size, B), np.concatenate([y, a])
@@ -36,14 +34,10 @@ def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.nd
     return Program(ball, design, cones, y, limits, cost, w)
 
 
-def _candidate(data: ConvexData, at: Iterate) -> Candidate:
-    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, and <Y, X> <= ||Y||_*.
-
-    Of one channel Y = T (Z+ - Z-), of matrices Y = -2 (T (x) I) Z_12.
-    """
-    n, sarason = data.sarason.size, data.sarason
-    high = sarason.shape[0]
-    Y = sarason.turned(at.Z[0] - at.Z[1] if sarason.entries.single else -2 * at.Z[0][:high, high:])
+def _candidate(data: ConvexData, program: Program, at: Iterate) -> Candidate:
+    """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, and <Y, X> <= ||Y||_*."""
+    n = data.sarason.size
+    Y = data.sarason.turned(program.ball.multiplier(at.Z))
     x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
     return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
@@ -55,7 +49,7 @@ def _unknowns(data: ConvexData, point: Candidate) -> np.ndarray:
 
 
 def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
-    """Points on the way to min s, ||X|| <= 1, |e_k| <= s: (candidate, s, gap to the smallest margin, nearly).
+    """Points on the way to min s, ||X|| <= 1, |e_k| <= s: (candidate, s, estimated gap to the smallest margin).
 
     The tails are left out of s. Ends at the limit of working precision.
     """
@@ -70,7 +64,7 @@ def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
     # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
     floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
     for at in path(program, start(program, v, 2 * max(worst, floor))):
-        yield _candidate(data, at), at.t, at.estimate
+        yield _candidate(data, program, at), at.t, at.estimate
         if at.estimate < _LAST * at.t or at.t <= 4 * floor:
             return
 
@@ -82,7 +76,7 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
     program = _program(data, Limits((0.0, 1.0), reach), 1.0)
     v = _unknowns(data, inside)
     for at in path(program, start(program, v, 1.0)):
-        yield _candidate(data, at), at.t, at.estimate
+        yield _candidate(data, program, at), at.t, at.estimate
         if at.estimate < _LAST * at.t or at.t <= 1e-12:
             return
 
@@ -109,7 +103,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
             at = center(program, _unknowns(data, point))
         except np.linalg.LinAlgError:
             continue  # on the border of the ball, to working precision
-        return dataclasses.replace(_candidate(data, at), solver="analytic centre")
+        return dataclasses.replace(_candidate(data, program, at), solver="analytic centre")
     raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {best:.9g}")
 
 
@@ -118,7 +112,7 @@ def support_path(
 ) -> Iterator[tuple[Candidate, float, float]]:
     """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
 
-    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), nearly.
+    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), approximately.
     The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
     """
     count = data.rows.cones
@@ -136,7 +130,7 @@ def support_path(
         return
     program = _program(data, limits, None, -w / size)
     for at in path(program, start(program, v, 0.0)):
-        value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, at)
+        value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, program, at)
         yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
         if gap < _LAST * max(abs(value), size):
             return

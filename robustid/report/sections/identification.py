@@ -184,7 +184,7 @@ def margin_words(identification: Identification) -> str:
         " Its upper end is reached by a system, its lower end is proved by a certificate; both were recomputed"
         " from the numbers."
     )
-    if identification.length:
+    if not identification.formulation.exact:
         meaning += (
             f" They were found in a finite form of G, {identification.form}; what it leaves out moves no sample by more"
             f" than {number(identification.tail, 2)} of its bound, and both ends allow for that."

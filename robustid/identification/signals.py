@@ -13,7 +13,7 @@ from robustid.errors import InputError
 _RANK = 1e-10  # directions that carry less of the excitation than this, relatively, are rounding
 
 
-def check_channels(experiments: Sequence[Any]) -> None:
+def check_signals(experiments: Sequence[Any]) -> None:
     """The same inputs and outputs in all experiments; channels without a name of their own go with any."""
     first = experiments[0]
     for item in experiments[1:]:

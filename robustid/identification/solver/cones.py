@@ -1,4 +1,4 @@
-"""The samples |e_k| <= r_k as second-order cones (r, e) in R x C^d, with their Nesterov-Todd scaling.
+"""The samples |e_k| <= r_k as second-order cones (r, e) in R x C^d, with their Nesterov-Todd scaling; steps to borders.
 
 Most cones hold one sample, d = 1; a bound on several samples together has all of them. Real samples are discs whose imaginary
 parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c, d) = (ac + Re <b, d>, ad + cb); inner products
@@ -7,13 +7,16 @@ parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c,
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import scipy.linalg
 
 Pair = tuple[np.ndarray, np.ndarray]
 
 
 class Cones:
-    """Which sample belongs to which cone.
+    """Cones, and the samples that belong to each.
 
     Parameters
     ----------
@@ -35,7 +38,7 @@ class Cones:
         return second if self.cone is None else np.bincount(self.cone, second, minlength=self.count)
 
     def followed_by(self, more: int) -> Cones:
-        """With further cones of one sample each."""
+        """The same cones and further ones of one sample each."""
         cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
         return Cones(self.count + more, cone)
 
@@ -127,3 +130,39 @@ class Scaling:
         w1, each = sign * self.w[1], self._cones.each
         along = self._cones.dot(w1, d[1])
         return self.w[0] * d[0] + along, w1 * each(d[0] + along / (1 + self.w[0])) + d[1]
+
+
+def longest_step(factor: np.ndarray, direction: np.ndarray) -> float:
+    """Largest a with LL' + a D >= 0, from the smallest eigenvalue of L^-1 D L^-T; a little less for large sizes."""
+    n = factor.shape[0]
+    if n == 0:
+        return np.inf
+    if n <= _DENSE:
+        half = scipy.linalg.solve_triangular(factor, direction, lower=True, check_finite=False)
+        scaled = scipy.linalg.solve_triangular(factor, half.T, lower=True, check_finite=False)
+        smallest = scipy.linalg.eigvalsh(scaled, subset_by_index=[0, 0], check_finite=False)[0]
+    else:
+        smallest = 1.001 * _smallest(factor, direction)
+    return -1 / smallest if smallest < 0 else np.inf
+
+
+_DENSE = 160  # below, a dense eigenvalue routine is quicker than Lanczos
+
+
+def _smallest(factor: np.ndarray, direction: np.ndarray) -> float:
+    import scipy.sparse.linalg
+
+    upper = factor.T  # in Fortran's order as it is: no copies
+
+    def product(v: np.ndarray) -> np.ndarray:
+        v = scipy.linalg.blas.dtrsv(upper, v.ravel(), lower=0)
+        return scipy.linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
+
+    arpack: Any = scipy.sparse.linalg
+    operator = arpack.LinearOperator(direction.shape, matvec=product, dtype=float)
+    start = np.ones(direction.shape[0])
+    try:
+        return float(arpack.eigsh(operator, k=1, which="SA", tol=1e-3, v0=start, return_eigenvectors=False)[0])
+    except arpack.ArpackNoConvergence as stop:
+        # Ritz values lie inside the spectrum: the step found is too long, and the caller shortens it.
+        return float(min(stop.eigenvalues, default=0.0))

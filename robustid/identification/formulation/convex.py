@@ -1,16 +1,18 @@
-"""The numbers that every solver gets, and what it must return."""
+"""The finite convex problem that every solver gets, and what it must return."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import Frozen
 from robustid.identification.formulation.rows import Rows
-from robustid.identification.formulation.sarason import SarasonMap, SectionMap
+from robustid.identification.formulation.sarason import SarasonMap
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -25,8 +27,8 @@ class ConvexData(Frozen):
     sarason: SarasonMap
 
     @functools.cached_property
-    def origin(self) -> np.ndarray:
-        """Where p is counted from, (m,): 0 for free ones, else the value inside the interval that suits least squares.
+    def origin(self) -> NDArray[np.float64]:
+        """Point from which p is counted, (m,): 0 for free ones, else the value inside the interval that suits least squares.
 
         Not the middle: an interval far wider than what the data leave would cost digits.
         """
@@ -39,29 +41,29 @@ class ConvexData(Frozen):
         return out
 
     @property
-    def y(self) -> np.ndarray:
+    def y(self) -> NDArray[Any]:
         """Samples minus what p = `origin` explains, (N,)."""
         return self.rows.y - self.rows.P @ self.origin
 
     @property
-    def orthonormal(self) -> tuple[np.ndarray, np.ndarray]:
+    def orthonormal(self) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Q (N, m) complex and R; with the columns of `intervals` below, Q is orthonormal as stacked real columns."""
         Q, R, _ = self._factors
         return Q, R
 
     @property
-    def intervals(self) -> tuple[np.ndarray, np.ndarray]:
+    def intervals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The intervals |a - B q| <= 1 of the parameters that are neither free nor fixed: a (K,) and B (K, m)."""
         low, high = self.rows.ends[self.rows.held & self._loose].T
         return (low + high - 2 * self.origin[self.rows.held & self._loose]) / (high - low), self._factors[2]
 
     @functools.cached_property
-    def _loose(self) -> np.ndarray:
-        """Which parameters are not fixed."""
+    def _loose(self) -> NDArray[np.bool_]:
+        """Mask of the parameters that are not fixed, (m,)."""
         return self.rows.ends[:, 0] < self.rows.ends[:, 1]
 
     @functools.cached_property
-    def _factors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _factors(self) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
         rows, discs, count = self.rows, self.rows.discs, self.rows.y.size
         P, (low, high) = rows.P[:, self._loose], rows.ends[self._loose].T
         held = np.isfinite(low)
@@ -72,36 +74,36 @@ class ConvexData(Frozen):
         return out, R, Q[count + discs :]
 
     @functools.cached_property
-    def axes(self) -> np.ndarray | None:
-        """Orthogonal V of a repeated section: in the coordinates y of x = V y the columns E V are orthogonal and fall in size.
+    def axes(self) -> NDArray[np.float64] | None:
+        """Orthogonal V for a basis that is not graded: with x = V y the columns E V of y are orthogonal and fall in size.
 
         Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof for
-        456 coefficients and 1000 lines comes out a thousand times sharper. None where the basis is graded (the shift) or small.
+        456 coefficients and 1000 lines comes out a thousand times sharper. None where it is graded (the shift) or small.
         """
-        if not isinstance(self.sarason, SectionMap):
+        if self.sarason.graded:
             return None
         R = np.linalg.qr(self.rows.real(self.rows.E.dense()), mode="r")
         return np.linalg.svd(R)[2].T
 
-    def scaled_parameters(self, q: np.ndarray) -> np.ndarray:
-        """The p of q, what rounding has put outside its interval put back."""
+    def scaled_parameters(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The p of q; those that rounding has put outside of their interval are put back."""
         p = self.origin.copy()
         if q.size:
             p[self._loose] += scipy.linalg.solve_triangular(self.orthonormal[1], q)
         return np.clip(p, *self.rows.ends.T)
 
-    def orthonormal_parameters(self, p: np.ndarray) -> np.ndarray:
+    def orthonormal_parameters(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """The q = R (p - origin)."""
         return self.orthonormal[1] @ (p - self.origin)[self._loose]
 
-    def margin(self, x: np.ndarray, p: np.ndarray) -> float:
+    def margin(self, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
         """Largest (|residual| + tail)/bound, evaluated from the numbers: some system with these coefficients keeps it.
 
         Infinite where a parameter is outside its interval.
         """
         return float(self.rows.ratio(x, p).max()) if self.rows.within(p) else np.inf
 
-    def direction(self, along: np.ndarray) -> np.ndarray:
+    def direction(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
         """The w with w'q = along'(p - origin)."""
         R = self.orthonormal[1]
         return scipy.linalg.solve_triangular(R, along[self._loose], trans=1) if R.size else np.zeros(0)
@@ -109,7 +111,7 @@ class ConvexData(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Candidate:
-    """What a solver returned, unverified.
+    """Numbers that a solver returned, unverified.
 
     Attributes
     ----------
@@ -119,13 +121,13 @@ class Candidate:
         Scaled parameters.
     samples : (N,) complex array
         Multipliers of the samples.
-    ball : (n, n) array, of matrices (np, nq)
+    ball : (np, nq) array
         Multiplier of the contraction X.
     solver : str
     """
 
-    x: np.ndarray
-    p: np.ndarray
-    samples: np.ndarray
-    ball: np.ndarray
+    x: NDArray[np.float64]
+    p: NDArray[np.float64]
+    samples: NDArray[Any]
+    ball: NDArray[np.float64]
     solver: str

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Frozen, freeze
 
@@ -26,7 +28,7 @@ class Entries(Frozen):
 
     Examples
     --------
-    >>> from robustid.identification.formulation.entries import Entries
+    >>> from robustid.identification.entries import Entries
     >>> Entries(2, 2, symmetric=True).expand([1.0, 0.0, 3.0])[..., 0]
     array([[1., 0.],
            [0., 3.]])
@@ -37,7 +39,7 @@ class Entries(Frozen):
     symmetric: bool = False
 
     @functools.cached_property
-    def basis(self) -> np.ndarray:
+    def basis(self) -> NDArray[np.float64]:
         """The matrices of the unit vectors, orthonormal, (count, p, q)."""
         p, q = self.outputs, self.inputs
         unit = np.eye(p * q).reshape(p * q, p, q)
@@ -54,9 +56,23 @@ class Entries(Frozen):
         return p * (p + 1) // 2 if self.symmetric else p * q
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """(p, q)."""
+        return self.outputs, self.inputs
+
+    @property
     def single(self) -> bool:
         """Whether there is one output and one input."""
         return self.outputs == self.inputs == 1
+
+    @property
+    def each(self) -> str:
+        """The words " an entry" behind a number of coefficients; nothing for SISO."""
+        return "" if self.single else " an entry"
+
+    def as_given(self, matrices: NDArray[Any]) -> NDArray[Any]:
+        """Matrices (k, p, q) as users see them: numbers (k,) for SISO."""
+        return matrices[:, 0, 0] if self.single else matrices
 
     @property
     def reach(self) -> float:
@@ -71,24 +87,38 @@ class Entries(Frozen):
         a, b = sorted((output, input))
         return a * self.outputs - a * (a - 1) // 2 + b - a, 1.0 if a == b else HALF
 
-    def expand(self, x: np.ndarray) -> np.ndarray:
+    def expand(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """(p, q, k) of (count k,)."""
         parts = np.reshape(x, (self.count, -1))
         if self.symmetric:
             return np.tensordot(self.basis, parts, (0, 0))
         return parts.reshape(self.outputs, self.inputs, -1)
 
-    def collapse(self, full: np.ndarray) -> np.ndarray:
+    def collapse(self, full: NDArray[np.float64]) -> NDArray[np.float64]:
         """(count k,) of (p, q, k): the inverse on matrices of the class, and the adjoint of `expand` on all others."""
         if self.symmetric:
             return np.tensordot(self.basis, full, 2).ravel()
         return np.ravel(full)
 
-    def spread(self, full: np.ndarray) -> np.ndarray:
+    def spread(self, full: NDArray[np.float64]) -> NDArray[np.float64]:
         """`collapse` of absolute values, nowhere smaller than the absolute value of `collapse`."""
         if self.symmetric:
             return np.tensordot(np.abs(self.basis), np.abs(full), 2).ravel()
         return np.abs(full).ravel()
+
+    def parted(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The matrix (np, nq) entry by entry, (p, q, n, n)."""
+        p, q, n = self.outputs, self.inputs, M.shape[0] // self.outputs
+        return M.reshape(n, p, n, q).transpose(1, 3, 0, 2)
+
+    def joined(self, parts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The matrix (np, nq) of its entries (p, q, n, n): the inverse of `parted`."""
+        p, q, n, _ = parts.shape
+        return parts.transpose(2, 0, 3, 1).reshape(n * p, n * q)
+
+    def blocks(self, order: int) -> tuple[int, ...]:
+        """Sizes of the semidefinite blocks that say ||X|| <= b: two of size n for SISO, else one of size n(p + q)."""
+        return (order, order) if self.single else (order * (self.outputs + self.inputs),)
 
 
 SINGLE = Entries()

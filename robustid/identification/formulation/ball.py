@@ -1,0 +1,315 @@
+"""The ball ||X(x)|| <= b as semidefinite blocks b I + A_k(x).
+
+SISO: two, A = -+H(x), H = T X symmetric. MIMO: one of size n(p + q), A = [0 H; H' 0], H = (T (x) I) X.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.identification.entries import Entries
+
+Real = NDArray[np.float64]
+Pairs = list[tuple[Real, Real]]
+
+
+class Inequalities(NamedTuple):
+    """||X(x)|| <= b as b C_k + sum_j u_j A_kj >= 0 for every block k.
+
+    Attributes
+    ----------
+    constants : tuple of arrays
+        C_k.
+    coefficients : tuple of arrays (n, s, s)
+        A_kj.
+    change : (n, n) array or None
+        x = change u; None where u is x.
+    multiplier : callable
+        Of the multipliers Z_k of the blocks: the Y with <Y, X> <= ||Y||_* on the ball.
+    """
+
+    constants: tuple[Real, ...]
+    coefficients: tuple[Real, ...]
+    change: Real | None
+    multiplier: Callable[[list[Real]], Real]
+
+
+class Ball(abc.ABC):
+    """The linear maps x -> A_k(x) = sum_j x_j A_kj into symmetric matrices, their adjoint, and their curvature."""
+
+    size: int
+    blocks: tuple[int, ...]
+
+    @abc.abstractmethod
+    def matrices(self, x: Real) -> list[Real]:
+        """The A_k(x), fresh arrays."""
+
+    @abc.abstractmethod
+    def adjoint(self, Z: list[Real]) -> Real:
+        """Inner products sum_k tr(A_kj Z_k), (n,)."""
+
+    @abc.abstractmethod
+    def times(self, x: Real, M: list[Real]) -> list[Real]:
+        """The A_k(x) M_k."""
+
+    @abc.abstractmethod
+    def curvature(self, pairs: Pairs) -> Real:
+        """Sum of tr(A_ki P A_kj Q) over the pairs (P, Q) of block k, symmetric positive definite, (n, n)."""
+
+    @abc.abstractmethod
+    def multiplier(self, Z: list[Real]) -> Real:
+        """The multiplier Y of H with sum_k <Z_k, A_k> = -<Y, H>: <Y, H> <= ||Y||_* on the unit ball."""
+
+    @abc.abstractmethod
+    def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
+        """The blocks with stored matrices X_j (size, np, nq), H_j (n, n, n) of one entry, and T times a matrix."""
+
+
+class SymmetricMap(abc.ABC):
+    """The linear map x -> H(x) = sum_j x_j H_j into symmetric matrices, its adjoint, and its curvature."""
+
+    size: int
+
+    @abc.abstractmethod
+    def matrix(self, x: Real) -> Real:
+        """H(x), (n, n)."""
+
+    @abc.abstractmethod
+    def adjoint(self, Y: Real) -> Real:
+        """Inner products tr(H_j Y), (n,)."""
+
+    def times(self, x: Real, M: Real) -> Real:
+        """H(x) M."""
+        return self.matrix(x) @ M
+
+    @abc.abstractmethod
+    def curvature(self, pairs: Pairs) -> Real:
+        """Sum of tr(H_i P H_j Q) over pairs (P, Q) of symmetric positive definite matrices, (n, n)."""
+
+
+class SymmetricBall(Ball):
+    """The blocks of SISO: -+H(x) of a symmetric map."""
+
+    def __init__(self, symmetric: SymmetricMap):
+        self._map, self.size = symmetric, symmetric.size
+        self.blocks = (symmetric.size, symmetric.size)
+
+    def matrices(self, x: Real) -> list[Real]:
+        """-H(x) and H(x)."""
+        H = self._map.matrix(x)
+        return [-H, H]
+
+    def adjoint(self, Z: list[Real]) -> Real:
+        """Inner products tr(H_j (Z_2 - Z_1))."""
+        return self._map.adjoint(Z[1] - Z[0])
+
+    def times(self, x: Real, M: list[Real]) -> list[Real]:
+        """-H(x) M_1 and H(x) M_2."""
+        return [-self._map.times(x, M[0]), self._map.times(x, M[1])]
+
+    def curvature(self, pairs: Pairs) -> Real:
+        """Sum of tr(H_i P H_j Q)."""
+        return self._map.curvature(pairs)
+
+    def multiplier(self, Z: list[Real]) -> Real:
+        """Z_1 - Z_2."""
+        return Z[0] - Z[1]
+
+    def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
+        """I - H >= 0 and I + H >= 0."""
+        one = np.eye(H.shape[0])
+        return Inequalities((one, one), (-H, H), None, lambda Z: turned(self.multiplier(Z)))
+
+
+class DenseMap(SymmetricMap):
+    """H of any input-normal pair from its stored basis; O(n^4) for the curvature, as one large matrix product."""
+
+    def __init__(self, basis: Real):
+        self.size = basis.shape[0]
+        self._flat = basis.reshape(self.size, self.size**2)
+
+    def matrix(self, x: Real) -> Real:
+        """H(x)."""
+        return (x @ self._flat).reshape(self.size, self.size)
+
+    def adjoint(self, Y: Real) -> Real:
+        """Inner products tr(H_j Y)."""
+        return self._flat @ Y.ravel()
+
+    def curvature(self, pairs: Pairs) -> Real:
+        """Sum of tr(H_i P H_j Q)."""
+        # tr(H_i P H_j Q) = <R'H_i L, R'H_j L> with P = LL', Q = RR': symmetric and positive semidefinite as computed.
+        n = self.size
+        total = np.zeros((n, n))
+        for P, Q in pairs:
+            left, right = np.linalg.cholesky(P), np.linalg.cholesky(Q)
+            half = (self._flat.reshape(n * n, n) @ left).reshape(n, n, n)
+            both = np.matmul(right.T, half).reshape(n, n * n)
+            total += both @ both.T
+        return total
+
+
+class TurnedMap(SymmetricMap):
+    """H(V y) of another map, V orthogonal."""
+
+    def __init__(self, ball: SymmetricMap, axes: Real):
+        self._ball, self._axes, self.size = ball, axes, ball.size
+
+    def matrix(self, x: Real) -> Real:
+        """H(V x)."""
+        return self._ball.matrix(self._axes @ x)
+
+    def adjoint(self, Y: Real) -> Real:
+        """V' times the adjoint."""
+        return self._axes.T @ self._ball.adjoint(Y)
+
+    def times(self, x: Real, M: Real) -> Real:
+        """H(V x) M."""
+        return self._ball.times(self._axes @ x, M)
+
+    def curvature(self, pairs: Pairs) -> Real:
+        """V' times the curvature times V."""
+        turned = self._axes.T @ self._ball.curvature(pairs) @ self._axes
+        return (turned + turned.T) / 2
+
+
+class MatrixBall(Ball):
+    r"""H(x) = sum_j H_j (x) x_j with symmetric H_j (n, n) and real x_j (p, q), rows in the order (coefficient, signal).
+
+    The curvature in the unknowns i = (k; a, b) and j = (l; c, d) is, with the blocks P^bc (n, n) of the corners of P,
+
+    .. math:: [P_{21}^{bc} * Q_{12}^{ad} + P_{22}^{bd} * Q_{11}^{ac} + P_{11}^{ac} * Q_{22}^{bd} + P_{12}^{ad} * Q_{21}^{bc}]_{kl},
+              \quad [U * V]_{kl} = \mathrm{tr}(H_k U H_l V')
+
+    For Taylor coefficients H_k has ones where the indices sum to L - 1 + k, and U * V is a two-dimensional convolution:
+    O(p^2 q^2 L^2 log L) for the whole matrix. Else it is one product of matrices, O(p^2 q^2 n^4).
+    """
+
+    def __init__(self, entries: Entries, order: int, products: EntryProducts):
+        self._entries, self._order, self._products = entries, order, products
+        self.size, self._rows, self.blocks = order * entries.count, order * entries.outputs, entries.blocks(order)
+
+    def matrices(self, x: Real) -> list[Real]:
+        """[0 H; H' 0]."""
+        r, out = self._rows, np.zeros((self.blocks[0], self.blocks[0]))
+        out[:r, r:] = H = self._matrix(x)
+        out[r:, :r] = H.T
+        return [out]
+
+    def adjoint(self, Z: list[Real]) -> Real:
+        """Inner products 2 <H_j, Z_12>."""
+        corner = Z[0][: self._rows, self._rows :]
+        return 2 * self._entries.collapse(self._products.adjoint(self._entries.parted(corner)))
+
+    def _matrix(self, x: Real) -> Real:
+        """H(x), (np, nq)."""
+        return self._entries.joined(self._products.matrix(self._entries.expand(x)))
+
+    def times(self, x: Real, M: list[Real]) -> list[Real]:
+        """[H M_2; H' M_1] of the two parts of the rows."""
+        r, H = self._rows, self._matrix(x)
+        return [np.vstack([H @ M[0][r:], H.T @ M[0][:r]])]
+
+    def curvature(self, pairs: Pairs) -> Real:
+        """Sum of tr(A_i P A_j Q)."""
+        entries, n = self._entries, self._order
+        p, q = entries.outputs, entries.inputs
+        full = np.zeros((p, q, n, p, q, n))
+        ((P, Q),) = ((self._corners(P), self._corners(Q)) for P, Q in pairs)
+        left, right = self._products.transforms(P), self._products.transforms(Q)
+        places = list(np.ndindex(p, q))
+        for i, (a, b) in enumerate(places):
+            for c, d in places[i:]:
+                found = self._products.block(left, right, a, b, c, d)
+                full[a, b, :, c, d] = found
+                full[c, d, :, a, b] = found.T
+        if entries.symmetric:
+            basis = entries.basis
+            full = np.einsum("eab,abkcdl,fcd->ekfl", basis, full, basis, optimize=True)
+        full = full.reshape(self.size, self.size)
+        return (full + full.T) / 2
+
+    def _corners(self, P: Real) -> dict[tuple[int, int], Real]:
+        """Blocks (signal, signal, n, n) of the corners 11, 12, 21, 22."""
+        r, n = self._rows, self._order
+        parts = slice(0, r), slice(r, None)
+        return {
+            (i + 1, j + 1): P[parts[i], parts[j]].reshape(n, -1, n, P[parts[j]].shape[0] // n).transpose(1, 3, 0, 2)
+            for i in (0, 1)
+            for j in (0, 1)
+        }
+
+    def multiplier(self, Z: list[Real]) -> Real:
+        """-2 Z_12."""
+        return -2 * Z[0][: self._rows, self._rows :]
+
+    def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
+        """[I X; X' I] >= 0: X itself serves as well as H."""
+        side, r = self.blocks[0], self._rows
+        both = np.zeros((X.shape[0], side, side))
+        both[:, :r, r:], both[:, r:, :r] = X, X.transpose(0, 2, 1)
+        return Inequalities((np.eye(side),), (both,), None, self.multiplier)
+
+
+class EntryProducts(abc.ABC):
+    """The matrices H_j of the entries of a MIMO function, and the products U * V of `MatrixBall`."""
+
+    @abc.abstractmethod
+    def matrix(self, x: Real) -> Real:
+        """H of every entry, (p, q, n, n), of (p, q, n)."""
+
+    @abc.abstractmethod
+    def adjoint(self, Y: Real) -> Real:
+        """Inner products <H_j, Y> of every entry, (p, q, n), of (p, q, n, n)."""
+
+    @abc.abstractmethod
+    def transforms(self, corners: dict) -> dict:
+        """The parts of the products that belong to each block of the corners alone."""
+
+    @abc.abstractmethod
+    def block(self, P: dict, Q: dict, a: int, b: int, c: int, d: int) -> Real:
+        """The block of the curvature of the entries (a, b) and (c, d), of transforms."""
+
+
+class DenseProducts(EntryProducts):
+    """Any basis, stored; [U * V]_kl = <U'H_k, H_l V'>."""
+
+    def __init__(self, basis: Real):
+        self._basis, n = basis, basis.shape[0]
+        self._tall, self._flat = self._basis.reshape(n * n, n), self._basis.reshape(n, n * n)
+
+    def matrix(self, x: Real) -> Real:
+        """H of every entry, (p, q, n, n)."""
+        return (x @ self._flat).reshape(*x.shape[:2], *self._basis.shape[1:])
+
+    def adjoint(self, Y: Real) -> Real:
+        """Inner products <H_j, Y> of every entry, (p, q, n)."""
+        return Y.reshape(*Y.shape[:2], -1) @ self._flat.T
+
+    def transforms(self, corners: dict) -> dict:
+        """U'H_k and H_l V' of all blocks."""
+        return {
+            place: [[(self._before(one), self._after(one)) for one in row] for row in block]
+            for place, block in corners.items()
+        }
+
+    def block(self, P: dict, Q: dict, a: int, b: int, c: int, d: int) -> Real:
+        """The block of the curvature of two entries."""
+        terms = (
+            (P[2, 1][b][c], Q[1, 2][a][d]),
+            (P[2, 2][b][d], Q[1, 1][a][c]),
+            (P[1, 1][a][c], Q[2, 2][b][d]),
+            (P[1, 2][a][d], Q[2, 1][b][c]),
+        )
+        return np.asarray(sum(before @ after.T for (before, _), (_, after) in terms))
+
+    def _before(self, U: Real) -> Real:
+        return np.matmul(U.T, self._basis).reshape(self._flat.shape)
+
+    def _after(self, V: Real) -> Real:
+        return (self._tall @ V.T).reshape(self._flat.shape)

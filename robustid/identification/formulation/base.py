@@ -1,0 +1,187 @@
+"""What a finite formulation of a problem is: functions, rows, the map X(x), its size, and the interpolants of its solutions."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.bases import InputNormalPair, Sections
+from robustid.core import Frozen
+from robustid.errors import SizeError
+from robustid.identification.formulation.convex import ConvexData
+from robustid.identification.formulation.functions import Functions
+from robustid.identification.formulation.rows import Rows, measurement_rows
+from robustid.identification.formulation.sarason import SarasonMap
+from robustid.identification.interpolant import Interpolants
+from robustid.identification.problem import MixedProblem
+from robustid.identification.schur import TaylorInterpolants
+from robustid.identification.truncation import BalancedContraction
+
+LARGEST_EXACT = 200  # coefficients: the exact form is dense, n^4 work per Newton step
+
+Family = Interpolants | TaylorInterpolants
+States = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]  # A, B, C, D
+Realisation = Callable[[float], tuple[States, float]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Formulation(Frozen, Functions):
+    """A finite convex problem that stands for the infinite one: G is known by n coefficients an entry, x, and a tail.
+
+    Whatever depends on the kind of basis is asked here. Where something is left out, the functions of the ball with the
+    coefficients x are represented but for a remainder, which the tails of the rows bound.
+
+    Parameters
+    ----------
+    problem : MixedProblem
+
+    Attributes
+    ----------
+    name : str
+        Value of the argument `form` of `identify`.
+    exact : bool
+        Whether the coefficients determine every sample: no tails.
+    """
+
+    problem: MixedProblem
+
+    name: ClassVar[str]
+    exact: ClassVar[bool] = False
+
+    @classmethod
+    @abc.abstractmethod
+    def within(cls, problem: MixedProblem, accuracy: float) -> Formulation:
+        """The shortest one of this kind whose tails are below a tenth of the accuracy, in units of every bound."""
+
+    @classmethod
+    def takes(cls, problem: MixedProblem) -> bool:
+        """Say whether problems with as many inputs and outputs can be posed so."""
+        return True
+
+    @property
+    @abc.abstractmethod
+    def basis(self) -> InputNormalPair | Sections:
+        """The functions phi_j of the scaled variable zeta = z/rho."""
+
+    @property
+    @abc.abstractmethod
+    def sarason(self) -> SarasonMap:
+        """The map x -> X(x), which must be a contraction."""
+
+    @property
+    @abc.abstractmethod
+    def description(self) -> str:
+        """The finite problem in words, for reports."""
+
+    @property
+    @abc.abstractmethod
+    def determined(self) -> int:
+        """Number of Taylor coefficients of G that the coefficients determine."""
+
+    @property
+    def repeated(self) -> Sections | None:
+        """The repeated all-pass function behind the basis; None for the exact form."""
+        return None
+
+    @functools.cached_property
+    def rows(self) -> Rows:
+        """The measurements as linear equations in the coefficients and the parameters."""
+        return measurement_rows(self)
+
+    @functools.cached_property
+    def data(self) -> ConvexData:
+        """Everything that solvers and proofs need."""
+        return ConvexData(self.rows, self.sarason)
+
+    def of(self, problem: MixedProblem) -> Self:
+        """Another problem in the same form."""
+        return dataclasses.replace(self, problem=problem)
+
+    def with_prior(self, **changes: float) -> Self:
+        """The same problem and form with another prior."""
+        return self.of(self.problem.with_prior(**changes))
+
+    def with_node(self, angle: float) -> Formulation:
+        """A form in which the value at exp(j angle) is determined, or bounded by a tail."""
+        return self
+
+    def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
+        """The functions at any exp(j angle), (F, n)."""
+        prior = self.problem.prior
+        return prior.gain_bound * self.basis.evaluate(np.exp(-1j * angles) / prior.decay_rate)
+
+    def impulses(self, count: int) -> NDArray[np.float64]:
+        """The first samples of the impulse responses of the functions, (count, n)."""
+        prior = self.problem.prior
+        decay = prior.decay_rate ** -np.arange(count, dtype=float)[:, None]
+        return prior.gain_bound * decay * self.sarason.pair.taylor(count)
+
+    def family(self, x: NDArray[np.float64]) -> Family:
+        """All functions of the unit ball with the coefficients x."""
+        return self.sarason.interpolants(x)
+
+    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+        """State spaces of the interpolant with the free parameter E, without the scaling of the prior.
+
+        A function of the error that states left out may cost, in the H-infinity norm; it returns a bound of it too.
+        """
+        whole = BalancedContraction(*self._states(x, E))
+
+        def realise(tolerance: float) -> tuple[States, float]:
+            small = whole.truncate(tolerance)
+            return small[:4], small.bound
+
+        return realise
+
+    def _states(self, x: NDArray[np.float64], E: Any) -> States:
+        """State space of G(z) = K phi(z/rho), forward-shift convention, of phi = (alpha, beta, gamma, delta) in z/rho."""
+        alpha, beta, gamma, delta = self.sarason.interpolants(x).realise(E)
+        K, rho = self.problem.prior.gain_bound, self.problem.prior.decay_rate
+        # Half of K on either side keeps the realisation balanced.
+        root = np.sqrt(K)
+        return alpha / rho, root * beta, root * gamma / rho, K * delta
+
+    @property
+    def work(self) -> float:
+        """Multiplications of a Newton step, approximately, as measured; infinite where the form is too large."""
+        return self._siso_work() if self.problem.entries.single else self._mimo_work()
+
+    @abc.abstractmethod
+    def _siso_work(self) -> float: ...
+
+    @abc.abstractmethod
+    def _mimo_work(self) -> float: ...
+
+    def _dense_work(self, seen: int) -> float:
+        """Work of MIMO: the factors of the block of size n(p + q) and of the Newton matrix, and samples that see `seen` entries."""
+        (p, q), n = self.problem.entries.shape, self.count
+        return 20.0 * (n * (p + q)) ** 3 + (n * p * q) ** 3 / 3 + self.problem.samples * (n * seen) ** 2
+
+    def check_size(self, accuracy: float) -> None:
+        """Refuse what would take too long, and say the way out.
+
+        Raises
+        ------
+        SizeError
+        """
+        kind, longest = self._kind
+        limit = int(longest / math.sqrt(self.problem.entries.count))  # dense matrices of all unknowns
+        if self.count > limit:
+            raise SizeError(
+                f"`problem` has {self.problem.coefficients} coefficients in the exact form, and needs {self.count} {kind} for"
+                f" accuracy {accuracy:g} at decay rate {self.problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are"
+                " possible. Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin"
+                " the data: frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
+            )
+
+    @property
+    @abc.abstractmethod
+    def _kind(self) -> tuple[str, int]:
+        """What the coefficients are called, and how many are possible for SISO."""

@@ -1,0 +1,69 @@
+"""Choosing the finite formulation of a problem: by name, by the least work, over a horizon, or as it was saved."""
+
+from __future__ import annotations
+
+from robustid.bases import Sections
+from robustid.errors import InputError
+from robustid.identification.formulation.base import LARGEST_EXACT, Formulation
+from robustid.identification.formulation.classical import ClassicalFormulation
+from robustid.identification.formulation.exact import ExactFormulation
+from robustid.identification.formulation.sections import SectionsFormulation, of_sections
+from robustid.identification.formulation.taylor import LONGEST_TAYLOR, TaylorFormulation, taylor_length
+from robustid.identification.problem import MixedProblem
+
+_KINDS = {kind.name: kind for kind in (ExactFormulation, ClassicalFormulation, TaylorFormulation, SectionsFormulation)}
+FORMS = ("auto", *_KINDS)
+
+_QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
+_CLEARLY = 0.5  # of the work of the other forms: what sections may take
+_BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
+
+
+def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4) -> Formulation:
+    """The formulation that is called `form`, with tails below a tenth of the accuracy.
+
+    "auto" takes the exact form while it is quick, then the form with the least work; sections only where they clearly save.
+
+    Raises
+    ------
+    InputError
+        A form for SISO only.
+    SizeError
+        Too many coefficients.
+    """
+    if form == "auto":
+        found = _quickest(problem, accuracy)
+    elif not _KINDS[form].takes(problem):
+        p, q = problem.entries.shape
+        raise InputError(f'`form` = "{form}" is for one input and one output; got {p}x{q}')
+    else:
+        found = _KINDS[form].within(problem, accuracy)
+    found.check_size(accuracy)
+    return found
+
+
+def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
+    exact = ExactFormulation(problem)
+    if exact.quick:
+        return exact
+    best = min((TaylorFormulation.within(problem, accuracy), exact), key=lambda form: form.work)
+    if SectionsFormulation.takes(problem) and best.work > _QUICK:
+        found = SectionsFormulation.within(problem, accuracy)
+        if found.work < _CLEARLY * best.work:
+            return found
+    return best
+
+
+def formulate_over(problem: MixedProblem, horizon: int, accuracy: float) -> Formulation | None:
+    """The smaller formulation that determines a number of Taylor coefficients; None where none is small enough."""
+    exact = ExactFormulation(problem, max(horizon, problem.taylor))
+    length = max(horizon, taylor_length(problem, accuracy))
+    count = exact.count - exact.determined + horizon
+    if count <= LARGEST_EXACT and count**2 <= _BALANCE * length:
+        return exact
+    return TaylorFormulation(problem, length) if length <= LONGEST_TAYLOR else None
+
+
+def formulate_in(problem: MixedProblem, sections: Sections | None) -> Formulation:
+    """The formulation whose `repeated` sections these are."""
+    return ExactFormulation(problem) if sections is None else of_sections(problem, sections)

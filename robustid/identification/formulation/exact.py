@@ -1,0 +1,125 @@
+"""The exact form: an input-normal pair whose nodes are those of the data, so that nothing is left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.bases import InputNormalPair, input_normal_pair
+from robustid.errors import SizeError
+from robustid.identification.formulation.base import LARGEST_EXACT, Formulation, Realisation
+from robustid.identification.formulation.functions import filtered_by
+from robustid.identification.formulation.sarason import PairMap, SarasonMap
+from robustid.identification.problem import MixedProblem
+
+QUICK_EXACT = 100  # coefficients; minutes begin at LARGEST_EXACT
+
+_MOST_PRODUCTS = 1e8  # numbers held at once: 0.8 GB
+_SAME_NODE = 1e-12
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ExactFormulation(Formulation):
+    """Two coefficients for every node off the real axis, one for every other and for every time sample.
+
+    Parameters
+    ----------
+    problem : MixedProblem
+    delays : int, optional
+        Number of Taylor coefficients; as many as the time samples need by default.
+    first : tuple of float
+        Angles of further nodes, at the head of the cascade: tight samples then say nothing about the new coefficients.
+    """
+
+    delays: int | None = None
+    first: tuple[float, ...] = ()
+
+    name: ClassVar[str] = "orthonormal"
+    exact: ClassVar[bool] = True
+
+    @classmethod
+    def within(cls, problem: MixedProblem, accuracy: float) -> ExactFormulation:
+        """The form itself, whatever the accuracy."""
+        return cls(problem)
+
+    @property
+    def determined(self) -> int:
+        """Number of Taylor coefficients of G that the coefficients determine."""
+        return self.problem.taylor if self.delays is None else self.delays
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients of an entry."""
+        return self.determined + sum(1 if angle in (0.0, np.pi) else 2 for angle in (*self.problem.angles, *self.first))
+
+    @functools.cached_property
+    def pair(self) -> InputNormalPair:
+        """The pair whose nodes are those of the data."""
+        problem = self.problem
+        return input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, self.determined, first=self.first)
+
+    @property
+    def basis(self) -> InputNormalPair:
+        """The functions of the pair."""
+        return self.pair
+
+    @functools.cached_property
+    def sarason(self) -> SarasonMap:
+        """The map of the pair."""
+        return PairMap(self.pair, self.problem.entries)
+
+    @property
+    def description(self) -> str:
+        """The number of coefficients."""
+        return f"{self.count} coefficients{self.problem.entries.each}, exact"
+
+    def with_node(self, angle: float) -> ExactFormulation:
+        """The same form with a node there; itself where it has one."""
+        if np.any(np.abs(self.problem.angles - angle) <= _SAME_NODE * max(angle, 1e-300)):
+            return self
+        return dataclasses.replace(self, first=(min(angle, np.pi),))
+
+    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Values at the nodes of the angles, (F, n)."""
+        return self.values(self.problem.angles[self.problem.node_index(angles)])
+
+    def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Responses to an input from zero initial conditions, (T, n)."""
+        return filtered_by(u, self.impulses(u.size))
+
+    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+        """The interpolant itself, with all its states."""
+        states = self._states(x, E)
+        return lambda _: (states, 0.0)
+
+    @property
+    def quick(self) -> bool:
+        """Whether no other form need be looked for."""
+        return self.problem.entries.single and self.count <= QUICK_EXACT
+
+    def _siso_work(self) -> float:
+        return 8.0 * self.count**4 if self.count <= LARGEST_EXACT else math.inf
+
+    def _mimo_work(self) -> float:
+        (p, q), n = self.problem.entries.shape, self.count
+        if n > LARGEST_EXACT or 4 * (p + q) ** 2 * n**3 > _MOST_PRODUCTS:
+            return math.inf
+        return self._dense_work(p * q) + 4.0 * p**2 * q**2 * n**4
+
+    def check_size(self, accuracy: float) -> None:
+        """Refuse more coefficients than minutes are enough for."""
+        if self.count > LARGEST_EXACT:
+            raise SizeError(
+                f"`problem` has {self.count} coefficients in the exact form (2 per frequency point, 1 per time sample); it takes"
+                f' up to {LARGEST_EXACT}. Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a'
+                " shorter record, or fewer lines off resonance"
+            )
+
+    @property
+    def _kind(self) -> tuple[str, int]:
+        return "coefficients", LARGEST_EXACT

@@ -1,0 +1,264 @@
+"""The form of a repeated all-pass section: few coefficients where the frequency points fill a part of the circle only."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import ClassVar
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from robustid.bases import InputNormalPair, Sections
+from robustid.core import freeze
+from robustid.errors import SizeError
+from robustid.identification.entries import SINGLE, Entries
+from robustid.identification.formulation.ball import SymmetricMap
+from robustid.identification.formulation.base import Formulation
+from robustid.identification.formulation.sarason import PairMap, SarasonMap
+from robustid.identification.formulation.section_choice import shortest_sections
+from robustid.identification.formulation.tails import SHARE, taylor_tail
+from robustid.identification.formulation.taylor import TaylorFormulation
+from robustid.identification.problem import MixedProblem
+
+LONGEST_SECTIONS = 1000  # coefficients; minutes begin here, with N x n columns of the frequency points
+
+_MOST_STORED = 4e7  # complex entries of the columns of all points: 0.6 GB, of which the solver holds a few copies
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SectionsFormulation(Formulation):
+    """The functions of a repeated section; the remainder is theta times a function that is bounded by the tails. SISO only.
+
+    Parameters
+    ----------
+    problem : MixedProblem
+    sections : Sections
+    """
+
+    sections: Sections
+
+    name: ClassVar[str] = "sections"
+
+    @classmethod
+    def within(cls, problem: MixedProblem, accuracy: float) -> Formulation:
+        """The shortest repeated section whose tails are below a tenth of the accuracy; the delay where no other is shorter."""
+        return of_sections(problem, shortest_sections(problem, SHARE * accuracy))
+
+    @classmethod
+    def takes(cls, problem: MixedProblem) -> bool:
+        """Say whether the problem is SISO."""
+        return problem.entries.single
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients of an entry."""
+        return self.sections.order
+
+    @property
+    def determined(self) -> int:
+        """Number of Taylor coefficients: none."""
+        return 0
+
+    @property
+    def repeated(self) -> Sections:
+        """The section, repeated."""
+        return self.sections
+
+    @property
+    def basis(self) -> Sections:
+        """The functions of the repeated section."""
+        return self.sections
+
+    @functools.cached_property
+    def sarason(self) -> SectionMap:
+        """The map of the repeated section."""
+        return SectionMap(self.sections)
+
+    @property
+    def description(self) -> str:
+        """The number of coefficients, the degree of the section and how often it is taken."""
+        degree, repeats = self.sections.degree, self.sections.repeats
+        return f"{self.count} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
+
+    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Values at exp(j angle), (F, n)."""
+        if angles.size * self.count > _MOST_STORED:
+            raise SizeError(
+                f"`problem` has {self.count} coefficients in the form of sections and {angles.size} frequency points; their"
+                f' product may be up to {_MOST_STORED:.2g}. Use form="taylor", or thin the data:'
+                " frf.select(slice(None, None, step))"
+            )
+        return self.values(angles)
+
+    def response_tail(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """K |theta(zeta)| (2/pi) K(1/rho) at zeta = exp(-j angle)/rho, by Cauchy's formula on the circle, (F,).
+
+        With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)).
+        """
+        prior, sections, eps = self.problem.prior, self.sections, np.finfo(float).eps
+        inside = (1 - 1 / prior.decay_rate) * (1 + 1 / prior.decay_rate)  # 1 - |zeta|^2
+        size = np.abs(sections.all_pass(np.exp(-1j * angles) / prior.decay_rate)) + 8 * sections.degree * eps / inside
+        rounding = 8 * (sections.order + 1 / inside) * eps / np.sqrt(inside)
+        return taylor_tail(prior, 0) * size**sections.repeats + prior.gain_bound * rounding
+
+    def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Responses to the input, (T, n)."""
+        return self._driven(u)[0] @ (self.problem.prior.gain_bound * self.sections.pair.symmetry())
+
+    def time_tail(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """K (sum_j ||v_(n-j)||^2 rho^-2j)^(1/2), v the response of theta(z/rho) to u, (T,).
+
+        Sample n is an inner product with h_n = sum_j u_(n-j) rho^-j zeta^j; P_+(conj(theta) h_n) has the coefficients
+        v_(n-j) rho^-j. No digits cancel: [A B; c d] is orthogonal, and what its rounding adds is bounded along the way.
+        """
+        import scipy.signal
+
+        prior, n, total = self.problem.prior, self.sections.order, np.zeros(u.shape[0])
+        slow, fast = [1.0, -1 / prior.decay_rate], [1.0, -(prior.decay_rate**-2.0)]
+        for one in u.T:
+            v = self._driven(one)[1]
+            energy, size = (np.sqrt(scipy.signal.lfilter([1.0], fast, a**2)) for a in (v, one))
+            rounding = 2 * (n + 3) ** 1.5 * np.finfo(float).eps * scipy.signal.lfilter([1.0], slow, size)
+            total = np.hypot(total, energy + rounding)
+        return prior.gain_bound * total
+
+    def _driven(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """States (T, n) after, and outputs (T,) at every sample of theta(z/rho) driven by u."""
+        pair, rho = self.sections.pair, self.problem.prior.decay_rate
+        states, outputs, state = np.empty((u.size, pair.order)), np.empty(u.size), np.zeros(pair.order)
+        for k, push in enumerate(u):
+            outputs[k] = pair.c[0] @ state / rho + pair.d[0, 0] * push
+            states[k] = state = pair.A @ state / rho + pair.B[:, 0] * push
+        return states, outputs
+
+    def _siso_work(self) -> float:
+        points, n = sum(frf.omega.size for frf in self.problem.frequency), self.count
+        return 40.0 * n**3 + 3.0 * points * n**2 if n <= LONGEST_SECTIONS and points * n <= _MOST_STORED else math.inf
+
+    def _mimo_work(self) -> float:
+        return math.inf
+
+    @property
+    def _kind(self) -> tuple[str, int]:
+        return f"coefficients (a section of degree {self.sections.degree}, repeated)", LONGEST_SECTIONS
+
+
+def of_sections(problem: MixedProblem, sections: Sections) -> Formulation:
+    """The formulation of a repeated section; that of Taylor coefficients where the section is the delay."""
+    if sections.is_shift:
+        return TaylorFormulation(problem, sections.repeats)
+    return SectionsFormulation(problem, sections)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SectionMap(SarasonMap):
+    """The map of a repeated section: X(x) is block upper triangular and Toeplitz, T the block flip with T of the section.
+
+    Block k above the diagonal is P(x_k) + Q(x_(k-1)): a function e(zeta) x_k' of one section acts on one section or two.
+    """
+
+    sections: Sections
+
+    entries: ClassVar[Entries] = SINGLE
+    graded: ClassVar[bool] = False
+
+    @property
+    def pair(self) -> InputNormalPair:
+        """The pair of the powers of the section."""
+        return self.sections.pair
+
+    @functools.cached_property
+    def maps(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """P(e_a) and Q(e_a) for every unit vector, each (m, m, m)."""
+        m = self.sections.degree
+        two = PairMap(dataclasses.replace(self.sections, repeats=2).pair).basis[:m, :m]
+        return freeze(two[..., :m]), freeze(two[..., m:])
+
+    @functools.cached_property
+    def symmetry(self) -> NDArray[np.float64]:
+        """T."""
+        return freeze(np.kron(np.eye(self.sections.repeats)[::-1], self.sections.section.symmetry()))
+
+    def diagonals(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """P(x_k) + Q(x_(k-1)), (M, m, m)."""
+        P, Q = self.maps
+        parts = np.reshape(x, (self.sections.repeats, self.sections.degree))
+        blocks = np.tensordot(parts, P, 1)
+        blocks[1:] += np.tensordot(parts[:-1], Q, 1)
+        return blocks
+
+    def _matrices(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return antidiagonal_blocks(self.diagonals(x))[::-1].reshape(1, 1, self.pair.order, self.pair.order)
+
+    def _symmetric_map(self) -> SymmetricMap:
+        return BlockHankelMap(self)
+
+
+def antidiagonal_blocks(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(M, m, M, m): block k + j - (M - 1) in the place (k, j), zero above the antidiagonal."""
+    M = blocks.shape[0]
+    padded = np.concatenate([np.zeros((M - 1, *blocks.shape[1:])), blocks])
+    return np.lib.stride_tricks.sliding_window_view(padded, M, axis=0).transpose(0, 1, 3, 2).copy()
+
+
+class BlockHankelMap(SymmetricMap):
+    """H of a repeated section: block U(x_s) + V(x_(s-1)) where the block indices sum to M-1+s, U = T P and V = T Q.
+
+    With J_s the blocks whose indices sum to M-1+s, H_(s,a) = J_s x U_a + J_(s+1) x V_a, so that the curvature
+
+        tr(H_i P H_j Q) = sum over j + k = M-1+s, k' + j' = M-1+t of tr(U_a P_jk' U_b Q_kj'') + ...
+
+    is a two-dimensional convolution over the block indices. In the transforms, matrices of size m per point, s -> s + 1 is a
+    phase w, and the sum is tr((U_a + w V_a) P (U_b + w' V_b) Q'): O(m^2 n^2) products and O(n^2 log M) for the FFTs.
+    """
+
+    def __init__(self, sarason: SectionMap):
+        self._map, self.size = sarason, sarason.pair.order
+        self._shape = sarason.sections.repeats, sarason.sections.degree
+        self._length = int(scipy.fft.next_fast_len(2 * self._shape[0], real=True) or 0)  # one place beyond is zero
+        tau = sarason.sections.section.symmetry()
+        self._tau, (self._U, self._V) = tau, (_symmetrised(tau @ part) for part in sarason.maps)
+
+    def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H(x)."""
+        blocks = _symmetrised(self._tau @ self._map.diagonals(x))
+        return antidiagonal_blocks(blocks).reshape(self.size, self.size)
+
+    def adjoint(self, Y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Inner products tr(H_j Y)."""
+        M, m = self._shape
+        sums = np.zeros((2 * M, m, m))
+        for k, row in enumerate(np.swapaxes(np.reshape(Y.T, (M, m, M, m)), 1, 2)):
+            sums[k : k + M] += row
+        flat, U, V = sums.reshape(2 * M, m * m), self._U.reshape(m, m * m), self._V.reshape(m, m * m)
+        return (flat[M - 1 : -1] @ U.T + flat[M:] @ V.T).ravel()
+
+    def curvature(self, pairs: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> NDArray[np.float64]:
+        """Sum of tr(H_i P H_j Q)."""
+        (M, m), N, R = self._shape, self._length, self._length // 2 + 1
+        wave = np.exp(2j * np.pi / N * np.arange(N))[:, None, None, None]
+        left = (self._U + wave * self._V).reshape(N, m * m, m)
+        right = (self._U + wave[:R] * self._V).reshape(R, m * m, m)
+        total = np.zeros((N, R, m, m), complex)
+        for P, Q in pairs:
+            for k, (p, q) in enumerate(zip(self._transform(P), self._transform(Q), strict=True)):
+                above = (left[k] @ p.reshape(m, -1)).reshape(m, m, R, m).transpose(2, 0, 3, 1).reshape(R, m, m * m)
+                below = (right @ q.transpose(1, 2, 0)).reshape(R, m, m * m)
+                total[k] += above @ below.transpose(0, 2, 1)
+        last = slice(M - 1, 2 * M - 1)
+        half = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(half, N, axis=1))[:, last].transpose(0, 2, 1, 3).reshape(self.size, self.size)
+        return (full + full.T) / 2
+
+    def _transform(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """(N, m, N/2 + 1, m)."""
+        M, m = self._shape
+        half = scipy.fft.rfft(P.reshape(M, m, M, m), self._length, axis=2)
+        return np.asarray(scipy.fft.fft(half, self._length, axis=0, overwrite_x=True))
+
+
+def _symmetrised(stack: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (stack + np.swapaxes(stack, -1, -2)) / 2

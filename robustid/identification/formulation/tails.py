@@ -1,0 +1,80 @@
+"""What finitely many coefficients leave out of a function of the ball, and how small that must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.identification.prior import Prior
+from robustid.identification.problem import MixedProblem, excited_lines
+
+SHARE = 0.1  # of the accuracy that is left to the tails
+
+
+def taylor_tail(prior: Prior, length: int) -> float:
+    """Largest singular value on the unit circle of what a member of the ball has beyond its first L Taylor coefficients.
+
+    tau_L = K rho^-L (2/pi) K(1/rho), K(k) the complete elliptic integral of modulus k: Cauchy's formula on |z| = rho.
+    """
+    import scipy.special
+
+    rho = prior.decay_rate
+    return prior.gain_bound * rho ** -float(length) * 2 / np.pi * float(scipy.special.ellipk(rho**-2))
+
+
+def smallest_bound(problem: MixedProblem) -> float:
+    """Largest error of the model, at every frequency, that no sample feels as more than its bound."""
+    _, bounds, everywhere = demands(problem)
+    least = min(everywhere, float(bounds.min(initial=np.inf)))
+    return least if np.isfinite(least) else problem.prior.gain_bound
+
+
+def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """How small a function must be for no sample to feel it as more than its bound.
+
+    In the largest singular value, entries divided by the scaling of the prior. At the angles (F,) of the frequency points, those
+    excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
+    """
+    scales = problem.prior.scales(*problem.entries.shape)
+    angles = [frf.omega * problem.dt for frf in problem.frequency]
+    bounds, everywhere = [_felt(frf, scales) for frf in problem.frequency], np.inf
+    for record in problem.time:
+        if record.initial == "periodic":
+            lines, samples = excited_lines(record), record.u.shape[0]
+            # The response is at most the l1 norm of the spectrum times the largest value on its lines.
+            least = _least(
+                record, lambda u, n=samples: 2 * np.linalg.norm(np.fft.rfft(u, axis=0), axis=1).sum() / n, scales
+            )
+            angles.append(2 * np.pi * lines / samples)
+            bounds.append(np.full(lines.size, least if lines.size else np.inf))
+        else:
+            # sum over the past of |u| rho^-j <= max|u| / (1 - 1/rho).
+            reach = 1 - 1 / problem.prior.decay_rate
+            least = _least(record, lambda u, reach=reach: np.linalg.norm(u, axis=1).max() / reach, scales)
+            everywhere = min(everywhere, least)
+    return np.concatenate([np.zeros(0), *angles]), np.concatenate([np.zeros(0), *bounds]), everywhere
+
+
+def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How small a function must be at the points of a frequency response, (F,)."""
+    if not isinstance(frf, FrequencyResponse):
+        nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)
+        return (frf.bound / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))
+    if frf.joint == "matrix":
+        whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid)) * scales.T.ravel()
+        return 1 / (np.linalg.norm(whiten, 2, axis=(1, 2)) * np.sqrt(min(scales.shape)))
+    return (frf.inner_radius / scales).min(axis=(1, 2))
+
+
+def _least(record: TimeRecord, drive: Callable[[NDArray[np.float64]], float], scales: NDArray[np.float64]) -> float:
+    """Smallest bound over drive of the outputs of a record."""
+    least = np.inf
+    for bound, row in zip(record.bound.T, scales, strict=True):
+        size = float(drive(record.u * row))
+        if size > 0:
+            least = min(least, float(bound.min()) / size)
+    return least
