@@ -1,5 +1,7 @@
 """Fixtures of the tests of the application: the command line in this process, folders with data."""
 
+import shutil
+
 import pytest
 
 import robustid as rid
@@ -11,6 +13,19 @@ from support import command_line
 def run(capsys, monkeypatch):
     """The command line: run(arguments) gives (exit code, stdout, stderr)."""
     return lambda arguments: command_line.main([str(part) for part in arguments], capsys, monkeypatch)
+
+
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """Copies of the files of a folder to stand among: stand_in(folder) is where they are."""
+
+    def copied(folder):
+        place = tmp_path / "here"
+        shutil.copytree(folder, place)
+        monkeypatch.chdir(place)
+        return place
+
+    return copied
 
 
 @pytest.fixture

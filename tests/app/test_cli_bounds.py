@@ -25,11 +25,8 @@ def stored(tmp_path_factory):
 
 
 @pytest.fixture
-def files(stored, tmp_path, monkeypatch):
-    for path in stored.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def files(stored, stand_in):
+    return stand_in(stored)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """robustid fit on real files: a model on disk, sentences, exit codes."""
 
-import shutil
-
 import numpy as np
 import pytest
 import scipy.io
@@ -41,12 +39,8 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def files(made, tmp_path, monkeypatch):
-    """A folder of its own with these files, to stand in."""
-    folder = tmp_path / "run"
-    shutil.copytree(made, folder)
-    monkeypatch.chdir(folder)
-    return folder
+def files(made, stand_in):
+    return stand_in(made)
 
 
 @pytest.fixture

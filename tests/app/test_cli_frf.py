@@ -1,7 +1,6 @@
 """robustid frf: records in, a response with its bound out, sentences, exit codes."""
 
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -37,11 +36,8 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def files(made, tmp_path, monkeypatch):
-    folder = tmp_path / "run"
-    shutil.copytree(made, folder)
-    monkeypatch.chdir(folder)
-    return folder
+def files(made, stand_in):
+    return stand_in(made)
 
 
 @pytest.fixture
