@@ -1,4 +1,4 @@
-"""Measured plants of several channels: from records to a model with matrix residues, its worst-case error, and what it rests on.
+"""Measured MIMO plants: from records to a model with matrix residues, its worst-case error, and what it depends on.
 
 A beam with two piezo patches and two accelerometers, two sweeps (equal signs, opposite signs); with --fsm a steering mirror,
 three piezos and three displacements, random-phase multisine. Modes are sought entry by entry and merged: one pole pair for
@@ -22,7 +22,7 @@ from robustid.advice import suggest_kautz
 from robustid.errors import DatasetNotFoundError
 
 SAME = 0.006  # relative distance below which modes of two entries are one
-LIGHT = 0.05  # damping ratio above which a pair is part of the smooth rest
+LIGHT = 0.05  # damping ratio above which a pair is part of the smooth non-parametric part
 SPARE = 1.1  # on the factor that the bounds need
 
 
@@ -113,8 +113,8 @@ def thinned(case, frf, hz, damping):
     near = hz[:, None] * (1 + damping[:, None] * np.linspace(-4, 4, 9))
     wanted = np.concatenate([near.ravel(), np.linspace(*inside.freq_hz[[0, -1]], 30)])
     used = np.unique(np.argmin(np.abs(inside.freq_hz[:, None] - wanted), axis=0))
-    rest = np.setdiff1d(np.arange(inside.omega.size), used)
-    return inside.select(used), inside.select(rest)
+    unused = np.setdiff1d(np.arange(inside.omega.size), used)
+    return inside.select(used), inside.select(unused)
 
 
 def widened(data, factor, note):
@@ -189,7 +189,9 @@ def main(argv=None):
     used, unused = thinned(case, frf, hz, damping)
     basis = rid.kautz(2 * np.pi * hz, damping, dt=frf.dt, delay=1)
     problem = rid.MixedProblem(frequency=used, prior=case.prior, parametric=basis)
-    print(f"\n{used.omega.size} lines, {hz.size} modes, a rest below {case.prior.gain_bound:g} {case.unit}:")
+    print(
+        f"\n{used.omega.size} frequency points, {hz.size} modes, a non-parametric part below {case.prior.gain_bound:g} {case.unit}:"
+    )
     first = rid.identify(problem, accuracy=1e-2)
     print(f"{first.status.value}; margin {first.margin:.3g}. What carries the proof:")
     for _, _, at, share in first.conflicting_samples(0.1):

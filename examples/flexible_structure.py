@@ -65,7 +65,7 @@ def main(argv=None):
     best, smaller = results["both modes"]
     print(
         "\nAll three are consistent: margin < 1 says that a class isn't refuted, not that it is right. What tells them\n"
-        "apart is K: a rest G that may be larger than the data can do anything between the samples, and does. With both\n"
+        "apart is K: a part G that may be larger than the data can do anything between the samples, and does. With both\n"
         "modes in the parametric part G has nothing left to do, and the central model is close to the truth between the\n"
         "samples too. The truth has order 4, and so has the smallest model that keeps every sample, whatever the class. It\n"
         f"keeps the poles of the class where they suffice, as those of both modes do (order {smaller.order}) and that of the\n"

@@ -162,15 +162,17 @@ def gain_of_truth(data, method, rho):
     if not left.size:
         return 0.0
     states = np.ravel(2 * left[:, None] + [0, 1])  # two for every mode, one after the other
-    rest = control.ss(plant.A[np.ix_(states, states)] * rho, plant.B[states] * rho, plant.C[:, states], 0, plant.dt)
+    remainder = control.ss(
+        plant.A[np.ix_(states, states)] * rho, plant.B[states] * rho, plant.C[:, states], 0, plant.dt
+    )
     near = [
         angle + np.linspace(-0.02, 0.02, 2001) for angle in data.modes[:, 0] * plant.dt
     ]  # the peaks are some 0.002 wide
-    return float(np.abs(response(rest, np.concatenate([np.linspace(0, np.pi, 2001), *near]))).max())
+    return float(np.abs(response(remainder, np.concatenate([np.linspace(0, np.pi, 2001), *near]))).max())
 
 
 def square_wave(data, count):
-    """Samples after an edge of the 2 Hz square wave in steady state: the record as it is, and read as a step from rest."""
+    """Samples after an edge of the 2 Hz square wave in steady state: the record as it is, and read as a step from zero."""
     plant, u = data.truth, np.repeat([0.5, -0.5], HALF_PERIOD)[:, None]
     period = np.linalg.matrix_power(np.asarray(plant.A), u.size)
     start = np.linalg.solve(np.eye(plant.nstates) - period, simulate(plant, u)[1])
@@ -365,7 +367,7 @@ def main(argv=None):
     )
     print(
         "\n4. The 2 Hz square wave in steady state. At each edge nine tenths of the light mode are left from the edge before:\n"
-        "   read as a step from rest, the record is another plant's. Only a class that says enough can notice."
+        "   read as a step from zero, the record is another plant's. Only a class that says enough can notice."
     )
     of_y2 = [o for o in outcomes if o.method.output == "y2"]
     mixed = [o for o in of_y2 if o.method.samples and o.method.lines and o.method.relax == 1]

@@ -127,14 +127,14 @@ def main(argv=None):
     guess = rid.Prior(gain_bound=static, decay_rate=1.2)
     problem = rid.MixedProblem(frequency=lines, prior=guess, parametric=modes.basis)
     print(
-        f"\n3. {chosen.size} lines, one pair, a rest as large as the response at {hz[0]:g} Hz ({static:.2g} rad per unit):"
+        f"\n3. {chosen.size} frequency points, one pair, G as large as the response at {hz[0]:g} Hz ({static:.2g} rad per unit):"
     )
     first = rid.identify(problem)
     print(f"   {first.status.value}; margin {first.margin:.4g}")
     findings = diagnose(first)
     print(findings.summary())
 
-    print("\n4. Could a larger rest explain it? The smallest gain bound that these bounds allow:")
+    print("\n4. Could a larger non-parametric part explain it? The smallest gain bound that these bounds allow:")
     print(suggest_prior(problem, decay_rates=[1.005, 1.01, 1.02]).summary())
     print(
         "   That is a class of anything at all. The noise of the averaged data is small; what is left is the bench itself,\n"

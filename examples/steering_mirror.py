@@ -92,7 +92,7 @@ def main(argv=None):
     frf = rid.estimate_frf(training)
     print(f"{frf.omega.size} lines from {frf.freq_hz[0]:.2g} to {frf.freq_hz[-1]:.4g} Hz, {len(training)} realisations")
     print(f"\n{'left of the displacement, NRMS in %':<48}" + "".join(f"{c.name:>9}" for c in frf.outputs))
-    # 3 of 6 equations a line are spent on its 3 unknowns: the rest counts twice.
+    # 3 of 6 equations a line are spent on its 3 unknowns: what is left counts twice.
     row("not linear: training, lines, freedom corrected", np.sqrt(2) * nrms(left_by_lines(frf, training), training))
     row("test, lines of the measured response", nrms(left_by_lines(frf, test), test))
 

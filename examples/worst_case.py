@@ -62,7 +62,7 @@ def main(argv=None):
                 f"   {'inside' if np.all(off[at] <= upper[at]) else 'OUTSIDE'}"
             )
     print(
-        "   Above the last line, at 21 Hz, the prior says most: the rest G may reach nearly K there. The truth is inside, as it\n"
+        "   Above the last line, at 21 Hz, the prior says most: G may reach almost K there. The truth is inside, as it\n"
         "   must be, since the modes, K and rho are true here. Of a measured plant these are assumptions."
     )
 
