@@ -108,17 +108,23 @@ def test_smaller_amplitudes_than_are_stated_fail(computed):
     assert not dataclasses.replace(computed, kept=(dataclasses.replace(first, cell=less), *others)).verify()
 
 
+def about(problem, identification):
+    """The same answer, given to another problem."""
+    formulation = dataclasses.replace(identification.formulation, problem=problem)
+    return dataclasses.replace(identification, formulation=formulation)
+
+
 def test_another_identification_fails(computed):
     assert not dataclasses.replace(computed, identification=identified(1)[0]).verify()
     # Nothing but the data differ: the certificates themselves do not hold.
     frf = identified(1)[0].problem.frequency[0]
     problem = dataclasses.replace(computed.identification.problem, frequency=(frf,))
-    other = dataclasses.replace(computed, identification=dataclasses.replace(computed.identification, problem=problem))
+    other = dataclasses.replace(computed, identification=about(problem, computed.identification))
     assert other.covered
     assert not all(claim.verify() for claim in other.claims())
     # Without poles there is no box.
     none = dataclasses.replace(problem, parametric=None)
-    without = dataclasses.replace(computed.identification, problem=none)
+    without = about(none, computed.identification)
     assert not dataclasses.replace(computed, identification=without).verify()
 
 
