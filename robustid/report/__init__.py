@@ -1,4 +1,4 @@
-"""What people see: a report as one HTML page, a summary at the terminal, and plots."""
+"""Everything that people see: a report as one HTML page, a summary at the terminal, and plots."""
 
 from robustid.report import plot
 from robustid.report.document import Verdict

@@ -1,4 +1,4 @@
-"""What is drawn, prepared once for two renderers: `with_matplotlib` and `with_plotly` draw a `Chart` and compute nothing."""
+"""Charts, prepared once for two renderers: `with_matplotlib` and `with_plotly` draw a `Chart` and compute nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Axis:
 
     @property
     def in_full(self) -> bool:
-        """Whether the numbers of a logarithmic axis are written in full, 0.5, 1, 2, and not as powers of ten."""
+        """True where the numbers of a logarithmic axis are written in full, 0.5, 1, 2, and not as powers of ten."""
         if not self.log or self.range is None or self.range[1] > 2e4 * self.range[0]:
             return False
         return self.range[1] < 30 * self.range[0] or (self.range[0] >= 1e-4 and self.range[1] <= 1e5)

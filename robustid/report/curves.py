@@ -25,7 +25,7 @@ def most_drawn(points: int, entries: int) -> int:
 
 
 def log_axis(omega: np.ndarray) -> bool:
-    """Whether the frequencies are spread rather like a geometric sequence than evenly."""
+    """Return whether the frequencies are spread rather like a geometric sequence than evenly."""
     known = omega[omega > 0]
     if known.size < 2:
         return bool(known.size)

@@ -1,4 +1,4 @@
-"""What every section about an identification shares: names and units, the models to be drawn, and their frequencies."""
+"""Names and units of an identification, the models to be drawn of it, and their frequencies: shared by its sections."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOWHERE = np.zeros(0)
 
 
 def siso(identification: Identification) -> bool:
-    """Whether there is one input and one output."""
+    """Return whether there is one input and one output."""
     return len(identification.problem.outputs) == len(identification.problem.inputs) == 1
 
 
@@ -44,7 +44,7 @@ def in_unit(text: str, identification: Identification) -> str:
 
 
 def mixed(identification: Identification) -> bool:
-    """Whether the entries have different units."""
+    """Return whether the entries have different units."""
     return len(units(identification.problem.outputs, identification.problem.inputs)) > 1
 
 
@@ -74,7 +74,7 @@ def where(identification: Identification, residual: Residual) -> str:
 
 
 def started(record: Any) -> str:
-    """How a time record begins, in words."""
+    """Say how a time record begins."""
     words = {
         "rest": "from zero initial conditions",
         "free": "from an unknown state",

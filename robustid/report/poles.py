@@ -79,7 +79,7 @@ def pole_table(model: control.StateSpace) -> list[PoleRow]:
 
 
 def pole_rows(poles: Any, dt: float) -> list[PoleRow]:
-    """As `pole_table`, from the poles."""
+    """Return the rows of `pole_table`, from the poles."""
     upper = sorted((complex(p) for p in np.atleast_1d(poles) if p.imag >= 0), key=lambda p: (p.imag, p.real))
     rows = [_pole_row(pole, dt) for pole in upper]
     return sorted(rows, key=lambda row: (np.isnan(row.hz), row.hz))

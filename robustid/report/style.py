@@ -1,4 +1,4 @@
-"""How things look, in every medium: colours, dashes and markers."""
+"""Looks in every medium: colours, dashes and markers."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def plural(count: float) -> str:
 
 
 def at_frequencies(omega: np.ndarray) -> str:
-    """Where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending.
+    """Say where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def title(kind: str, outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
 
 
 def drawn_words(points: int, drawn: int, extremes: str) -> str:
-    """How many frequency points of an entry are drawn, where these are not all."""
+    """Say how many frequency points of an entry are drawn, where these are not all."""
     if drawn >= points:
         return ""
     return (

@@ -1,4 +1,4 @@
-"""What an identification assumed: the prior, the parametric part, and the experiments with their bounds."""
+"""Assumptions of an identification: the prior, the parametric part, and the experiments with their bounds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CAUTION = (
 
 
 def assumptions_section(identification: Identification) -> list[Block]:
-    """What was assumed, what the program chose, and what was measured."""
+    """Build the section of what was assumed, what the program chose, and what was measured."""
     return [
         Heading("What was assumed"),
         Facts(assumptions(identification)),
@@ -40,7 +40,7 @@ def assumptions_section(identification: Identification) -> list[Block]:
 
 
 def chosen(identification: Identification) -> list[Block]:
-    """The choices of the program, with their reasons."""
+    """Choices of the program, with their reasons."""
     if not identification.notes:
         return []
     return [Heading(CHOSEN, 3), *(Code(note) for note in identification.notes)]
@@ -88,7 +88,7 @@ def _parametric_words(identification: Identification) -> str:
 
 
 def _size_words(identification: Identification) -> str:
-    """How K bounds the non-parametric part."""
+    """Say how K bounds the non-parametric part."""
     prior = identification.problem.prior
     K, what = number(prior.gain_bound), unit(identification)
     if siso(identification):
@@ -111,12 +111,12 @@ def _scaling_words(identification: Identification) -> str:
 
 
 def shared_words(identification: Identification) -> str:
-    """What bounds that several samples share mean; empty where each has its own."""
+    """Meaning of bounds that several samples share; empty where each has its own."""
     return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
 
 
 def joint_words(kinds: set[str]) -> str:
-    """What the bounds of these kinds (`FrequencyResponse.joint`) mean that several samples share."""
+    """Meaning of the bounds of these kinds (`FrequencyResponse.joint`) that several samples share."""
     words = ""
     if "column" in kinds:
         words += (
@@ -153,7 +153,7 @@ class Experiment(NamedTuple):
 
 
 def experiments(identification: Identification) -> list[Experiment]:
-    """What was measured, and where the bounds come from: of a MIMO problem for each entry or output that has bounds."""
+    """List what was measured, and where the bounds come from: of a MIMO problem for each entry or output that has bounds."""
     problem = identification.problem
     given = {"frequency": problem.frequency, "time": problem.time}
     alike: dict[tuple[Any, ...], list[Experiment]] = {}

@@ -60,7 +60,7 @@ def checked(name: str, value: Any, kind: type, function: str, identification: Id
 
 
 def same(one: Identification, other: Identification) -> bool:
-    """Whether both are one result, as two that were loaded from its files are."""
+    """Return whether both are one result, as two that were loaded from its files are."""
     if one is other:
         return True
     (first, numbers), (second, others) = describe(one), describe(other)

@@ -24,7 +24,7 @@ _WORDS = {
 }
 SIGMA = (
     "±: one standard deviation, from what the fit leaves: errors of the model count as noise, and data with errors that"
-    " are correlated between lines are less sure than this says."
+    " are correlated between frequency points are less sure than this says."
 )
 _CONVERGENCE = (
     "Cost after every iteration. The polynomials are orthonormal for the data of each iteration, so that its normal matrix is"
@@ -112,7 +112,7 @@ def _rms(view: FitView) -> float:
 
 
 def summary_rows(view: FitView) -> list[tuple[str, str]]:
-    """What was fitted to what, and how well, with the words."""
+    """Facts about the fit: the data, the model, the cost."""
     fit = view.fit
     points = int(np.sum(np.any(view.used, axis=(1, 2))))
     hz = view.omega / HZ

@@ -1,4 +1,4 @@
-"""What is drawn of a matrix-fraction fit: the response of every entry, convergence, poles."""
+"""Charts of a matrix-fraction fit: the response of every entry, convergence, poles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is shown of a matrix-fraction fit, computed once: responses, uncertainty, modes, and the claims checked again."""
+"""A matrix-fraction fit with what follows from it, computed once: responses, uncertainty, modes, and the claims checked again."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class FitView:
 
     @property
     def used(self) -> np.ndarray:
-        """Which samples have a weight, (F, ny, nu)."""
+        """Samples that have a weight, (F, ny, nu) bool."""
         return self._oriented(self.fit.problem.weight.entries > 0)
 
     @property
@@ -162,7 +162,7 @@ class FitView:
 
     @cached_property
     def checks(self) -> tuple[Check, ...]:
-        """What the fit claims, evaluated again from the state-space model."""
+        """Claims of the fit, evaluated again from the state-space model."""
         fit = self.fit
         problem = fit.problem
         size = float(np.linalg.norm(problem.weight.apply(problem.values))) or 1.0

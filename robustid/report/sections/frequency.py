@@ -37,7 +37,7 @@ _SIGMA = (
 
 
 def frequency_section(identification: Identification, models: Models) -> list[Block]:
-    """Frequency response, with the singular values of a MIMO response."""
+    """Build the section of the frequency response, with the singular values of a MIMO one."""
     entries, blocks = frequency_charts(identification, models), [Heading("Frequency response")]
     bars = bars_words(identification)
     if siso(identification):
@@ -55,7 +55,7 @@ def frequency_section(identification: Identification, models: Models) -> list[Bl
 
 
 def bars_words(identification: Identification) -> str:
-    """What is drawn of the frequency samples."""
+    """Say what is drawn of the frequency samples."""
     if not identification.problem.frequency:
         return "No frequency samples were given; this is what the time records imply."
     words = "Bars are the disc of each sample: magnitude ± bound, and the phases inside it."
@@ -153,7 +153,7 @@ def _add_samples(
 
 
 def _range(measured: list[Any], values: list[np.ndarray]) -> tuple[float, float]:
-    """Holds all samples and the curves, but not the bottom of deep notches."""
+    """Range that holds all samples and the curves, but not the bottom of deep notches."""
     sizes = [np.abs(value) for *_, value, _ in measured]
     tops = [size + bound for size, (*_, bound) in zip(sizes, measured, strict=True)]
     top = float(np.max(np.concatenate([*map(np.abs, values), *tops])))

@@ -24,7 +24,7 @@ _TINY = np.finfo(float).tiny
 
 
 def guarantee_section(identification: Identification, error: WorstCaseError) -> list[Block]:
-    """What is guaranteed of the response, with its certificates."""
+    """Build the section of what is guaranteed of the response, with its certificates."""
     checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
     alone, entries = siso(identification), worst_case_charts(error)
     blocks: list[Block] = [
@@ -120,7 +120,7 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
 
 
 def _further(identification: Identification) -> str:
-    """What else the class of a MIMO problem assumes."""
+    """Further assumptions of the class of a MIMO problem."""
     problem = identification.problem
     return ", the scaling" * (problem.prior.scaling is not None) + ", the symmetry" * problem.entries.symmetric
 

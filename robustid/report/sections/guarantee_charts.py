@@ -1,4 +1,4 @@
-"""What is drawn of a guarantee: the band of the response, and the sets of values in the complex plane."""
+"""Charts of a guarantee: the band of the response, and the sets of values in the complex plane."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _ends(areas: list[Layer]) -> tuple[list[Any], list[Any]]:
 
 
 def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) -> Panel:
-    """Of an entry, or of the largest singular value."""
+    """Panel of the error of an entry, or of the largest singular value."""
     identification, place = error.identification, (slice(None), *(entry or ()))
     left = x.range[0] if x.range else 0.0
     at = np.maximum(error.omega / HZ, left)

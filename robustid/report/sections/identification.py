@@ -138,7 +138,7 @@ def identification_verdict(identification: Identification, reduction: Reduction 
 
 
 def refuted(identification: Identification) -> bool:
-    """Whether the verdict is that the data contradict the assumptions."""
+    """Return whether the verdict is that the data contradict the assumptions."""
     return _said(identification)[0] == "inconsistent"
 
 
@@ -177,7 +177,7 @@ def margin_interval(identification: Identification) -> str:
 
 
 def margin_words(identification: Identification) -> str:
-    """What the margin means here."""
+    """Meaning of the margin here."""
     upper = identification.margin
     meaning = (
         "The consistency margin is the smallest factor on all bounds at which a system of the class still keeps every sample."

@@ -1,4 +1,4 @@
-"""The response of a model alone."""
+"""Chart of the response of a model alone."""
 
 from __future__ import annotations
 

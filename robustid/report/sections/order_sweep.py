@@ -22,7 +22,7 @@ _CELLS = 400
 
 
 def order_sweep_section(sweep: OrderSweep) -> list[Block]:
-    """Which order the data carry."""
+    """Build the section of the order that the data carry."""
     words = "Every oscillating pole of every order, compared with those of the next lower order: frequency within 1 %, damping"
     return [
         Heading("Order"),
@@ -35,7 +35,7 @@ def order_sweep_section(sweep: OrderSweep) -> list[Block]:
 
 
 def order_words(sweep: OrderSweep) -> str:
-    """Which order the data carry, and by which rule."""
+    """Name the order that the data carry, and the rule."""
     noise = "known from the covariance of the data" if sweep.noise_known else "of unknown level"
     words = (
         f"Order {sweep.suggested} has the smallest description length (MDL) of the {sweep.orders.size} orders tried,"

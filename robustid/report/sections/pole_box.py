@@ -26,7 +26,7 @@ _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
 def pole_box_section(
     identification: Identification, band: WorstCaseOverPoles, error: WorstCaseError | None
 ) -> list[Block]:
-    """What is guaranteed with the poles anywhere in their box, with its certificates."""
+    """Build the section of what is guaranteed with the poles anywhere in their box, with its certificates."""
     checked("over_poles", band, WorstCaseOverPoles, "worst_case_over_poles", identification)
     words = "Proved at the marked frequencies; between them the ranges are interpolated for the eye."
     words += " 0 Hz is drawn at the left end." if band.omega[0] == 0 else ""
@@ -161,7 +161,7 @@ def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[s
 
 
 def verdict(band: WorstCaseOverPoles) -> Verdict:
-    """Whether the cells cover the box and each certificate supports its bound now."""
+    """Verdict on the cells, which must cover the box, and on the certificates, which must support their bounds now."""
     if band.covered:
         return certificates(band.claim_count, band.verify(), "box-certificates")
     sentence = "The cells leave out a part of the box. Don’t rely on these numbers."

@@ -27,7 +27,7 @@ _RANKS = (
 
 
 def poles_section(identification: Identification, models: Models) -> list[Block]:
-    """Poles of every model, and the modes of a MIMO parametric part."""
+    """Build the section of the poles of every model, and of the modes of a MIMO parametric part."""
     tables = [(Heading(one.name, 3), _table(pole_table(one.model))) for one in shown_models(identification, models)]
     blocks: list[Block] = [
         Heading("Poles"),

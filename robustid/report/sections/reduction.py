@@ -20,7 +20,7 @@ _FLOOR = 1e-3  # what lies below, an interpolation of the samples, is drawn here
 
 
 def order_section(identification: Identification, reduction: Reduction | None) -> list[Block]:
-    """Order of the model and of the reduced one."""
+    """Build the section of the order of the model and of the reduced one."""
     blocks: list[Block] = [Heading("Order")]
     if reduction is not None:
         blocks.append(Text(reduction_words(identification, reduction)))
@@ -30,7 +30,7 @@ def order_section(identification: Identification, reduction: Reduction | None) -
 
 
 def reduction_words(identification: Identification, reduction: Reduction) -> str:
-    """How small and how close the reduced model is, and whether the samples are still kept."""
+    """Say how small and how close the reduced model is, and whether the samples are still kept."""
     ratio = largest_ratio(identification.problem, reduction.model)
     kept = "every sample stays within its bound" if ratio <= 1 else "not every sample stays within its bound"
     size = in_unit(number(reduction.bound, 3), identification)

@@ -121,7 +121,7 @@ def residual_chart(identification: Identification, models: Models = None) -> Cha
 
 
 def _grouped(identification: Identification, residuals: list[Residual]) -> list[tuple[list[int], str]]:
-    """Which of them belong in one panel, those of one entry in several experiments for instance, and its name."""
+    """Group the residuals that belong in one panel, those of one entry in several experiments for instance, with its name."""
     if siso(identification):
         label = transfer(identification) if residuals[0].kind == "frequency" else where(identification, residuals[0])
         return [(list(range(len(residuals))), f"{label}: {residuals[0].kind} samples")]

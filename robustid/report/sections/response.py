@@ -104,7 +104,7 @@ def kind(view: ResponseView) -> str:
 
 
 def response_verdict(view: ResponseView) -> Verdict:
-    """What the bound promises, in one sentence."""
+    """Verdict on the bound: what it promises, in one sentence."""
     frf, points = view.frf, f"at all {view.frf.omega.size} frequency points"
     where = points + (f" and in all {view.ny * view.nu} entries" if view.ny * view.nu > 1 else "")
     if not view.complete.all():
@@ -137,7 +137,7 @@ def _numbers(view: ResponseView) -> list[tuple[str, str]]:
 
 
 def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
-    """What was measured, and how sure it is, with the words."""
+    """Facts about the measurement, and how sure it is."""
     frf, hz = view.frf, view.frf.freq_hz
     points = f"{number(hz[0], 5)} Hz"
     if hz.size > 1:
@@ -166,7 +166,7 @@ def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
 
 
 def _missing_words(view: ResponseView) -> str:
-    """How much was not measured, and where."""
+    """Say how much was not measured, and where."""
     points, parts = view.frf.omega.size, []
     for i, j in np.argwhere(view.measured < points).tolist():
         gone = points - int(view.measured[i, j])
@@ -206,12 +206,12 @@ def level_table(view: ResponseView) -> Table:
 
 
 def warnings(view: ResponseView) -> list[Text]:
-    """What must be seen before this is used."""
+    """Warnings that must be seen before this is used."""
     return [Text(f"Warning: {sentence}", "warning") for sentence in warning_sentences(view)]
 
 
 def warning_sentences(view: ResponseView) -> list[str]:
-    """What is wrong with the data, or left open by them, in sentences."""
+    """Sentences on what is wrong with the data, or left open by them."""
     found = [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 

@@ -1,4 +1,4 @@
-"""What is drawn of a measured frequency response: entries with bounds and levels, singular values, coherence, spectra."""
+"""Charts of a measured frequency response: entries with bounds and levels, singular values, coherence, spectra."""
 
 from __future__ import annotations
 
@@ -98,14 +98,14 @@ def _thinned(omega: np.ndarray, axis: Axis, sizes: list[np.ndarray], cells: int)
 
 
 def _range(size: np.ndarray, further: list[np.ndarray]) -> tuple[float, float]:
-    """Holds the values and almost all levels, but not the bottom of deep notches, and no bound far above all values."""
+    """Range that holds the values and almost all levels, but not the bottom of deep notches, and no bound far above all values."""
     top = float(size.max())
     floors = [low_quantile(part[part > 0]) for part in (size, *further) if np.any(part > 0)]
     return magnitude_range(top, [*floors, top / 10])
 
 
 def overview_charts(view: ResponseView) -> list[Chart]:
-    """What is drawn of all entries at once: singular values where there are several, coherence where it is known."""
+    """Charts of all entries at once: singular values where there are several, coherence where it is known."""
     charts = [singular_chart(view)] if min(view.ny, view.nu) > 1 and view.complete.any() else []
     return charts + ([coherence_chart(view)] if view.frf.coherence is not None else [])
 

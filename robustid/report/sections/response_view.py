@@ -1,4 +1,4 @@
-"""What is shown of a measured frequency response, computed once: levels, singular values, spectra of the records."""
+"""A measured frequency response with what follows from it, computed once: levels, singular values, spectra of the records."""
 
 from __future__ import annotations
 

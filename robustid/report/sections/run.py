@@ -10,14 +10,14 @@ _AGAIN = "robustid run FILE -o FOLDER"
 
 
 def findings_section(findings: Sequence[str]) -> list[Block]:
-    """What was found, in sentences; those with line breaks keep them."""
+    """Build the section of the findings; those with line breaks keep them."""
     if not findings:
         return []
     return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
 
 
 def run_file_section(run_file: str | None) -> list[Block]:
-    """How this was made."""
+    """Build the section of the run file."""
     if run_file is None:
         return []
     words = (

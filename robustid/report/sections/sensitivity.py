@@ -26,7 +26,7 @@ _WORDS = {"gain": "the gain bound", "decay": "the decay rate", "lines": "the num
 
 
 def sensitivity_section(identification: Identification, table: Sensitivity) -> list[Block]:
-    """How the guarantee moves with its assumptions."""
+    """Build the section of how the guarantee moves with its assumptions."""
     _check(table, identification)
     words = (
         f"Half of the largest width of the guaranteed set of values, relative to the response, {at_frequencies(table.omega)}."
@@ -95,7 +95,7 @@ def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
 
 
 def sentence(table: Sensitivity) -> str:
-    """With which assumption the guarantee moves most."""
+    """Name the assumption with which the guarantee moves most."""
     stated, *others = table.variations
     moved = [(abs(np.log(row.median / stated.median)), row) for row in others if row.median > 0 and stated.median > 0]
     if not moved:
@@ -112,7 +112,7 @@ def _change(row: Variation) -> str:
 
 
 def _table(table: Sensitivity) -> Table:
-    """As stated first; the change is that of the median."""
+    """Table of the variations, as stated first; the change is that of the median."""
     stated = table.variations[0].median
     rows = [
         (_change(row), _margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated))

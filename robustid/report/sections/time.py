@@ -17,7 +17,7 @@ from robustid.report.words import number, unit_label
 
 
 def time_section(identification: Identification, models: Models) -> list[Block]:
-    """Time response, with the step and pulse responses of every entry of a MIMO one."""
+    """Build the section of the time response, with the step and pulse responses of every entry of a MIMO one."""
     blocks: list[Block] = [Heading("Time response")]
     if not identification.problem.time:
         text = "No time records were given; these responses follow from the frequency samples."

@@ -18,7 +18,7 @@ from robustid.report.words import at_least, at_most, number
 
 
 def tube_section(identification: Identification, tube: ResponseTube) -> list[Block]:
-    """What is guaranteed of the response in time, with its certificates."""
+    """Build the section of the response in time, with its certificates."""
     checked("tube", tube, ResponseTube, "response_tube", identification)
     count = len(tube.certificates) + len(tube.parameters.certificates)
     return [
