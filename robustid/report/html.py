@@ -20,8 +20,6 @@ _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 
 def render(document: Document) -> str:
     """Render a document as the text of a page."""
-    from plotly.offline import get_plotlyjs
-
     drawn = _figures(document)
     return (
         _environment()
@@ -32,7 +30,7 @@ def render(document: Document) -> str:
             versions=_versions(),
             date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
             # The only text that isn't escaped: the library itself, and JSON made safe below.
-            plotly=_script(get_plotlyjs()),
+            plotly=_plotly(),
             data=as_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
         )
     )
@@ -87,6 +85,7 @@ def _words(text: Text) -> Any:
     return out
 
 
+@functools.cache
 def _versions() -> list[tuple[str, str]]:
     """Programs that computed this, with their versions."""
     first = [("robustid", __version__), ("Python", platform.python_version())]
@@ -103,8 +102,10 @@ def as_json(value: Any) -> Any:
     return markupsafe.Markup(text)
 
 
-def _script(source: str) -> Any:
-    """The source of a library, in whose strings an end tag may stand."""
+@functools.cache
+def _plotly() -> Any:
+    """Source of the library that draws the figures, in whose strings an end tag may stand."""
     import markupsafe
+    from plotly.offline import get_plotlyjs
 
-    return markupsafe.Markup(source.replace("</script", "<\\/script"))
+    return markupsafe.Markup(get_plotlyjs().replace("</script", "<\\/script"))

@@ -23,7 +23,6 @@ Models = Mapping[str, Any] | None
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
-_BLOCK = 64  # frequencies evaluated at once: memory grows with states^2 times this
 _NOWHERE = np.zeros(0)
 
 
@@ -165,7 +164,7 @@ def responses(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
-    return omega, [_evaluate(model, omega * problem.dt) for model in models]
+    return omega, [values_at(model, omega * problem.dt) for model in models]
 
 
 def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
@@ -177,8 +176,3 @@ def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.n
     s = np.log(poles[np.abs(poles) > 0]) / problem.dt
     light = s[np.abs(s.real) < 4 * step * s.imag]
     return resolved(every, light, _AROUND, low, high)
-
-
-def _evaluate(model: Any, angles: np.ndarray) -> np.ndarray:
-    parts = np.array_split(angles, max(1, angles.size // _BLOCK))
-    return np.concatenate([values_at(model, part) for part in parts])
