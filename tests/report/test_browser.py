@@ -13,7 +13,7 @@ import robustid as rid
 from robustid.mfd import suggest_order
 from robustid.report import write_report
 from support import matrix_pages
-from support.browser import CHROMIUM, opened, plots, widths
+from support.browser import CHROMIUM, framed, opened, plots
 from support.mfd_systems import noisy, random_modal_system
 from support.report_pages import identified, problem, with_circle
 
@@ -21,10 +21,12 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chr
 DRAWN = re.compile(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', re.S)
 
 
-def drawn(page: Path, folder: Path) -> dict[str, str]:
-    """The markup of each plot, all of which were drawn without an error."""
-    dom, console = opened(page, folder / "profile")
+def drawn(page: Path, width: int) -> dict[str, str]:
+    """The markup of each plot: all were drawn without an error, and nothing stands out sideways."""
+    dom, console, client, scroll = framed(page, width, page.parent)
     assert console == []
+    assert width - 20 <= client <= width
+    assert scroll <= client
     found = plots(dom)
     assert len(found) == len(re.findall('<figure class="plot', page.read_text(encoding="utf-8")))
     for name, markup in found.items():
@@ -33,12 +35,6 @@ def drawn(page: Path, folder: Path) -> dict[str, str]:
         assert "sendChartToCloud" not in markup, name
         assert "Share chart" not in markup, name
     return found
-
-
-def fits(page: Path, width: int, folder: Path) -> None:
-    client, scroll = widths(page, width, folder)
-    assert width - 20 <= client <= width
-    assert scroll <= client
 
 
 def test_the_page_of_an_identification_with_every_section(tmp_path: Path) -> None:
@@ -54,21 +50,19 @@ def test_the_page_of_an_identification_with_every_section(tmp_path: Path) -> Non
     }
     page = tmp_path / "report.html"
     write_report(result, page, **sections)
-    found = drawn(page, tmp_path)
+    found = drawn(page, 390)
     names = ["frequency-0", "time-0", "time-1", "residuals-0", "hankel-0", "poles-0", "poles-1", "guarantee-0"]
     names += ["nyquist-0", "nyquist-1", "over_poles-0", "tube-0", "sensitivity-0", "sensitivity-1"]
     assert set(found) == set(names)
     assert "errorbar" in found["frequency-0"]
     assert "displacement [mm] / force [N]" in found["frequency-0"]
-    fits(page, 390, tmp_path)
 
 
 def test_the_page_of_a_mimo_identification(tmp_path: Path) -> None:
     names = [f"acceleration of the measuring beam at its position {k} [mm/s²]" for k in range(2)]
     data = matrix_pages.measured(lines=6, outputs=names), matrix_pages.record()
     write_report(rid.identify(matrix_pages.problem(*data)), tmp_path / "report.html")
-    assert len(drawn(tmp_path / "report.html", tmp_path)) == 4 + 1 + 2 + 4 + 6 + 3
-    fits(tmp_path / "report.html", 360, tmp_path)
+    assert len(drawn(tmp_path / "report.html", 360)) == 4 + 1 + 2 + 4 + 6 + 3
 
 
 def test_the_page_of_a_fit(tmp_path: Path) -> None:
@@ -80,8 +74,7 @@ def test_the_page_of_a_fit(tmp_path: Path) -> None:
     data, page = rid.FrequencyResponse(np.abs(s), flexible + rigid, **names), tmp_path / "fit.html"
     sweep = suggest_order(data, orders=range(5, 8), rigid_body=rid.RigidBody(1))
     write_report(sweep.fits[6], page, data=data, order_sweep=sweep)
-    assert any("rotation [mrad] / torque [Nm]" in markup for markup in drawn(page, tmp_path).values())
-    fits(page, 390, tmp_path)
+    assert any("rotation [mrad] / torque [Nm]" in markup for markup in drawn(page, 390).values())
 
 
 def test_the_page_of_a_response(tmp_path: Path) -> None:
@@ -92,8 +85,7 @@ def test_the_page_of_a_response(tmp_path: Path) -> None:
     write_report(rid.estimate_frf(records), tmp_path / "frf.html", records=records)
     entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
     further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
-    assert set(drawn(tmp_path / "frf.html", tmp_path)) == entries | further
-    fits(tmp_path / "frf.html", 360, tmp_path)
+    assert set(drawn(tmp_path / "frf.html", 360)) == entries | further
 
 
 def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:

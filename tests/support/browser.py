@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import NamedTuple
 
 CHROMIUM = shutil.which("chromium")
 
@@ -23,19 +25,33 @@ def opened(page: Path, profile: Path, *flags: str) -> tuple[str, list[str]]:
     return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
-def widths(page: Path, width: int, folder: Path) -> tuple[int, int]:
-    """Of the page and of what it would scroll, in a frame: the window of a headless browser has a least width of its own."""
+class Shown(NamedTuple):
+    """A page as a browser shows it: its document without the scripts, what they wrote to the console, its width and what it
+    would scroll.
+    """
+
+    dom: str
+    console: list[str]
+    client: int
+    scroll: int
+
+
+def framed(page: Path, width: int, folder: Path) -> Shown:
+    """A page in a frame of this width: the window of a headless browser has a least width of its own."""
     frame = folder / "frame.html"
     frame.write_text(
         f'<iframe src="{page.as_uri()}" width="{width}" height="800" style="border:0"></iframe><script>'
         'onload = () => setTimeout(() => { const page = document.querySelector("iframe").contentDocument.documentElement;'
-        ' document.title = page.clientWidth + " " + page.scrollWidth; }, 3000)</script>',
+        ' document.title = page.clientWidth + " " + page.scrollWidth;'
+        ' page.querySelectorAll("script").forEach((script) => script.remove());'
+        ' const copy = document.createElement("pre"); copy.textContent = page.outerHTML; document.body.append(copy);'
+        " }, 3000)</script>",
         encoding="utf-8",
     )
-    dom, _ = opened(frame, folder / "profile", "--allow-file-access-from-files")
-    shown = re.search(r"<title>(\d+) (\d+)</title>", dom)
-    assert shown is not None
-    return int(shown[1]), int(shown[2])
+    dom, console = opened(frame, folder / "profile", "--allow-file-access-from-files")
+    client, scroll = re.search(r"<title>(\d+) (\d+)</title>", dom).groups()  # type: ignore[union-attr]
+    copy = dom[dom.index("<pre>") + 5 : dom.rindex("</pre>")]
+    return Shown(html.unescape(copy), console, int(client), int(scroll))
 
 
 def plots(dom: str) -> dict[str, str]:
