@@ -82,7 +82,7 @@ class WorstCaseError(Frozen, Drawable):
 
     def _squeezed(self, array: np.ndarray) -> np.ndarray:
         """Array (F, ny, nu, ...), of SISO plants without the axes of outputs and inputs."""
-        return array[:, 0, 0] if self.identification.problem.entries.single else array
+        return self.identification.problem.entries.as_given(array)
 
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
         """The sets of values of an entry at every frequency; of symmetric matrices of either one."""

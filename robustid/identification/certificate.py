@@ -69,7 +69,7 @@ def certify_margin(
 ) -> MarginCertificate:
     """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
 
-    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and the rest costs its norm, in units of
+    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and what remains costs its norm, in units of
     K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
     """
     weight = float(np.sum(rows.sizes(samples)))

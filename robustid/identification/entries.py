@@ -62,7 +62,7 @@ class Entries(Frozen):
 
     @property
     def single(self) -> bool:
-        """Whether there is one output and one input."""
+        """Say whether there is one output and one input."""
         return self.outputs == self.inputs == 1
 
     @property

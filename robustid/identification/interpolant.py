@@ -65,8 +65,8 @@ class Interpolants(Frozen):
     def realise(self, E: Any = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho.
 
-        E: a number in [-1, 1] (of several channels a real matrix (p, q) of norm at most 1, 0 for all entries 0), or a stable
-        `control.StateSpace` (in zeta) with as many channels and H-infinity norm <= 1.
+        E: a number in [-1, 1] (for MIMO a real matrix (p, q) of norm at most 1, 0 for all entries 0), or a stable
+        `control.StateSpace` (in zeta) with as many inputs and outputs and H-infinity norm <= 1.
         """
         n = self.kept.shape[0]
         p, q = self.outer.shape[1], self.inner.shape[1]
@@ -91,7 +91,7 @@ class Interpolants(Frozen):
         return (alpha.T, gamma.T, beta.T, delta.T) if self.transposed else (alpha, beta, gamma, delta)
 
     def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
-        """The values phi_E(zeta), |zeta| < 1, (F,); of several channels (F, p, q)."""
+        """The values phi_E(zeta), |zeta| < 1, (F,); for MIMO (F, p, q)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
@@ -99,7 +99,7 @@ class Interpolants(Frozen):
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1.
 
         The disc is filled by complex E; models with real coefficients reach a part of it (all its real points at
-        real zeta), so it is an outer bound for them. One channel; `weyl_ball` for several.
+        real zeta), so it is an outer bound for them. SISO; `weyl_ball` for MIMO.
         """
         centre, left, right = self.weyl_ball(zeta)
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]

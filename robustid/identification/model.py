@@ -107,7 +107,7 @@ def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> S
 
 
 def signal_names(problem: MixedProblem) -> dict[str, Any]:
-    """Names of the model and its channels for `control`."""
+    """Names of the model and its signals for `control`."""
     outputs, inputs = ([_label(c.name, d) for c in side] for side, d in ((problem.outputs, "y"), (problem.inputs, "u")))
     return {"inputs": inputs, "outputs": outputs, "name": "identified"}
 

@@ -18,7 +18,7 @@ _SLOWEST = 1e-6
 class Prior(Frozen):
     """The non-parametric part G is analytic and bounded by K in the disc |z| < rho (series in the delay).
 
-    In the engineer's variable: the poles of G lie inside |z| <= 1/rho and |G| <= K on |z| = 1/rho; the impulse
+    In the forward-shift convention: the poles of G lie inside |z| <= 1/rho and |G| <= K on |z| = 1/rho; the impulse
     response obeys ``|g[k]| <= gain_bound * decay_rate**-k``.
 
     Parameters
@@ -28,7 +28,7 @@ class Prior(Frozen):
     decay_rate : float
         rho > 1, per sample.
     scaling : (ny, nu) array, optional
-        Of several channels: the largest singular value of G divided by it, entry by entry, is below K. So that no channel
+        For MIMO: the largest singular value of G divided by it, entry by entry, is below K. So that no signal
         dominates: sizes of the outputs over sizes of the inputs, ``numpy.divide.outer(sizes_y, sizes_u)``, or any gains of the
         entries (a matrix of higher rank costs as many times the states). Ones where there is none.
 
@@ -94,5 +94,5 @@ def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
 
 
 def prior_fields(prior: Prior) -> dict[str, Any]:
-    """What a prior was made of, for storage and copies."""
+    """Fields from which a prior was made, for storage and copies."""
     return {field.name: getattr(prior, field.name) for field in dataclasses.fields(prior)}

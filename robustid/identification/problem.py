@@ -27,7 +27,7 @@ class MixedProblem(Frozen):
     """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
 
     Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
-    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound. With several channels F is a matrix: every
+    ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound. For MIMO F is a matrix: every
     measured entry is a sample, p are free real matrices (residues), and the prior bounds the largest singular value of G.
 
     Parameters
@@ -40,7 +40,7 @@ class MixedProblem(Frozen):
         The class of the non-parametric part.
     parametric : ParametricBasis, control.StateSpace, or a sequence of them, optional
         Known functions with free real coefficients (`kautz`); integrators at z = 1 are allowed where no
-        frequency line lies on them.
+        frequency point lies on them.
     parameter_bounds : (m, 2) or (m, ny, nu, 2) array, optional
         What is known of the coefficients of `parametric`, hard: lower and upper end of each, in the units of
         `Identification.parameters`. Two equal ends fix a coefficient, two infinite ones leave it free; for a known sign
@@ -52,8 +52,8 @@ class MixedProblem(Frozen):
     Raises
     ------
     InputError
-        Missing bounds, different dt, different channels, an input that no experiment excites or an output that none sees,
-        inputs that always move together, a line on an integrator, functions that the data cannot tell apart, parameter bounds
+        Missing bounds, different dt, different signals, an input that no experiment excites or an output that none sees,
+        inputs that always move together, a frequency point on an integrator, functions that the data cannot tell apart, bounds
         of another shape, in the wrong order or with one infinite end.
 
     Notes
@@ -112,7 +112,7 @@ class MixedProblem(Frozen):
 
     @property
     def samples(self) -> int:
-        """Number of samples: one per frequency line and measured entry, and per used time sample."""
+        """Number of samples: one per frequency point and measured entry, and per used time sample."""
         return sum(int(np.isfinite(item.bound).sum()) for item in (*self.frequency, *self.time))
 
     @property
@@ -127,7 +127,7 @@ class MixedProblem(Frozen):
 
     @property
     def signals(self) -> tuple[Signal, Signal]:
-        """The first output and the first input: all there are of one channel."""
+        """The first output and the first input: all there are for SISO."""
         return self.outputs[0], self.inputs[0]
 
     @property
@@ -145,7 +145,7 @@ class MixedProblem(Frozen):
         return np.concatenate([parts[number] for number in sorted(parts)])
 
     def with_prior(self, **changes: float) -> MixedProblem:
-        """The same data with another gain bound or decay rate."""
+        """Problem with the same data and another gain bound or decay rate."""
         return dataclasses.replace(self, prior=dataclasses.replace(self.prior, **changes))
 
     def node_index(self, angles: np.ndarray) -> np.ndarray:
@@ -179,17 +179,17 @@ class MixedProblem(Frozen):
             return
         if np.any(self.angles == 0):
             raise InputError(
-                "`frequency` has a line at omega = 0, where the integrator of `parametric` is infinite; leave that line out"
+                "`frequency` has a point at omega = 0, where the integrator of `parametric` is infinite; leave that point out"
             )
         if any(t.initial == "periodic" for t in self.time):
             raise InputError(
                 "`time`: a record in periodic steady state leaves the state of an integrator undetermined;"
-                ' use initial="free", or `estimate_frf` and its lines'
+                ' use initial="free", or `estimate_frf` and what it returns'
             )
 
 
 def excited_lines(record: TimeRecord) -> np.ndarray:
-    """DFT lines of the record at which its inputs are not zero."""
+    """Spectral lines of the record at which its inputs are not zero."""
     spectrum = np.abs(np.fft.rfft(record.u, axis=0))
     spectrum = (spectrum / np.maximum(spectrum.max(axis=0), np.finfo(float).tiny)).max(axis=1)
     return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))

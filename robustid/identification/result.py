@@ -78,7 +78,7 @@ class Identification(Frozen, Drawable):
 
     @property
     def problem(self) -> MixedProblem:
-        """What was measured and assumed."""
+        """Statement of what was measured and assumed."""
         return self.formulation.problem
 
     @property
@@ -297,7 +297,7 @@ class Identification(Frozen, Drawable):
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
-            *self._channel_lines,
+            *self._signal_lines,
             f"class      {self._gain} <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
@@ -335,7 +335,7 @@ class Identification(Frozen, Drawable):
         return "sigma_max(G)" if self.prior.scaling is None else "sigma_max(G / scaling)"
 
     @property
-    def _channel_lines(self) -> list[str]:
+    def _signal_lines(self) -> list[str]:
         entries = self.problem.entries
         if entries.single:
             return []
@@ -343,7 +343,7 @@ class Identification(Frozen, Drawable):
             f"{len(side)} {name} ({', '.join(map(str, side))})"
             for name, side in (("outputs", self.problem.outputs), ("inputs", self.problem.inputs))
         )
-        return [f"channels   {sides}" + (", symmetric" if entries.symmetric else "")]
+        return [f"signals    {sides}" + (", symmetric" if entries.symmetric else "")]
 
     @property
     def _mode_lines(self) -> list[str]:

@@ -25,7 +25,7 @@ class TaylorInterpolants(Frozen):
               \phi_L = E, \quad \phi_E = \phi_0
 
     E = 0 is the central one, a ratio of polynomials of degree L - 1 at most. Same set as `Interpolants` of a pair
-    without frequency lines, for any L: that one needs matrices of size L.
+    without frequency points, for any L: that one needs matrices of size L.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class TaylorInterpolants(Frozen):
         return self._pull_back(zeta, 0.0, 1.0)
 
     def weyl_ball(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
+        """`weyl_disc` as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
         centre, radius = self.weyl_disc(zeta)
         return centre[:, None, None], radius[:, None, None], np.ones((radius.size, 1, 1))
 

@@ -1,4 +1,4 @@
-"""Whether all experiments speak of the same plant, and of all of it."""
+"""Checks that all experiments speak of the same plant, and of all of it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _RANK = 1e-10  # directions that carry less of the excitation than this, relativ
 
 
 def check_signals(experiments: Sequence[Any]) -> None:
-    """The same inputs and outputs in all experiments; channels without a name of their own go with any."""
+    """Require the same inputs and outputs in all experiments; signals without a name of their own go with any."""
     first = experiments[0]
     for item in experiments[1:]:
         for role in ("inputs", "outputs"):
             ours, theirs = getattr(first, role), getattr(item, role)
             if len(ours) != len(theirs):
                 raise InputError(
-                    f"`{role}` differ between experiments: {_names(ours)} and {_names(theirs)}. All must have all channels, in one"
+                    f"`{role}` differ between experiments: {_names(ours)} and {_names(theirs)}. All must have all signals, in one"
                     " order; mark what was not measured by an infinite bound, and what was not moved by zeros in u"
                 )
             for one, two in zip(ours, theirs, strict=True):
@@ -29,13 +29,13 @@ def check_signals(experiments: Sequence[Any]) -> None:
                 units = one.unit and two.unit and one.unit != two.unit
                 if (named and one.name != two.name) or units:
                     raise InputError(
-                        f"`{role}` differ between experiments: {_names(ours)} and {_names(theirs)}. Give all the same channels, in"
+                        f"`{role}` differ between experiments: {_names(ours)} and {_names(theirs)}. Give all the same signals, in"
                         " the same order and units"
                     )
 
 
 def check_excitation(experiments: Sequence[Any]) -> None:
-    """Every output is seen, and the inputs move in independent ways."""
+    """Require that every output is seen, and that the inputs move in independent ways."""
     first = experiments[0]
     p, q = len(first.outputs), len(first.inputs)
     if p == q == 1:
@@ -45,13 +45,13 @@ def check_excitation(experiments: Sequence[Any]) -> None:
         seen += _seen(item)
     if np.any(seen == 0):
         name = first.outputs[int(np.argmin(seen))].name
-        raise InputError(f"`outputs`: no experiment has a sample of {name!r}; leave that channel out, or measure it")
+        raise InputError(f"`outputs`: no experiment has a sample of {name!r}; leave that signal out, or measure it")
     drive = np.vstack([_excitation(item) for item in experiments])
     size = np.linalg.norm(drive, axis=0)
     if np.any(size == 0):
         name = first.inputs[int(np.argmin(size))].name
         raise InputError(
-            f"`inputs`: no experiment excites {name!r}; leave that channel out, or add an experiment that does"
+            f"`inputs`: no experiment excites {name!r}; leave that signal out, or add an experiment that does"
         )
     _, singular, directions = np.linalg.svd(drive / size, full_matrices=False)
     rank = int(np.sum(singular > _RANK * singular[0]))
@@ -89,9 +89,9 @@ def _excitation(item: Any) -> np.ndarray:
 
 
 def _is_default(name: str) -> bool:
-    """Whether a name is one that the program gave."""
+    """Say whether a name is one that the program gave."""
     return name[:1] in ("u", "y") and (name[1:] == "" or name[1:].isdigit())
 
 
-def _names(channels: Sequence[Any]) -> str:
-    return str([str(c) for c in channels])
+def _names(signals: Sequence[Any]) -> str:
+    return str([str(c) for c in signals])

@@ -1,4 +1,4 @@
-"""What is saved of an identification, and how it is made from that again: numbers and text, every claim verified anew."""
+"""Saving an identification as numbers and text, and making it from them again: every claim is verified anew."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _SAME_DT = 1e-9
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Validation(Frozen):
-    """What a model explains of the data, and what it leaves.
+    """Fit of a model to data, and what it leaves unexplained.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class Validation(Frozen):
     residuals : array, same shape
         Measured minus predicted.
     fit : (ny,), (ny, nu) or (l, r) array
-        NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per channel: 1 is perfect, 0 no better
+        NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per output or entry: 1 is perfect, 0 no better
         than the mean, negative worse, nan where nothing was measured.
     ratio : float or None
         Largest residual in units of its bound, as the bound means it (see `FrequencyResponse.ratio`); None where the data
         have no bound.
     worst : tuple of int, or None
-        Index of that sample in `residuals`; of a joint bound (line, 0, input) or (line, 0, 0).
+        Index of that sample in `residuals`; of a joint bound (frequency point, 0, input) or (frequency point, 0, 0).
     outside : int or None
         Number of samples (of a joint bound: of columns, or lines) outside their bound.
     whiteness : (ny,) array or None
@@ -72,10 +72,10 @@ class Validation(Frozen):
         for index in np.ndindex(self.fit.shape):
             residuals = self.residuals[(slice(None), *index)][_used(data)[(slice(None), *index)]]
             if not residuals.size:
-                lines.append(f"  {self._channel(index)}: not measured")
+                lines.append(f"  {self._place(index)}: not measured")
                 continue
             largest = np.max(np.abs(residuals))
-            line = f"  {self._channel(index)}: fit {100 * self.fit[index]:.2f} %, largest |residual| {largest:.3g}"
+            line = f"  {self._place(index)}: fit {100 * self.fit[index]:.2f} %, largest |residual| {largest:.3g}"
             if self.whiteness is not None and np.isfinite(self.whiteness[index]):
                 p = self.whiteness[index]
                 line += f", residual {'white' if p >= _WHITE else 'not white'} (Ljung-Box p = {p:.2g})"
@@ -88,7 +88,7 @@ class Validation(Frozen):
             lines.append(f"  largest |residual|/bound {self.ratio:.4g} at {where} (index {self.worst}); {verdict}")
         return "\n".join(lines)
 
-    def _channel(self, index: tuple[int, ...]) -> str:
+    def _place(self, index: tuple[int, ...]) -> str:
         data = self.data
         if isinstance(data, TimeRecord):
             return str(data.outputs[index[0]])
@@ -105,8 +105,8 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     model : control.StateSpace
         Discrete with the dt of the data, or continuous for a frequency response without dt.
     data : TimeRecord, FrequencyResponse or TangentialResponse
-        A time record is simulated as its `initial` says: from rest; from the initial state that fits best
-        (least squares, each sample weighted by 1/bound, else each channel by its size); or in periodic steady
+        A time record is simulated as its `initial` says: from zero initial conditions; from the initial state that fits best
+        (least squares, each sample weighted by 1/bound, else each output by its size); or in periodic steady
         state. Samples with an infinite bound count nowhere.
 
     Returns
@@ -116,8 +116,8 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     Raises
     ------
     InputError, InputTypeError
-        If dt or the numbers of channels differ, if an unstable model has no periodic steady state or its
-        simulation overflows, or if a line lies on a pole.
+        If dt or the numbers of inputs or outputs differ, if an unstable model has no periodic steady state or its
+        simulation overflows, or if a frequency point lies on a pole.
 
     References
     ----------
@@ -219,7 +219,7 @@ def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> np.nd
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
     if np.any(bad):
         raise InputError(
-            f"`model` has a pole at the line {data.freq_hz[bad][0]:g} Hz of `data`: remove this line (data.select)"
+            f"`model` has a pole at the frequency {data.freq_hz[bad][0]:g} Hz of `data`: remove this point (data.select)"
         )
     return values if isinstance(data, FrequencyResponse) else data.left @ values @ data.right
 
@@ -241,7 +241,7 @@ def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
 
 
 def _periodic_state(model: Any, data: TimeRecord) -> np.ndarray:
-    """The state to which one period returns: x = A^T x + (state after one period from rest)."""
+    """The state to which one period returns: x = A^T x + (state after one period from zero)."""
     poles = model.poles()
     outside = np.abs(poles) >= 1 - 1e-12
     if np.any(outside):
@@ -277,7 +277,7 @@ def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndar
 
 
 def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> np.ndarray:
-    """Which samples count: those of a finite bound, or all."""
+    """Mask of the samples that count: those of a finite bound, or all."""
     if data.bound is None:
         return np.ones((data.y if isinstance(data, TimeRecord) else data.values).shape, dtype=bool)
     return np.isfinite(data.bound)

@@ -35,7 +35,7 @@ def test_units_do_not_matter(power, form):
         assert np.array_equal(second.parameters, unit * first.parameters)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_intervals_around_the_truth_never_refute(form, seeds):
     for seed in range(seeds):

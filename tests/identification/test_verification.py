@@ -208,9 +208,10 @@ def test_nyquist_line_of_a_periodic_record_counts_once():
     assert rid.identify(problem).margin == pytest.approx((w - 0.5) / bound, abs=1e-5)
 
 
-def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds():
-    """Free responses are fitted for the largest residual, as the claim is: 5 of 5 stay within their bounds."""
-    for seed in range(5):
+@pytest.mark.parametrize("seeds", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds(seeds):
+    """Free responses are fitted for the largest residual, as the claim is: all stay within their bounds."""
+    for seed in range(seeds):
         experiment = rid.flexible_structure(seed=1)
         rng = np.random.default_rng(seed)
         from robustid.core import simulate

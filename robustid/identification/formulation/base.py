@@ -1,4 +1,4 @@
-"""What a finite formulation of a problem is: functions, rows, the map X(x), its size, and the interpolants of its solutions."""
+"""The finite formulation of a problem: functions, rows, the map X(x), its size, and the interpolants of its solutions."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Formulation(Frozen, Functions):
         return dataclasses.replace(self, problem=problem)
 
     def with_prior(self, **changes: float) -> Self:
-        """The same problem and form with another prior."""
+        """Another prior with the same problem and form."""
         return self.of(self.problem.with_prior(**changes))
 
     def with_node(self, angle: float) -> Formulation:
@@ -178,10 +178,10 @@ class Formulation(Frozen, Functions):
                 f"`problem` has {self.problem.coefficients} coefficients in the exact form, and needs {self.count} {kind} for"
                 f" accuracy {accuracy:g} at decay rate {self.problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are"
                 " possible. Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin"
-                " the data: frf.select(slice(None, None, step)), a shorter record, or fewer lines off resonance"
+                " the data: frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance"
             )
 
     @property
     @abc.abstractmethod
     def _kind(self) -> tuple[str, int]:
-        """What the coefficients are called, and how many are possible for SISO."""
+        """Name of the coefficients, and largest number of them for SISO."""

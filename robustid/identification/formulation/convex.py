@@ -78,7 +78,7 @@ class ConvexData(Frozen):
         """Orthogonal V for a basis that is not graded: with x = V y the columns E V of y are orthogonal and fall in size.
 
         Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof for
-        456 coefficients and 1000 lines comes out a thousand times sharper. None where it is graded (the shift) or small.
+        456 coefficients and 1000 frequency points comes out a thousand times sharper. None where it is graded (the shift) or small.
         """
         if self.sarason.graded:
             return None

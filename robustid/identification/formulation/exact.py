@@ -79,7 +79,7 @@ class ExactFormulation(Formulation):
         return f"{self.count} coefficients{self.problem.entries.each}, exact"
 
     def with_node(self, angle: float) -> ExactFormulation:
-        """The same form with a node there; itself where it has one."""
+        """The form with a node there; itself where it has one."""
         if np.any(np.abs(self.problem.angles - angle) <= _SAME_NODE * max(angle, 1e-300)):
             return self
         return dataclasses.replace(self, first=(min(angle, np.pi),))
@@ -99,7 +99,7 @@ class ExactFormulation(Formulation):
 
     @property
     def quick(self) -> bool:
-        """Whether no other form need be looked for."""
+        """Say whether no other form need be looked for."""
         return self.problem.entries.single and self.count <= QUICK_EXACT
 
     def _siso_work(self) -> float:
@@ -117,7 +117,7 @@ class ExactFormulation(Formulation):
             raise SizeError(
                 f"`problem` has {self.count} coefficients in the exact form (2 per frequency point, 1 per time sample); it takes"
                 f' up to {LARGEST_EXACT}. Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a'
-                " shorter record, or fewer lines off resonance"
+                " shorter record, or fewer points off resonance"
             )
 
     @property

@@ -1,4 +1,4 @@
-"""What finitely many coefficients leave out of a function of the ball, and how small that must be."""
+"""Bounds of what finitely many coefficients leave out of a function of the ball, and how small that must be."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def smallest_bound(problem: MixedProblem) -> float:
 
 
 def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """How small a function must be for no sample to feel it as more than its bound.
+    """Size that a function must not exceed for no sample to feel it as more than its bound.
 
     In the largest singular value, entries divided by the scaling of the prior. At the angles (F,) of the frequency points, those
     excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
@@ -60,7 +60,7 @@ def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How small a function must be at the points of a frequency response, (F,)."""
+    """Size that a function must not exceed at the points of a frequency response, (F,)."""
     if not isinstance(frf, FrequencyResponse):
         nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)
         return (frf.bound / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))

@@ -38,7 +38,7 @@ class Cones:
         return second if self.cone is None else np.bincount(self.cone, second, minlength=self.count)
 
     def followed_by(self, more: int) -> Cones:
-        """The same cones and further ones of one sample each."""
+        """These cones and further ones of one sample each."""
         cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
         return Cones(self.count + more, cone)
 

@@ -187,7 +187,7 @@ class _State:
         return self.direction(target, self.scaling.solve(cones.divide(point, (first, second))))
 
     def longest_steps(self, d: _Direction) -> tuple[float, float]:
-        """Of the primal and of the dual part, to the border of the cones."""
+        """Steps of the primal and of the dual part to the border of the cones."""
         cones = self.program.cones
         primal = min(cones.longest_step(self.s, d.ds), *map(longest_step, self.root_S, d.dS))
         dual = min(cones.longest_step(self.at.z, d.dz), *map(longest_step, self.root_Z, d.dZ))

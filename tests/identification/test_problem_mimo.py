@@ -27,7 +27,7 @@ CASES = {
         {"time": ALIKE},
         r"the 2 inputs move in 1 independent ways only .*the response to .* is never seen. Add an experiment",
     ),
-    "an input at rest": ({"time": STILL}, "`inputs`: no experiment excites 'u2'; leave that channel out, or add"),
+    "an input at rest": ({"time": STILL}, "`inputs`: no experiment excites 'u2'; leave that signal out, or add"),
     "an input never excited": ({"frequency": without(input=1)}, "`inputs`: no experiment excites 'u2'"),
     "one direction": ({"frequency": FRF.tangential(right=[1.0, 1.0])}, "the response to .*u1 .*u2 is never seen"),
     "an empty output": ({"frequency": without(output=1)}, "`outputs`: no experiment has a sample of 'y2'; leave"),
