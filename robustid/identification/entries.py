@@ -71,7 +71,7 @@ class Entries(Frozen):
         return "" if self.single else " an entry"
 
     def as_given(self, matrices: NDArray[Any]) -> NDArray[Any]:
-        """Matrices (k, p, q) as users see them: numbers (k,) for SISO."""
+        """Matrices (k, p, q, ...) as users see them: (k, ...) for SISO."""
         return matrices[:, 0, 0] if self.single else matrices
 
     @property
