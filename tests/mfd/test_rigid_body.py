@@ -14,7 +14,8 @@ from robustid.mfd.conditions import RigidModes
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.steps import sk_step
 from robustid.mfd.vector_polynomials import polynomial_nodes
-from support.mfd_systems import noisy, relative_error
+from support.mfd_systems import OMEGA as FEW
+from support.mfd_systems import noisy, random_modal_system, relative_error
 
 OMEGA = 2 * np.pi * np.geomspace(2, 1500, 200)
 DT = 1 / 4000
@@ -283,3 +284,19 @@ def test_an_input_and_an_output_that_the_rigid_body_does_not_see():
         check_structure(fit, 2)
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 3e-3
         assert np.abs(np.linalg.solve(fit.rigid_directions[:, :2], fit.rigid_directions)[:, 2]).max() <= 1e-3 * 1e-2
+
+
+@pytest.mark.parametrize("form", ["right", "left"])
+def test_decoupling_shows_the_rigid_body_alone(form):
+    rng = np.random.default_rng(0)
+    directions, shapes = rng.standard_normal((2, 3)), rng.standard_normal((4, 2))
+    s = 1j * FEW[:, None, None]
+    flexible = random_modal_system(1, 4, 3, 3)
+    truth = 1e4 * shapes @ directions / s**2 + flexible.response(1j * FEW)
+    body = rid.RigidBody(2, side="input" if form == "right" else "output")
+    fit = fit_mfd(rid.FrequencyResponse(FEW, truth), order=10, rigid_body=body)
+    T_y, T_u = fit.decoupling
+    rest = T_y @ fit.model(1e-4j) @ T_u * 1e-4j**2  # far below the first mode
+    expected = np.zeros((4, 3))
+    expected[:2, :2] = np.eye(2)
+    np.testing.assert_allclose(rest, expected, atol=1e-7)

@@ -6,6 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from robustid.mfd import FractionProblem, Weight
+
+OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)  # of `problem_of`
+
 
 @dataclasses.dataclass(frozen=True)
 class ModalSystem:
@@ -92,3 +96,42 @@ def relative_error(estimate, truth) -> float:
     """sqrt(mean_k (|estimate_k - truth_k|_2 / |truth_k|_2)^2)."""
     ratio = np.linalg.norm(estimate - truth, 2, axis=(1, 2)) / np.linalg.norm(truth, 2, axis=(1, 2))
     return float(np.sqrt(np.mean(ratio**2)))
+
+
+def gaussian(rng, *shape):
+    """Complex numbers with independent real and imaginary parts."""
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+def poles_and_residues(seed, ny, nu, order, lines=150, dt=None, feedthrough=False):
+    """A random system by partial fractions: (omega, response, the response at any points s or z)."""
+    rng = np.random.default_rng(seed)
+    omega = np.sort(rng.uniform(1, 3000, lines))
+    pairs = order // 2
+    upper = -rng.uniform(1, 60, pairs) + 1j * rng.uniform(100, 2500, pairs)
+    poles = np.concatenate([upper, upper.conj(), -rng.uniform(1, 60, order - 2 * pairs)])
+    shapes, drives = gaussian(rng, ny, pairs), gaussian(rng, pairs, nu)
+    real = order - 2 * pairs
+    shapes = np.hstack([shapes, shapes.conj(), rng.normal(size=(ny, real))])
+    drives = np.vstack([drives, drives.conj(), rng.normal(size=(real, nu))])
+    constant = rng.normal(size=(ny, nu)) * feedthrough * (0.01 if dt is None else 1.0)
+    poles = poles if dt is None else np.exp(poles * dt)
+
+    def response(points):
+        return (shapes / (np.asarray(points)[:, None, None] - poles)) @ drives + constant
+
+    return omega, response(1j * omega if dt is None else np.exp(1j * omega * dt)), response
+
+
+def problem_of(seed, outputs, inputs, modes, *, level=0.01, omega=OMEGA, **options):
+    """A problem with noisy data of a random structure, and the response without noise."""
+    system = random_modal_system(seed, outputs, inputs, modes)
+    truth = system.response(1j * omega)
+    values = noisy(np.random.default_rng([seed, 2]), truth, level) if level else truth
+    return FractionProblem(omega, values, system.order, Weight(1 / np.abs(truth)), **options), truth
+
+
+def identity(problem):
+    """Denominators I at every frequency point."""
+    lines, nu = problem.omega.size, problem.values.shape[2]
+    return np.broadcast_to(np.eye(nu), (lines, nu, nu))
