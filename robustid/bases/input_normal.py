@@ -1,5 +1,7 @@
 """Orthonormal bases of generalised interpolation, built as a cascade of orthogonal all-pass sections."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses

@@ -1,5 +1,7 @@
 """Parametric bases: known functions whose linear combination is the parametric part of a model."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -7,14 +9,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy.linalg  # type: ignore[reportMissingTypeStubs]
 
 from robustid.bases.input_normal import solve_stein
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, StateMatrices, as_array, as_count, as_positive, freeze
 from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
 _INTEGRATOR_RADIUS = 1e-7
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -189,7 +192,8 @@ def as_basis(value: Any, dt: float) -> ParametricBasis:
     if isinstance(value, Sequence) and not isinstance(value, str):
         if not value:
             raise InputError("`parametric` is an empty sequence; leave it out instead")
-        return stack_bases([as_basis(item, dt) for item in value])
+        items: list[Any] = list(value)  # type: ignore[reportUnknownArgumentType]
+        return stack_bases([as_basis(item, dt) for item in items])
     basis = value if isinstance(value, ParametricBasis) else _from_statespace(value, dt)
     if abs(basis.dt - dt) > 1e-9 * dt:
         raise InputError(
@@ -205,11 +209,12 @@ def as_basis(value: Any, dt: float) -> ParametricBasis:
 
 
 def _from_statespace(value: Any, dt: float) -> ParametricBasis:
-    import control
+    import control  # type: ignore[reportMissingTypeStubs]
 
-    if isinstance(value, control.TransferFunction):
-        value = control.ss(value)
-    if not isinstance(value, control.StateSpace):
+    tools: Any = control  # its types are incomplete
+    if isinstance(value, tools.TransferFunction):
+        value = tools.ss(value)
+    if not isinstance(value, tools.StateSpace):
         raise InputTypeError(
             "`parametric` must be a basis from `kautz`, a control.StateSpace, or a sequence of them;"
             f" got {type(value).__name__}"
@@ -220,8 +225,8 @@ def _from_statespace(value: Any, dt: float) -> ParametricBasis:
         raise InputError("`parametric` must be discrete-time with the dt of the data; got a continuous-time system")
     known = value.dt is not None and value.dt is not True
     labels = tuple(f"{value.name}:{label}" for label in value.output_labels)
-    matrices = (np.asarray(matrix) for matrix in (value.A, value.B, value.C, value.D))
-    return ParametricBasis(*matrices, float(value.dt) if known else dt, labels)  # type: ignore[arg-type]
+    step = float(value.dt) if known else dt  # type: ignore[reportArgumentType]
+    return ParametricBasis(*StateMatrices.of(value), step, labels)
 
 
 def stack_bases(parts: Sequence[ParametricBasis]) -> ParametricBasis:
@@ -230,7 +235,7 @@ def stack_bases(parts: Sequence[ParametricBasis]) -> ParametricBasis:
         return parts[0]
     if len({p.dt for p in parts}) > 1:
         raise InputError(f"`parametric` mixes sample times {sorted({p.dt for p in parts})}; use one dt")
-    A, C = (np.asarray(scipy.linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
+    A, C = (np.asarray(_linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
     B, D = (np.vstack([getattr(p, name) for p in parts]) for name in "BD")
     labels = tuple(label for p in parts for label in p.labels)
     return ParametricBasis(A, B, C, D, parts[0].dt, labels, np.concatenate([p.poles for p in parts]))

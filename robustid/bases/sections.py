@@ -86,7 +86,8 @@ class Sections(Frozen):
     @functools.cached_property
     def pair(self) -> InputNormalPair:
         """The pair of B^M, block upper triangular and Toeplitz: a on the diagonal, b d^k c on the k-th block beside it."""
-        a, b, c, d = (getattr(self.section, name) for name in ("A", "B", "c", "d"))
+        section = self.section
+        a, b, c, d = section.A, section.B, section.c, section.d
         M = self.repeats
         powers = float(d[0, 0]) ** np.arange(M)
         beside = np.zeros((M, M))

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
+import scipy.linalg  # type: ignore[reportMissingTypeStubs]
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 class Balancing(NamedTuple):
@@ -62,6 +64,5 @@ class Balancing(NamedTuple):
 
 def balancing(left: Real, right: Real) -> Balancing:
     """Balanced coordinates from factors of the observability and of the controllability Gramian."""
-    parts: Any = scipy.linalg.svd(left.T @ right, full_matrices=False)
-    U, hankel, Vt = parts
+    U, hankel, Vt = _linalg.svd(left.T @ right, full_matrices=False)
     return Balancing(left, right, U, hankel, Vt)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import IO, Any
 
@@ -13,7 +13,7 @@ from robustid.errors import InputError
 
 
 @contextlib.contextmanager
-def atomic_write(path: str | os.PathLike, mode: str = "w") -> Iterator[IO[Any]]:
+def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Generator[IO[Any], None, None]:
     """Write to a temporary name in the same folder, renamed to `path` when the block ends well.
 
     If the block raises (Ctrl-C too), what was at `path` before is untouched and the temporary file is gone.

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import scipy.linalg
+import scipy.linalg  # type: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
 
 
@@ -43,7 +44,7 @@ def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     if not A.size:
         return A, B, C
     with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+        balanced, (scale, _) = _linalg.matrix_balance(A, permute=False, separate=True)
     return balanced, B / scale[:, None], C * scale
 
 
@@ -64,8 +65,7 @@ class Response:
         A, B, C, D = system
         self._feedthrough = np.asarray(D, dtype=float)
         if A.size:
-            parts: Any = scipy.linalg.schur(A, output="complex")
-            self._schur, basis = parts
+            self._schur, basis = _linalg.schur(A, output="complex")
             self._right, self._left = basis.conj().T @ B, C @ basis
         else:
             self._schur, self._right, self._left = (np.asarray(part, dtype=complex) for part in (A, B, C))

@@ -14,7 +14,7 @@ import os
 import pathlib
 import re
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,8 +43,8 @@ class _Kept(NamedTuple):
         return f"robustid {self.kind} 1"
 
 
-_RESULTS: dict[type, _Kept] = {}
-_FILES: dict[type, Callable[[PathLike, Any], None]] = {}
+_RESULTS: dict[type[Any], _Kept] = {}
+_FILES: dict[type[Any], Callable[[PathLike, Any], None]] = {}
 
 
 def keep(
@@ -87,7 +87,7 @@ def save(path: PathLike, thing: Any) -> None:
     InputTypeError
         An object of another class.
     """
-    if (write := _of(_FILES, type(thing))) is not None:
+    if (write := _of(_FILES, thing.__class__)) is not None:
         write(path, thing)
         return
     record, arrays = describe(thing)
@@ -105,7 +105,7 @@ def save(path: PathLike, thing: Any) -> None:
 
 def describe(thing: Any) -> tuple[Record, Arrays]:
     """Text and arrays that are written of a result."""
-    if (kept := _of(_RESULTS, type(thing))) is None:
+    if (kept := _of(_RESULTS, thing.__class__)) is None:
         names = ", ".join(sorted(cls.__name__ for cls in (*_RESULTS, *_FILES)))
         raise InputTypeError(f"`thing` must be one of {names} or a control.StateSpace; got {type(thing).__name__}")
     record, arrays = kept.pack(thing)
@@ -120,7 +120,7 @@ def rebuild(record: Record, arrays: Arrays) -> Any:
     return kept.unpack(record, arrays)
 
 
-def _of(register: dict[type, Any], cls: type) -> Any:
+def _of(register: dict[type[Any], Any], cls: type[Any]) -> Any:
     return next((register[base] for base in cls.__mro__ if base in register), None)
 
 
@@ -161,7 +161,7 @@ def load_saved(path: PathLike, *kinds: str) -> Any:
 
 
 @contextlib.contextmanager
-def _usable(numbers: pathlib.Path, text: pathlib.Path) -> Iterator[None]:
+def _usable(numbers: pathlib.Path, text: pathlib.Path) -> Generator[None, None, None]:
     """Say which files can't be used, where rebuilding their result fails."""
     try:
         yield

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 
 _SMALL = 400  # below, threads of OpenBLAS wait for one another longer than they work: 2 to 5 times slower than one
 
 
 @contextlib.contextmanager
-def threads_for(size: int) -> Iterator[None]:
+def threads_for(size: int) -> Generator[None, None, None]:
     """One thread for matrices of a small size, as many as are set for large ones."""
     if size >= _SMALL:
         yield
         return
-    import threadpoolctl
+    import threadpoolctl  # type: ignore[reportMissingTypeStubs]
 
     with threadpoolctl.threadpool_limits(limits=1, user_api="blas"):
         yield

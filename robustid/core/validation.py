@@ -25,7 +25,7 @@ class Signal(NamedTuple):
 class Frozen:
     """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only."""
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
         fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
         return _rebuild, (type(self), fields)
 
@@ -34,7 +34,7 @@ class Frozen:
             object.__setattr__(self, name, value)
 
 
-def _rebuild(cls, fields):
+def _rebuild(cls: type[Any], fields: dict[str, Any]) -> Any:
     return cls(**{name: _unpack(value) for name, value in fields.items()})
 
 
@@ -60,9 +60,10 @@ def _pack(value: Any) -> Any:
 
 def _unpack(value: Any) -> Any:
     if isinstance(value, _PackedModel):
-        import control
+        import control  # type: ignore[reportMissingTypeStubs]
 
-        return control.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
+        tools: Any = control  # its types are incomplete
+        return tools.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
     return value
 
 
@@ -153,9 +154,10 @@ def as_signals(name: str, value: Any, count: int, letter: str) -> tuple[Signal, 
         return tuple(Signal(f"{letter}{i + 1}" if count > 1 else letter) for i in range(count))
     if isinstance(value, str | Signal):
         value = [value]
-    if not isinstance(value, Sequence) or len(value) != count:
+    items: list[Any] | None = list(value) if isinstance(value, Sequence) else None  # type: ignore[reportUnknownArgumentType]
+    if items is None or len(items) != count:
         raise InputError(f"`{name}` must name {count} signal{'s' * (count != 1)}; got {_brief(value)}")
-    return tuple(_signal(name, item) for item in value)
+    return tuple(_signal(name, item) for item in items)
 
 
 def _signal(name: str, item: Any) -> Signal:
@@ -165,8 +167,9 @@ def _signal(name: str, item: Any) -> Signal:
             label, unit = text[:-1].rsplit("[", 1)
             return Signal(label.strip(), unit.strip())
         return Signal(text)
-    if isinstance(item, Sequence) and len(item) == 2 and all(isinstance(part, str) for part in item):
-        return Signal(*item)
+    parts: list[Any] = list(item) if isinstance(item, Sequence) else []  # type: ignore[reportUnknownArgumentType]
+    if len(parts) == 2 and all(isinstance(part, str) for part in parts):
+        return Signal(*parts)
     raise InputTypeError(f'`{name}` must hold names such as "current [A]" or pairs (name, unit); got {_brief(item)}')
 
 

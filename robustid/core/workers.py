@@ -30,7 +30,8 @@ class _Pool(ProcessPoolExecutor):
 
     def end(self) -> None:
         """Whatever the processes are doing, they end."""
-        for process in list((getattr(self, "_processes", None) or {}).values()):
+        processes: dict[int, Any] = getattr(self, "_processes", None) or {}
+        for process in list(processes.values()):
             process.terminate()
         self.shutdown(cancel_futures=True)
 
@@ -45,7 +46,7 @@ def worker_pool(count: int | None = None) -> _Pool:
 
 
 def _start(threads: int) -> None:
-    import threadpoolctl
+    import threadpoolctl  # type: ignore[reportMissingTypeStubs]
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _KEPT.append(threadpoolctl.threadpool_limits(limits=threads))
@@ -76,7 +77,9 @@ class Workers:
         if self._own is not None:
             self._own.__exit__(*exception)
 
-    def run(self, function: Callable[..., Any], shared: tuple, items: list[float]) -> Iterator[tuple[float, Any]]:
+    def run(
+        self, function: Callable[..., Any], shared: tuple[Any, ...], items: list[float]
+    ) -> Iterator[tuple[float, Any]]:
         """(item, function(*shared, item)) as they end; an item whose worker fails is tried again, three times in all.
 
         One that failed runs alone when it is tried again, so that none is blamed for what another one does to a pool.
@@ -86,14 +89,15 @@ class Workers:
         SolverError
             An item failed every time.
         """
-        waiting, running = deque((item, 0) for item in items), {}
+        waiting = deque((item, 0) for item in items)
+        running: dict[Future[Any], tuple[float, int]] = {}
         try:
             while waiting or running:
                 while waiting and self._room(waiting[0][1], running):
                     item, failures = waiting.popleft()
                     running[self._submit(function, *shared, item)] = item, failures
                 done, _ = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
-                failed = []
+                failed: list[tuple[float, int, BaseException]] = []
                 for future in done:
                     item, failures = running.pop(future)
                     error = _error(future)
@@ -108,11 +112,11 @@ class Workers:
             for future in running:
                 future.cancel()
 
-    def _room(self, failures: int, running: dict[Future, tuple[float, int]]) -> bool:
+    def _room(self, failures: int, running: dict[Future[Any], tuple[float, int]]) -> bool:
         alone = failures or any(f for _, f in running.values())
         return len(running) < (1 if alone else self._most)
 
-    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         try:
             return self._executor.submit(function, *arguments)
         except concurrent.futures.BrokenExecutor:
@@ -133,7 +137,7 @@ def _count(processes: Any) -> int:
     return processes
 
 
-def _error(future: Future) -> BaseException | None:
+def _error(future: Future[Any]) -> BaseException | None:
     try:
         return future.exception()
     except concurrent.futures.CancelledError as error:  # by a cluster that is gone

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import as_array, as_positive
+from robustid.core import as_array, as_positive, balancing
 from robustid.errors import InputError
 
 _EPS = float(np.finfo(float).eps)
@@ -72,8 +72,9 @@ def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Tr
 
     Notes
     -----
-    The finite response is that of a shift register, whose Gramians are I and H'H, so that H = V diag(λ) V' balances it:
-    σ = |λ|, A = σ^{-1/2} V' S V σ^{1/2} with S the shift. V'SV is a contraction for any orthonormal V.
+    The square-root method with factors I and H of the Gramians of a shift register, which has this response. H is symmetric, so
+    that H = V diag(λ) V' balances it: σ = |λ|, A = σ^{-1/2} V' S V σ^{1/2} with S the shift. V'SV is a contraction for any
+    orthonormal V.
 
     Only the leading part of V is computed: an orthonormal Q of k columns that spans H² Ω, Ω random, gives the eigenvalues
     of T = Q'HQ. For R = H - HQQ' the sum of the row norms bounds the sum of singular values, and H - QTQ' = R + R'QQ'
@@ -112,7 +113,7 @@ def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Tr
         if 2 * rest <= max(_SLACK * tolerance, least):
             break
         rank = 2 * rank if 4 * rank <= g.size else g.size
-    bounds = 2 * (np.append(np.cumsum(np.abs(values[::-1]))[::-1], 0.0) + rest)
+    bounds = _tail_bounds(np.abs(values), rest)
     order = int(np.argmax(bounds <= tolerance))  # the last bound, 2 rest, always meets it
     values, V = values[:order], V[:, :order]
     hankel = np.abs(values)
@@ -142,6 +143,11 @@ def _leading(g: NDArray[np.float64], rank: int) -> tuple[NDArray[np.float64], ND
     return values[first], vectors[:, first], rest
 
 
+def _tail_bounds(hankel: NDArray[np.float64], lost: float) -> NDArray[np.float64]:
+    """Twice the sum of the truncated singular values, with what was lost before, for every order."""
+    return 2 * (np.append(np.cumsum(hankel[::-1])[::-1], 0.0) + lost)
+
+
 class BalancedContraction:
     r"""Balanced coordinates of (A, B, C, D), ||A|| < 1, by the square-root method.
 
@@ -165,8 +171,8 @@ class BalancedContraction:
 
     def __init__(self, A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]):
         self._system = A, B, C, D
-        self._right, self._left = _factor(A, B), _factor(A.T, C.T)
-        self._U, self.hankel, self._V = scipy.linalg.svd(self._left.T @ self._right, full_matrices=False)
+        self._balancing = balancing(_factor(A.T, C.T), _factor(A, B))
+        self.hankel = self._balancing.hankel
 
     def truncate(self, tolerance: float) -> Truncation:
         """The smallest truncation whose error bound, twice the sum of the other singular values, meets a tolerance.
@@ -175,11 +181,9 @@ class BalancedContraction:
         """
         A, B, C, D = self._system
         rounding = 10 * A.shape[0] * _EPS * float(np.max(self.hankel, initial=0.0))
-        bounds = 2 * (np.append(np.cumsum(self.hankel[::-1])[::-1], 0.0) + rounding)
+        bounds = _tail_bounds(self.hankel, rounding)
         order = min(int(np.sum(bounds > tolerance)), int(np.sum(self.hankel > rounding)))
-        root = np.sqrt(self.hankel[:order])
-        into, onto = self._right @ self._V[:order].T / root, (self._left @ self._U[:, :order] / root).T
-        return Truncation(onto @ A @ into, onto @ B, C @ into, D, self.hankel[:order], float(bounds[order]))
+        return Truncation(*self._balancing.truncated(A, B, C, order), D, self.hankel[:order], float(bounds[order]))
 
 
 def _factor(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:

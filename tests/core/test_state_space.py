@@ -1,0 +1,64 @@
+"""Evaluation of state spaces against a dense solution for every point, and simulation against the impulse response."""
+
+import control
+import numpy as np
+import pytest
+
+from robustid.core import Response, StateMatrices, response_at, responses, scaled_states, series_at, simulate
+
+
+def random_system(seed, states, outputs=2, inputs=3, radius=0.95):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((states, states))
+    A *= radius / np.abs(np.linalg.eigvals(A)).max(initial=1e-3)
+    shapes = (states, inputs), (outputs, states), (outputs, inputs)
+    return A, *(rng.standard_normal(shape) for shape in shapes)
+
+
+def dense(system, point):
+    A, B, C, D = system
+    return C @ np.linalg.solve(point * np.eye(len(A)) - A, B) + D
+
+
+@pytest.mark.parametrize("states", [0, 1, 7])
+def test_every_convention_is_the_dense_solution(states):
+    system = random_system(0, states)
+    angles = np.linspace(0, np.pi, 600)  # more than a block
+    points = np.exp(1j * angles)
+    exact = np.array([dense(system, point) for point in points])
+    model = control.ss(*system, 0.1) if states else control.ss([], [], [], system[3], 0.1)
+    for values in (response_at(system, points), series_at(system, 1 / points), responses(model, angles)):
+        assert values.shape == (600, 2, 3)
+        np.testing.assert_allclose(values, exact, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(series_at(system, 0.0)[0], system[3])  # z = infinity
+    poles = Response(system).poles
+    assert all(np.abs(poles - pole).min() < 1e-12 for pole in np.linalg.eigvals(system[0]))
+
+
+def test_a_pole_gives_no_finite_value_and_a_chain_of_integrators_keeps_its_digits():
+    chain = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+    values = response_at(chain, [0.0, 1e-6j, 2.0])[:, 0, 0]
+    assert not np.isfinite(values[0])
+    np.testing.assert_allclose(values[1:], [-1e12, 0.25], rtol=1e-14)
+
+
+def test_scales_are_powers_of_two_and_change_no_response():
+    A, B, C, D = random_system(1, 5)
+    units = 2.0 ** np.array([-20, 0, 9, 30, -7])
+    a, b, c = scaled_states(units[:, None] * A / units, units[:, None] * B, C / units)
+    assert np.linalg.norm(a) < 10 * np.linalg.norm(A)
+    points = np.exp(1j * np.linspace(0, np.pi, 20))
+    np.testing.assert_allclose(response_at((a, b, c, D), points), response_at((A, B, C, D), points), rtol=1e-11)
+
+
+def test_a_simulation_is_the_convolution_and_goes_on_from_its_end():
+    system = random_system(2, 4)
+    model, u = control.ss(*system, 1.0), np.random.default_rng(3).standard_normal((30, 3))
+    A, B, C, D = StateMatrices.of(model)
+    pulses = [D, *(C @ np.linalg.matrix_power(A, k) @ B for k in range(29))]
+    y, end = simulate(model, u)
+    np.testing.assert_allclose(y, [sum(pulses[k - j] @ u[j] for j in range(k + 1)) for k in range(30)], atol=1e-11)
+    first, middle = simulate(model, u[:12])
+    second, last = simulate(model, u[12:], middle)
+    np.testing.assert_array_equal(np.vstack([first, second]), y)
+    np.testing.assert_array_equal(last, end)
