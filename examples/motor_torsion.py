@@ -71,12 +71,12 @@ def stretch_of_mean_period(record):
         u.mean(axis=0)[index],
         y.mean(axis=0)[index],
         dt=record.dt,
-        bound=bound,
+        bound=rid.Bound(bound, kind="confidence", probability=0.95, dof=periods - 1),
         initial="free",
         past_input_bound=float(np.abs(u).max()),
         inputs=record.inputs,
         outputs=record.outputs,
-        note=f"statistical: joint 95 % over {STRETCH} samples, scatter over {periods} periods",
+        note=f"over {STRETCH} samples, scatter over {periods} periods",
     )
 
 
@@ -144,7 +144,7 @@ def main(argv=None):
     better = findings.best()
     print(f"   The change that brings most: {better.change}. It is taken.")
     factor = SPARE * better.margin
-    note = f"statistical bound (joint 95 %) times {factor:.3g}: what the best linear class tried needs, plus 10 %"
+    note = f"confidence bound (95 % jointly) times {factor:.3g}: what the best linear class tried needs, plus 10 %"
     lines = lines.with_bound(factor * lines.bound, note)
     stretch = stretch_of_mean_period(record)
     stretch = stretch.with_bound(factor * stretch.bound, note)

@@ -1,6 +1,6 @@
 """Measured data: a controller that provably stabilises every plant that agrees with the measured torsion resonance.
 
-The data and their bounds are those of motor_torsion.py, which explains why the statistical bounds have to be widened. From 19
+The data and their bounds are those of motor_torsion.py, which explains why the confidence bounds have to be widened. From 19
 lines: a model of low order, how far every consistent plant can be from it on the whole unit circle, and the margin of integral
 controllers against all of them.
 
@@ -36,7 +36,7 @@ def consistent_class(lines, modes):
     first = rid.identify(rid.MixedProblem(frequency=lines, prior=guess, parametric=modes.basis))
     better = diagnose(first).best()
     factor = SPARE * better.margin
-    note = f"statistical bound (joint 95 %) times {factor:.3g}: what the best linear class tried needs, plus 10 %"
+    note = f"confidence bound (95 % jointly) times {factor:.3g}: what the best linear class tried needs, plus 10 %"
     wide = dataclasses.replace(better.problem, frequency=lines.with_bound(factor * lines.bound, note))
     prior = suggest_prior(wide).prior
     print(

@@ -15,6 +15,7 @@ from .app.pipeline import run as run
 from .bases import ParametricBasis as ParametricBasis
 from .bases import kautz as kautz
 from .core import Signal as Signal
+from .data import Bound as Bound
 from .data import Delay as Delay
 from .data import DelayedModel as DelayedModel
 from .data import Excitation as Excitation

@@ -222,7 +222,7 @@ def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
     if not lines:
         return None
     omega, value, bound = (
-        np.concatenate([getattr(f, name) for f in lines]) for name in ("omega", "values", "outer_radius")
+        np.concatenate(parts) for parts in zip(*((f.omega, f.values, f.bound.outer_radius) for f in lines), strict=True)
     )
     poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
     if 2 * omega.size < 4 * (poles.size + 1) + 4:

@@ -224,7 +224,7 @@ def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
     size = np.abs(value)
     bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0))
     if all(f.bound is not None for f in frfs):
-        bound = np.concatenate([f.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
+        bound = np.concatenate([f.bound.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
     bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
     if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], dt)

@@ -149,14 +149,14 @@ def suggest_next(
 
 def _usual_bound(problem: MixedProblem) -> float:
     """Median bound of the lines, or of the time samples as a gain."""
-    lines = [frf.outer_radius[:, 0, 0] for frf in problem.frequency]
+    lines = [frf.bound.outer_radius[:, 0, 0] for frf in problem.frequency]
     if lines:
         return float(np.median(np.concatenate(lines)))
     return float(np.median(np.concatenate([_used_bounds(t) / _drive(t) for t in problem.time])))
 
 
 def _used_bounds(record: TimeRecord) -> np.ndarray:
-    return record.bound[np.isfinite(record.bound)]
+    return record.bound.radius[record.bound.used]
 
 
 def _drive(record: TimeRecord) -> float:

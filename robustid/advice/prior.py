@@ -202,19 +202,19 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
     for f in problem.frequency:
         values.append(float(entry_sizes(problem, f).max()))
         weights = _largest_weights(f, scales)
-        bounds.append(float((f.inner_radius / weights)[np.isfinite(f.bound)].min()))
+        bounds.append(float((f.bound.inner_radius / weights)[f.bound.used].min()))
     for record in problem.time:
         drive = np.linalg.norm(record.u[:, None] * scales, axis=2).max(axis=0)
         drive = np.where(drive > 0, drive, 1.0)
-        values.append(float(np.where(np.isfinite(record.bound), np.abs(record.y) / drive, 0.0).max()))
-        bounds.append(float((record.bound / drive).min()))
+        values.append(float(np.where(record.bound.used, np.abs(record.y) / drive, 0.0).max()))
+        bounds.append(float((record.bound.radius / drive).min()))
     return max(*values, *bounds), min(bounds)
 
 
 def entry_sizes(problem: MixedProblem, f: Any) -> np.ndarray:
     """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
-    return (np.abs(f.values) / _largest_weights(f, scales))[np.isfinite(f.bound)]
+    return (np.abs(f.values) / _largest_weights(f, scales))[f.bound.used]
 
 
 def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:

@@ -130,12 +130,8 @@ def inflated(data: Any, run: RunFile) -> Any:
         return data
     why = "as the program found" if run.identify.inflate_note else "as stated"
     note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
-    if not isinstance(data, FrequencyResponse) or data.joint == "entry":
-        return data.with_bound(factor * data.bound, note)
-    wider: dict[str, Any] = {"bound": factor * data.bound, "note": note, "bound_kind": "hard", "probability": None}
-    if data.ellipsoid is not None:
-        wider |= {"ellipsoid": float(factor) ** 2 * data.ellipsoid}
-    return dataclasses.replace(data, **wider)
+    wider = data.bound.inflated(factor)
+    return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None), note)
 
 
 def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, Prior]:

@@ -10,7 +10,6 @@ from robustid.advice import diagnose
 from robustid.app.choices import SPARE
 from robustid.app.measurements import Say
 from robustid.app.run_file import RunFile
-from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification, Validation, model_residuals
@@ -61,7 +60,7 @@ def unused_words(validation: Validation) -> str:
     """Sentence about the small model at frequency points that were not used."""
     data: Any = validation.data
     ratio = data.ratio(validation.residuals)
-    joint = data.joint if isinstance(data, FrequencyResponse) else "entry"
+    joint = data.bound.joint
     outside = []
     for k, i, j in np.argwhere(ratio > 1):
         entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))

@@ -151,7 +151,7 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     bound = record.bound
     if bound is not None:
         used = w != 0
-        bound = bound[:, used] @ np.abs(w[used])
+        bound = dataclasses.replace(bound, radius=bound.radius[:, used] @ np.abs(w[used]))
     units = {output.unit for output, weight in zip(record.outputs, w, strict=True) if weight}
     label = " + ".join(name if weights[name] == 1 else f"{weights[name]:g} {name}" for name in weights)
     output = (label, units.pop() if len(units) == 1 else "")

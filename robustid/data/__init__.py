@@ -1,7 +1,8 @@
 """What was measured: records and responses with bounds on their errors; files, data sets, estimation."""
 
 from robustid.core import save
-from robustid.data.ellipses import bound_ratio, tilted
+from robustid.data.bound import Bound
+from robustid.data.error_sets import bound_ratio, stacked, tilted
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.rest import NoiseFloor, bounds_from_noise_floor
@@ -10,7 +11,6 @@ from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
 from robustid.data.io.files import load
-from robustid.data.joint_bounds import stacked
 from robustid.data.prepare import decimate, detrend, record_problems, sample_time
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
@@ -19,6 +19,7 @@ from robustid.data.time_record import INITIAL, PAST, TimeRecord
 __all__ = [
     "INITIAL",
     "PAST",
+    "Bound",
     "Delay",
     "DelayedModel",
     "Excitation",

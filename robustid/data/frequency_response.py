@@ -7,16 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import as_array, as_bound, as_float, as_positive, as_signals, freeze
-from robustid.data.bounded_response import BoundedResponse
-from robustid.data.ellipses import as_tilt
-from robustid.data.joint_bounds import as_ellipsoid, as_joint, largest_combination
-from robustid.data.lines import (
-    as_bound_kind,
+from robustid.core import as_array, as_float, as_positive, as_signals, freeze
+from robustid.data.bound import Bound, as_probability
+from robustid.data.error_sets import ellipse_of, joint_radius, variances
+from robustid.data.frequency_points import (
+    NYQUIST_SLACK,
+    FrequencyPoints,
     as_level,
-    as_lines,
     as_note,
-    as_probability,
+    as_points,
     check_measured,
     signal_index,
 )
@@ -24,15 +23,15 @@ from robustid.data.tangential import TangentialResponse, as_left, as_right, comb
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
 
-_ENTRIES = ("values", "bound", "tilt", "noise", "distortion")  # one number per line and entry of the matrix
+_ENTRIES = ("values", "noise", "distortion")  # one number per frequency point and entry of the matrix
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FrequencyResponse(BoundedResponse, Drawable):
+class FrequencyResponse(FrequencyPoints, Drawable):
     """Samples of a frequency response with bounds on their errors: per entry, per column or of the whole matrix.
 
-    ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (engineer's convention;
-    ``F(1j*omega[k])`` where `dt` is None), or what `joint` says.
+    ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (forward-shift convention;
+    ``F(1j*omega[k])`` where `dt` is None), or whatever set the `Bound` says.
 
     Parameters
     ----------
@@ -42,17 +41,9 @@ class FrequencyResponse(BoundedResponse, Drawable):
     values : (F,) or (F, ny, nu) complex array
         Response in output units per input unit. Frequency is the first axis; nothing is ever transposed. NaN is allowed
         where `bound` is infinite.
-    bound : scalar, (F,) or (F, ny, nu) array, optional
-        Radius of the disc around each value; ``inf`` marks an entry that was not measured (see `missing`).
-    tilt : (F,) or (F, ny, nu) complex array, optional
-        Makes the disc an ellipse, ``|e + tilt conj(e)| <= bound`` with ``|tilt| < 1``: semi-axes bound/(1 + |tilt|), in the
-        direction arg(tilt)/2, and bound/(1 - |tilt|), across. `with_ellipses` takes it from covariances.
-    joint : {"entry", "column", "matrix"}
-        Which errors share a bound: none, each is in its own; those of a column (one input), ``||e[:, j]/bound[:, j]||_2 <= 1``
-        (see `with_column_bound`); all, ``vec(e)^H ellipsoid^-1 vec(e) <= 1``, columns stacked (see `with_ellipsoid`). Then too
-        `bound` holds for every entry alone.
-    ellipsoid : (F, ny*nu, ny*nu) complex array, optional
-        Of joint="matrix": Hermitian, positive definite; `bound` is the square root of its diagonal and may be left out.
+    bound : scalar, (F,) or (F, ny, nu) array, or Bound, optional
+        Radius of the disc around each value: a hard bound; ``inf`` marks an entry that was not measured (see `missing`). A `Bound`
+        says more: what kind it is, ellipses, errors that share a bound.
     covariance : (F, ny*nu, ny*nu) complex array, optional
         E[e e^H] of vec(values[k]) (columns stacked), of the estimate itself: E|e|^2, not per real part. What it says of
         missing entries is not used.
@@ -62,11 +53,6 @@ class FrequencyResponse(BoundedResponse, Drawable):
         Signal names and units; ``"current [A]"`` is split.
     note : str, optional
         Where the bound comes from, for reports.
-    bound_kind : {"hard", "rest", "statistical"}
-        What the bound is: a statement of the user's that holds always; estimated from a record without excitation; or one that
-        holds for all lines and entries at once with `probability`.
-    probability : float, optional
-        Of a statistical bound.
     dof : float, optional
         Degrees of freedom of `covariance`: how many independent residuals it was estimated from.
     coherence : (F, ny) array, optional
@@ -87,89 +73,81 @@ class FrequencyResponse(BoundedResponse, Drawable):
     >>> import robustid as rid
     >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.9 - 0.3j], bound=0.02, dt=0.01)
     >>> frf
-    <FrequencyResponse: 2 lines, 1.5915 to 3.1831 Hz, 1x1, bound, dt=0.01 s>
+    <FrequencyResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 1x1, bound, dt=0.01 s>
     >>> frf.values.shape, frf.bound.shape
     ((2, 1, 1), (2, 1, 1))
     """
 
-    PER_LINE: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance", "ellipsoid")
+    PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance")
     omega: np.ndarray
     values: np.ndarray
     _: dataclasses.KW_ONLY
     bound: Any = None
-    tilt: Any = None
     covariance: Any = None
     dt: float | None = None
     inputs: Any = None
     outputs: Any = None
     note: str = ""
-    bound_kind: str = "hard"
-    probability: float | None = None
     dof: float | None = None
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
-    joint: str = "entry"
-    ellipsoid: Any = None
 
     def __post_init__(self) -> None:
-        omega, values, dt = as_lines(self.omega, self.values, self.dt, "ny, nu")
-        lines, ny, nu = values.shape
-        ellipsoid = as_ellipsoid(self.ellipsoid, values.shape)
-        bound = as_bound(self.bound, values.shape, "F", infinite=True)
-        bound = as_joint(self.joint, bound, ellipsoid, self.tilt, values.shape)
+        omega, values, dt = as_points(self.omega, self.values, self.dt, "ny, nu")
+        points, ny, nu = values.shape
+        bound = Bound.of(self.bound, values.shape)
         check_measured(values, bound)
-        tilt = as_tilt(self.tilt, values.shape, bound)
         covariance = None
         if self.covariance is not None:
             covariance = as_array("covariance", self.covariance, dtype=complex)
-            if covariance.shape != (lines, ny * nu, ny * nu):
+            if covariance.shape != (points, ny * nu, ny * nu):
                 raise InputError(
-                    f"`covariance` must have shape (F, ny*nu, ny*nu) = {(lines, ny * nu, ny * nu)};"
+                    f"`covariance` must have shape (F, ny*nu, ny*nu) = {(points, ny * nu, ny * nu)};"
                     f" got {covariance.shape}"
                 )
-        levels = {"coherence": (lines, ny), "noise": values.shape, "distortion": values.shape}
+        levels = {"coherence": (points, ny), "noise": values.shape, "distortion": values.shape}
         levels = {name: as_level(name, getattr(self, name), shape) for name, shape in levels.items()}
         order = np.argsort(omega, kind="stable")
         self._set(
             omega=freeze(omega[order]),
             values=freeze(values[order]),
-            bound=None if bound is None else freeze(bound[order]),
-            tilt=None if tilt is None else freeze(tilt[order]),
-            ellipsoid=None if ellipsoid is None else freeze(ellipsoid[order]),
+            bound=None if bound is None else bound.select(order),
             covariance=None if covariance is None else freeze(covariance[order]),
             dt=dt,
             inputs=as_signals("inputs", self.inputs, nu, "u"),
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
-            bound_kind=as_bound_kind(self.bound_kind),
-            probability=None if self.probability is None else as_probability(self.probability),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )
 
     def __repr__(self) -> str:
         low, high = self.freq_hz[[0, -1]]
-        parts = [f"{self.omega.size} lines, {low:.5g} to {high:.5g} Hz", f"{len(self.outputs)}x{len(self.inputs)}"]
+        parts = [
+            f"{self.omega.size} frequency points, {low:.5g} to {high:.5g} Hz",
+            f"{len(self.outputs)}x{len(self.inputs)}",
+        ]
         if self.bound is not None:
-            parts.append("bound" if self.joint == "entry" else f"{self.joint} bound")
-        parts += [name for name in ("tilt", "covariance") if getattr(self, name) is not None]
+            parts.append("bound" if self.bound.joint == "entry" else f"{self.bound.joint} bound")
+            parts += ["ellipses"] if self.bound.tilt is not None else []
+        parts += ["covariance"] if self.covariance is not None else []
         parts += [f"{count} missing"] if (count := int(np.sum(self.missing))) else []
         parts += [f"dt={self.dt:.6g} s"] if self.dt is not None else []
         return f"<FrequencyResponse: {', '.join(parts)}>"
 
     def entry(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
-        """One entry of the matrix, by index or channel name, still with shape (F, 1, 1), and its own bound."""
+        """One entry of the matrix, by index or name of its signals, still with shape (F, 1, 1), and its own bound."""
         i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
         pick = (slice(None), slice(i, i + 1), slice(j, j + 1))
         flat = j * len(self.outputs) + i
         if np.all(self.missing[pick]):
             raise InputError(
-                f"`output` = {self.outputs[i].name!r}, `input` = {self.inputs[j].name!r}: this entry was measured at no line"
+                f"`output` = {self.outputs[i].name!r}, `input` = {self.inputs[j].name!r}: this entry was measured at no"
+                " frequency point"
             )
         return self._with(
-            joint="entry",
-            ellipsoid=None,
+            bound=None if self.bound is None else self.bound.entries(*pick[1:]),
             **{name: array[pick] for name in _ENTRIES if (array := getattr(self, name)) is not None},
             coherence=None if self.coherence is None else self.coherence[:, i : i + 1],
             covariance=None if self.covariance is None else self.covariance[:, flat, flat, None, None],
@@ -191,8 +169,7 @@ class FrequencyResponse(BoundedResponse, Drawable):
         (2+0j)
         """
         turn = np.exp(1j * self.omega * as_float("seconds", seconds))[:, None, None]
-        tilt = None if self.tilt is None else self.tilt * turn**2
-        return self._with(values=self.values * turn, tilt=tilt)
+        return self._with(values=self.values * turn, bound=None if self.bound is None else self.bound.turned(turn))
 
     def tangential(self, *, right: Any = None, left: Any = None, bound: Any = None) -> TangentialResponse:
         """What sensors `left` see when inputs move in directions `right`: ``left @ values @ right``.
@@ -204,8 +181,8 @@ class FrequencyResponse(BoundedResponse, Drawable):
         left : (ny,), (l, ny) or (F, l, ny) array, optional
             The rows are what is seen of the outputs; default: each output alone.
         bound : scalar, (F,) or (F, l, r) array, optional
-            Default: the largest error that the bounds of the response leave to each value, ``|left| bound |right|`` for entries,
-            the norms that `joint` says else. A value that takes part of a missing entry is missing.
+            Default: the largest error that the bound of the response leaves to each value (`Bound.reach`): ``|left| bound |right|``
+            where every entry has its own. A value that takes part of a missing entry is missing.
 
         Examples
         --------
@@ -215,22 +192,151 @@ class FrequencyResponse(BoundedResponse, Drawable):
         >>> both.values.real.ravel().tolist(), both.bound.ravel().tolist()
         ([-1.0, -1.0], [0.2, 0.2])
         """
-        lines, ny, nu = self.values.shape
-        right, left = as_right(right, lines, nu), as_left(left, lines, ny)
+        points, ny, nu = self.values.shape
+        right, left = as_right(right, points, nu), as_left(left, points, ny)
         weights, reach = combined(left, right), None
         if self.bound is not None:
-            reach = largest_combination(weights, self.outer_radius, self.joint, self.ellipsoid)
+            of_kind = {name: getattr(self.bound, name) for name in ("kind", "probability", "dof")}
+            reach = Bound(self.bound.reach(weights), **of_kind)
         values = np.einsum("fijab,fab->fij", weights, np.where(self.missing, 0, self.values))
-        values = values if reach is None else np.where(np.isinf(reach), np.nan, values)
+        values = values if reach is None else np.where(reach.missing, np.nan, values)
         made = TangentialResponse(
             self.omega,
             values,
             right=right,
             left=left,
             bound=reach,
-            **{name: getattr(self, name) for name in ("dt", "inputs", "outputs", "note", "bound_kind", "probability")},
+            **{name: getattr(self, name) for name in ("dt", "inputs", "outputs", "note")},
         )
         return made if bound is None else made.with_bound(bound)
+
+    def with_column_bound(self, radius: Any, note: str = "") -> FrequencyResponse:
+        """The same samples, the errors of each column together in a ball: ``||e[:, j]||_2 <= radius[j]``.
+
+        One experiment with one input leaves such errors on all outputs. For other weights than equal ones use `with_bound` and a
+        `Bound` with ``joint="column"``. Missing entries stay missing; they are left out of the norm.
+
+        Parameters
+        ----------
+        radius : scalar, (F,) or (F, nu) array
+            In units of the response, one for all outputs, per frequency point in the order of `omega` here.
+        note : str, optional
+            Where the bound comes from.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0, 20.0], np.ones((2, 3, 2)), dt=0.01).with_column_bound([[0.1, 0.2], [0.3, 0.4]])
+        >>> frf
+        <FrequencyResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 3x2, column bound, dt=0.01 s>
+        >>> frf.bound[0].tolist()
+        [[0.1, 0.2], [0.1, 0.2], [0.1, 0.2]]
+        """
+        points, _, nu = self.values.shape
+        radius = as_array("radius", radius)
+        if radius.shape not in ((), (points,), (points, nu)):
+            raise InputError(
+                f"`radius` must be a scalar or have shape (F,) = {(points,)} or (F, nu) = {(points, nu)}; got {radius.shape}"
+            )
+        if np.any(radius <= 0):
+            raise InputError(f"`radius` must be positive; got {radius.min():g}")
+        each = radius if radius.ndim == 0 else radius.reshape(points, 1, -1)
+        return self.with_bound(Bound(np.broadcast_to(each, self.values.shape), joint="column"), note)
+
+    def with_ellipsoid(self, deviations: float, covariance: Any = None, note: str = "") -> FrequencyResponse:
+        """The same samples, all errors of a frequency point together in ``vec(e)^H C^-1 vec(e) <= deviations^2``.
+
+        Parameters
+        ----------
+        deviations : float
+            How many standard deviations the bound is. Of ``n = ny*nu`` circular normal errors of a known C,
+            ``2 vec(e)^H C^-1 vec(e)`` is chi-square with 2 n degrees of freedom: they are inside at all F points with
+            probability p or more for ``deviations = sqrt(chi2(2 n, 1 - (1 - p)/F)/2)``, chi2 the quantile (Bonferroni; at
+            omega = 0 and pi/dt, where errors are real, ``sqrt(chi2(n, ...))`` is needed, which is larger).
+        covariance : (F, ny*nu, ny*nu) complex array, optional
+            C = E[vec(e) vec(e)^H], columns stacked, in the order of `omega` here; default: the covariance of the response.
+        note : str, optional
+            Where the bound comes from.
+
+        Raises
+        ------
+        InputError
+            No covariance, one that isn't Hermitian and positive definite, missing entries.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> from scipy.special import chdtri
+        >>> covariance = [[[4e-4, 1e-4j], [-1e-4j, 1e-4]]]
+        >>> frf = rid.FrequencyResponse([10.0], np.ones((1, 2, 1)), covariance=covariance, dt=0.01)
+        >>> probability, points, entries = 0.95, 1, 2
+        >>> deviations = np.sqrt(chdtri(2 * entries, (1 - probability) / points) / 2)
+        >>> deviations.round(4).item(), frf.with_ellipsoid(deviations).bound.ravel().round(4).tolist()
+        (2.178, [0.0436, 0.0218])
+        """
+        deviations = as_positive("deviations", deviations)
+        self.require_complete("`with_ellipsoid`")
+        if covariance is None and self.covariance is None:
+            raise InputError("`covariance` is needed: the response has none")
+        covariance = self.covariance if covariance is None else as_array("covariance", covariance, dtype=complex)
+        bound = Bound(joint="matrix", ellipsoid=deviations**2 * covariance, kind="confidence")
+        return self.with_bound(bound, note or self.note)
+
+    def with_ellipses(self, covariance: Any, deviations: float, note: str = "") -> FrequencyResponse:
+        """The same samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
+
+        Parameters
+        ----------
+        covariance : (F, 2, 2) real array
+            C = E[e e'] of the real and the imaginary part at every point, in the order of `omega` here.
+        deviations : float
+            How many standard deviations the bound is.
+        note : str, optional
+            Where the bound comes from.
+
+        Raises
+        ------
+        InputError
+            MIMO data, another shape, a matrix that isn't symmetric and positive definite.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0], [1 - 0.1j], dt=0.01)
+        >>> frf = frf.with_ellipses([[[4e-4, 0.0], [0.0, 1e-4]]], deviations=3)
+        >>> frf.inner_radius.round(9).item(), frf.outer_radius.round(9).item()
+        (0.03, 0.06)
+        """
+        if self.values.shape[1:] != (1, 1):
+            raise InputError(
+                f"`with_ellipses` takes one entry at a time; this response has {len(self.outputs)} outputs and"
+                f" {len(self.inputs)} inputs. Pick one entry with .entry(output, input)"
+            )
+        radius, tilt = ellipse_of(covariance, self.omega.size, as_positive("deviations", deviations))
+        return self.with_bound(Bound(radius, tilt=tilt, kind="confidence"), note or self.note)
+
+    def with_joint_bound(self, probability: float = 0.95) -> FrequencyResponse:
+        """The same samples with the confidence bound that holds for all points and entries at once with this probability.
+
+        From `covariance` and its `dof` (normal errors of known covariance where that is None), see `estimate_frf`.
+
+        Examples
+        --------
+        >>> import robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.5j], covariance=[[[1e-4]], [[4e-4]]], dt=0.01)
+        >>> frf.with_joint_bound(0.95).bound.ravel().round(4)
+        array([0.0192, 0.0384])
+        """
+        if self.covariance is None:
+            raise InputError(
+                "`with_joint_bound` needs the covariance of the response; give `covariance`, or with_bound(...)"
+            )
+        probability = as_probability(probability)
+        real = (self.omega == 0) | (self.omega * (self.dt or 0.0) >= np.pi / NYQUIST_SLACK)
+        radius = joint_radius(probability, int(np.sum(~self.missing)), self.dof, real)
+        radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
+        bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof)
+        return self.with_bound(bound, f"{bound.words()} over {self.omega.size} frequency points, from the covariance")
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:

@@ -88,11 +88,11 @@ def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = Non
     changed = {name: signal - rows @ (weights @ signal[:fitted]) for name, signal in changed.items()}
     bound = record.bound
     if bound is not None:
-        if not np.all(np.isfinite(bound[:fitted])):
+        if not np.all(bound.used[:fitted]):
             raise InputError(
                 "`record` has unused samples (an infinite `bound`) where the trend is fitted; detrend first"
             )
-        bound = bound + np.abs(rows) @ (np.abs(weights) @ bound[:fitted])
+        bound = bound.widened(np.abs(rows) @ (np.abs(weights) @ bound.radius[:fitted]))
     past = record.largest_past_input + np.abs(record.u - changed["u"]).max() if record.initial == "free" else None
     return dataclasses.replace(record, **changed, bound=bound, past_input_bound=past)
 
@@ -150,13 +150,15 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
             f"`record` has {samples} samples, fewer than the filter of `factor` = {factor}, which has {taps.size}"
         )
 
-    long = {name: getattr(record, name) for name in ("u", "y", "reference", "bound")}
+    long = {name: getattr(record, name) for name in ("u", "y", "reference")}
     long = {name: signal for name, signal in long.items() if signal is not None}
+    if record.bound is not None:
+        long["bound"] = record.bound.radius
     if periodic:
         long = {name: np.concatenate([signal[-reach:], signal, signal[:reach]]) for name, signal in long.items()}
     bound = long.pop("bound", None)
     slow: dict[str, Any] = {name: _slowed(signal, taps, factor) for name, signal in long.items()}
-    if bound is not None:
+    if record.bound is not None and bound is not None:
         used = np.isfinite(bound)
         unused = _slowed((~used).astype(float), np.ones(taps.size), factor) > 0.5
         slow["bound"] = np.where(unused, np.inf, _slowed(np.where(used, bound, 0.0), np.abs(taps), factor))
@@ -164,6 +166,7 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
             raise InputError(
                 "`record` has too few used samples in a row (a finite `bound`) for the filter; decimate first"
             )
+        slow["bound"] = dataclasses.replace(record.bound, radius=slow["bound"])
     if periodic:
         return dataclasses.replace(record, **slow, dt=factor * record.dt)
     past = np.abs(taps).sum() * max(np.abs(record.u).max(), record.largest_past_input)

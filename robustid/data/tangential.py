@@ -7,16 +7,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import as_array, as_bound, as_signals, freeze
-from robustid.data.ellipses import bound_ratio
-from robustid.data.lines import Lines, as_bound_kind, as_lines, as_note, as_probability, check_measured
+from robustid.core import as_array, as_signals, freeze
+from robustid.data.bound import Bound
+from robustid.data.frequency_points import FrequencyPoints, as_note, as_points, check_measured
 from robustid.errors import InputError
 
 _SAME = 1e-12  # sine of an angle between directions that is rounding
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TangentialResponse(Lines):
+class TangentialResponse(FrequencyPoints):
     """Samples of a frequency response in directions, each in a complex disc of known size.
 
     ``values[k, i, j] = left[k, i, :] @ F(exp(1j*omega[k]*dt)) @ right[k, :, j] + e``, ``|e| <= bound[k, i, j]``
@@ -31,21 +31,17 @@ class TangentialResponse(Lines):
         What is seen of each direction; NaN is allowed where `bound` is infinite.
     right : (nu,), (nu, r) or (F, nu, r) array, optional
         The columns are directions of the inputs, real or complex; default: each input alone, nu = r. One direction that
-        changes from line to line is (F, nu, 1).
+        changes from point to point is (F, nu, 1).
     left : (ny,), (l, ny) or (F, l, ny) array, optional
         The rows are what is seen of the outputs; default: each output alone, ny = l.
-    bound : scalar, (F,) or (F, l, r) array, optional
-        Radius of the disc around each value; ``inf`` marks what is not used.
+    bound : scalar, (F,) or (F, l, r) array, or Bound, optional
+        Radius of the disc around each value: a hard bound; ``inf`` marks what is not used. See `Bound`.
     dt : float, optional
         Sample time in s; None for continuous time.
     inputs, outputs : sequence of str or (name, unit), optional
-        Channels of the plant, nu and ny of them.
+        Signals of the plant, nu and ny of them.
     note : str, optional
         Where the bound comes from, for reports.
-    bound_kind : {"hard", "rest", "statistical"}
-        What the bound is: see `FrequencyResponse`.
-    probability : float, optional
-        Of a statistical bound.
 
     Raises
     ------
@@ -61,12 +57,12 @@ class TangentialResponse(Lines):
     >>> import robustid as rid
     >>> data = rid.TangentialResponse([10.0, 20.0], [0.1, 0.2j], right=[1.0, -1.0], bound=0.01, dt=0.01)
     >>> data
-    <TangentialResponse: 2 lines, 1.5915 to 3.1831 Hz, 1 sensor, 1 direction of a 1x2 plant, bound, dt=0.01 s>
+    <TangentialResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 1 sensor, 1 direction of a 1x2 plant, bound, dt=0.01 s>
     >>> abs(data.unexcited().ravel()).round(3).tolist()
     [0.707, 0.707]
     """
 
-    PER_LINE: ClassVar[tuple[str, ...]] = ("omega", "values", "right", "left", "bound")
+    PER_POINT: ClassVar[tuple[str, ...]] = ("omega", "values", "right", "left")
     omega: np.ndarray
     values: np.ndarray
     _: dataclasses.KW_ONLY
@@ -77,14 +73,12 @@ class TangentialResponse(Lines):
     inputs: Any = None
     outputs: Any = None
     note: str = ""
-    bound_kind: str = "hard"
-    probability: float | None = None
 
     def __post_init__(self) -> None:
-        omega, values, dt = as_lines(self.omega, self.values, self.dt, "l, r")
-        lines, sensors, directions = values.shape
-        right = as_right(self.right, lines, directions if self.right is None else None)
-        left = as_left(self.left, lines, sensors if self.left is None else None)
+        omega, values, dt = as_points(self.omega, self.values, self.dt, "l, r")
+        points, sensors, directions = values.shape
+        right = as_right(self.right, points, directions if self.right is None else None)
+        left = as_left(self.left, points, sensors if self.left is None else None)
         for name, count, wanted, axis in (
             ("right", right.shape[2], directions, "columns"),
             ("left", left.shape[1], sensors, "rows"),
@@ -93,7 +87,11 @@ class TangentialResponse(Lines):
                 raise InputError(
                     f"`{name}` must have the {wanted} {axis} that `values` {values.shape} has; got {count}"
                 )
-        bound = as_bound(self.bound, values.shape, "F", infinite=True)
+        bound = Bound.of(self.bound, values.shape)
+        if bound is not None and (bound.tilt is not None or bound.joint != "entry"):
+            raise InputError(
+                "`bound` of directions is a disc for every value; leave out `tilt`, `joint` and `ellipsoid`"
+            )
         check_measured(values, bound)
         order = np.argsort(omega, kind="stable")
         self._set(
@@ -101,21 +99,19 @@ class TangentialResponse(Lines):
             values=freeze(values[order]),
             right=freeze(right[order]),
             left=freeze(left[order]),
-            bound=None if bound is None else freeze(bound[order]),
+            bound=None if bound is None else bound.select(order),
             dt=dt,
             inputs=as_signals("inputs", self.inputs, right.shape[1], "u"),
             outputs=as_signals("outputs", self.outputs, left.shape[2], "y"),
             note=as_note(self.note),
-            bound_kind=as_bound_kind(self.bound_kind),
-            probability=None if self.probability is None else as_probability(self.probability),
         )
 
     def __repr__(self) -> str:
         low, high = self.freq_hz[[0, -1]]
-        lines, sensors, directions = self.values.shape
+        points, sensors, directions = self.values.shape
         plant = f"{len(self.outputs)}x{len(self.inputs)}"
         parts = [
-            f"{lines} lines, {low:.5g} to {high:.5g} Hz",
+            f"{points} frequency points, {low:.5g} to {high:.5g} Hz",
             f"{sensors} sensor{'s' * (sensors != 1)}",
             f"{directions} direction{'s' * (directions != 1)} of a {plant} plant",
         ]
@@ -129,18 +125,10 @@ class TangentialResponse(Lines):
         """(F, l, r, ny, nu): every value is ``sum(weights * F)``, plus its error."""
         return combined(self.left, self.right)
 
-    def ratio(self, error: Any) -> np.ndarray:
-        """The size of an error (F, l, r) in units of the bound, |e|/bound; 0 where nothing was measured."""
-        return bound_ratio(self._error(error), self.bound)
-
-    def with_bound(self, bound: Any, note: str = "") -> TangentialResponse:
-        """The same samples with a bound of your own; what was not measured stays so."""
-        return self._with(bound=self._where_measured(bound), note=note, bound_kind="hard", probability=None)
-
     def unexcited(self) -> np.ndarray:
         """Combinations of the inputs that no used direction moves: an orthonormal basis of real columns, (nu, d).
 
-        ``v @ right[k, :, j] = 0`` at all lines for each column v; (nu, 0) where every input is reached. A complex direction moves
+        ``v @ right[k, :, j] = 0`` at all points for each column v; (nu, 0) where every input is reached. A complex direction moves
         what its real and its imaginary part move, since the plant is real.
         """
         used = np.any(~self.missing, axis=1)  # (F, r)
@@ -157,35 +145,35 @@ def combined(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.einsum("fia,fbj->fijab", left, right)
 
 
-def as_right(value: Any, lines: int, inputs: int | None) -> np.ndarray:
+def as_right(value: Any, points: int, inputs: int | None) -> np.ndarray:
     """Directions of the inputs, (F, nu, r), checked; the identity of that size where there are none."""
     array = np.eye(inputs or 1, dtype=complex) if value is None else as_array("right", value, dtype=complex)
     array = array[:, None] if array.ndim == 1 else array
-    _check("right", array, "(nu,), (nu, r) or (F, nu, r)", lines, inputs, 1)
-    return np.broadcast_to(array, (lines, *array.shape[-2:]))
+    _check("right", array, "(nu,), (nu, r) or (F, nu, r)", points, inputs, 1)
+    return np.broadcast_to(array, (points, *array.shape[-2:]))
 
 
-def as_left(value: Any, lines: int, outputs: int | None) -> np.ndarray:
+def as_left(value: Any, points: int, outputs: int | None) -> np.ndarray:
     """What is seen of the outputs, (F, l, ny), checked; the identity of that size where nothing is given."""
     array = np.eye(outputs or 1, dtype=complex) if value is None else as_array("left", value, dtype=complex)
     array = array[None, :] if array.ndim == 1 else array
-    _check("left", array, "(ny,), (l, ny) or (F, l, ny)", lines, outputs, 2)
-    return np.broadcast_to(array, (lines, *array.shape[-2:]))
+    _check("left", array, "(ny,), (l, ny) or (F, l, ny)", points, outputs, 2)
+    return np.broadcast_to(array, (points, *array.shape[-2:]))
 
 
-def _check(name: str, array: np.ndarray, shapes: str, lines: int, channels: int | None, axis: int) -> None:
-    """The channels of the plant are on this axis of three."""
-    if array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[0] != lines) or 0 in array.shape:
-        raise InputError(f"`{name}` must have shape {shapes} with F = {lines} from `omega`; got {array.shape}")
-    if channels is not None and array.shape[axis - 3] != channels:
+def _check(name: str, array: np.ndarray, shapes: str, points: int, signals: int | None, axis: int) -> None:
+    """The signals of the plant are on this axis of three."""
+    if array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[0] != points) or 0 in array.shape:
+        raise InputError(f"`{name}` must have shape {shapes} with F = {points} from `omega`; got {array.shape}")
+    if signals is not None and array.shape[axis - 3] != signals:
         side = "inputs" if name == "right" else "outputs"
         raise InputError(
-            f"`{name}` must have shape {shapes} with the {channels} {side} of the response; got {array.shape}"
+            f"`{name}` must have shape {shapes} with the {signals} {side} of the response; got {array.shape}"
         )
     zero = np.argwhere(~np.any(array, axis=axis - 3))
     if len(zero):
         where = ", ".join(
-            f"{word} {int(i)}" for word, i in zip(("line", "number")[-zero.shape[1] :], zero[0], strict=True)
+            f"{word} {int(i)}" for word, i in zip(("frequency point", "number")[-zero.shape[1] :], zero[0], strict=True)
         )
         raise InputError(
             f"`{name}` has a direction of length zero ({where}): it measures nothing. Leave it out, or give what is not used an"
@@ -196,7 +184,7 @@ def _check(name: str, array: np.ndarray, shapes: str, lines: int, channels: int 
 def _beside(directions: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the real v with ``v @ d = 0`` for all rows d of an array (N, n)."""
     rows = np.concatenate([np.real(directions), np.imag(directions)])
-    # In units of each channel, and of each row, the verdict doesn't depend on either; powers of two are exact.
+    # In units of each signal, and of each row, the verdict doesn't depend on either; powers of two are exact.
     unit = np.abs(rows).max(axis=0, initial=0.0)
     unit = 2.0 ** np.round(np.log2(np.where(unit > 0, unit, 1.0)))
     scaled = rows / unit
@@ -204,5 +192,5 @@ def _beside(directions: np.ndarray) -> np.ndarray:
     triangle = np.linalg.qr(np.divide(scaled, size, out=np.zeros_like(scaled), where=size > 0), mode="r")
     _, singular_values, Vt = np.linalg.svd(triangle)
     rank = int(np.sum(singular_values > _SAME * singular_values.max(initial=0.0)))
-    # v in units of the channels: scaled @ w = 0 is rows @ (w/unit) = 0.
+    # v in units of the signals: scaled @ w = 0 is rows @ (w/unit) = 0.
     return np.linalg.qr(Vt[rank:].T / unit[:, None])[0] + 0.0

@@ -7,10 +7,12 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_bound, as_float, as_positive, as_signals, freeze
-from robustid.data.lines import as_bound_kind, signal_index
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Frozen, as_array, as_float, as_positive, as_signals, freeze
+from robustid.data.bound import Bound
+from robustid.data.frequency_points import as_note, signal_index
+from robustid.errors import InputError
 
 INITIAL = ("rest", "free", "periodic")
 _WHOLE = 1e-6  # part of a sample, or of a spectrum, that is rounding
@@ -31,22 +33,20 @@ class TimeRecord(Frozen):
         Output.
     dt : float
         Sample time in s.
-    bound : scalar, (T,) or (T, ny) array, optional
-        Half-width of the interval around each output sample; ``inf`` marks a sample that is not used (a known
-        past input before the window of interest, say).
+    bound : scalar, (T,) or (T, ny) array, or Bound, optional
+        Half-width of the interval around each output sample: a hard bound; ``inf`` marks a sample that is not used (a known
+        past input before the window of interest, say). A `Bound` says of what kind it is.
     reference : (T,) or (T, nr) array, optional
         External excitation, in closed loop.
     initial : {"rest", "free", "periodic"}
-        Before the record: at rest (the default); an unknown state; or in periodic steady state, the record
-        being a whole number of periods.
+        Before the record: zero initial conditions (the default); an unknown state; or periodic steady state, the record being a
+        whole number of periods.
     past_input_bound : float, optional
         For ``initial="free"``: a bound on |u| before the record; default max |u| of the record.
     inputs, outputs : sequence of str or (name, unit), optional
         Signal names and units.
     note : str, optional
         Where the bound comes from, for reports.
-    bound_kind : {"hard", "rest", "statistical"}
-        What the bound is: see `FrequencyResponse`.
 
     Examples
     --------
@@ -69,7 +69,6 @@ class TimeRecord(Frozen):
     inputs: Any = None
     outputs: Any = None
     note: str = ""
-    bound_kind: str = "hard"
 
     def __post_init__(self) -> None:
         u, y = (_signal(name, getattr(self, name)) for name in ("u", "y"))
@@ -85,9 +84,8 @@ class TimeRecord(Frozen):
             past = as_float("past_input_bound", past)
             if past < 0:
                 raise InputError(f"`past_input_bound` must be >= 0; got {past:g}")
-        if not isinstance(self.note, str):
-            raise InputTypeError(f"`note` must be text; got {type(self.note).__name__}")
-        bound = as_bound(self.bound, y.shape, "T", infinite=True)
+        as_note(self.note)
+        bound = Bound.of(self.bound, y.shape, "T")
         self._set(
             u=freeze(u),
             y=freeze(y),
@@ -95,7 +93,6 @@ class TimeRecord(Frozen):
             bound=bound,
             reference=None if reference is None else freeze(reference),
             past_input_bound=past,
-            bound_kind=as_bound_kind(self.bound_kind),
             inputs=as_signals("inputs", self.inputs, u.shape[1], "u"),
             outputs=as_signals("outputs", self.outputs, y.shape[1], "y"),
         )
@@ -110,6 +107,17 @@ class TimeRecord(Frozen):
         """Sample instants in s, (T,), from 0."""
         return self.dt * np.arange(self.u.shape[0])
 
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """True where a sample counts: where its bound is finite, or everywhere without a bound; shaped as `y`."""
+        return np.ones(self.y.shape, dtype=bool) if self.bound is None else self.bound.used
+
+    def ratio(self, error: Any) -> NDArray[np.float64]:
+        """Size of an error (T, ny) of the output in units of its bound, at most 1 inside; 0 where a sample is not used."""
+        if self.bound is None:
+            raise InputError("`ratio` needs the bound of the record; give one by with_bound(...)")
+        return self.bound.ratio(error)
+
     def entry(self, output: int | str = 0, input: int | str = 0) -> TimeRecord:
         """One output and one input of the record, by index or name; the other inputs must be zero."""
         i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
@@ -123,7 +131,7 @@ class TimeRecord(Frozen):
             self,
             u=self.u[:, j],
             y=self.y[:, i],
-            bound=None if self.bound is None else self.bound[:, i],
+            bound=None if self.bound is None else self.bound.entries(slice(i, i + 1)),
             reference=None,
             inputs=(self.inputs[j],),
             outputs=(self.outputs[i],),
@@ -167,7 +175,7 @@ class TimeRecord(Frozen):
                 f"`start` = {start:g} s and `stop` = {stop if stop is None else format(stop, 'g')} must enclose samples of"
                 f" the record, which lasts from 0 to {total * self.dt:g} s"
             )
-        if self.bound is not None and not np.any(np.isfinite(self.bound[first:end])):
+        if self.bound is not None and not np.any(self.used[first:end]):
             raise InputError(f"no sample from `start` = {start:g} s on is used: their `bound` is infinite")
         if past == "known":
             return self._with_known_past(first, end)
@@ -200,16 +208,17 @@ class TimeRecord(Frozen):
                 "`window` keeps the input outside it and marks the output there as not used, by an infinite `bound`; this"
                 ' record has none: call with_bound(...) first, or take past="unknown" or past="periodic"'
             )
-        return dataclasses.replace(kept, bound=np.where(unused[:, None], np.inf, kept.bound))
+        return dataclasses.replace(kept, bound=kept.bound.only(~unused[:, None]))
 
     def _past_of_cut(self) -> float | None:
         return self.largest_past_input if self.initial == "free" else None
 
     def _cut(self, samples: slice, **changes: Any) -> TimeRecord:
         """Some samples of everything that has one entry per sample."""
-        arrays = {name: getattr(self, name) for name in ("u", "y", "bound", "reference")}
+        arrays = {name: getattr(self, name) for name in ("u", "y", "reference")}
         cut = {name: array[samples] for name, array in arrays.items() if array is not None}
-        return dataclasses.replace(self, **cut, **changes)
+        bound = None if self.bound is None else self.bound.select(samples)
+        return dataclasses.replace(self, bound=bound, **cut, **changes)
 
     def without_delay(self, seconds: float) -> TimeRecord:
         """The record of the same plant without its delay: the input (and the reference) moved later, the output as it is.
@@ -251,8 +260,8 @@ class TimeRecord(Frozen):
         return dataclasses.replace(late, u=early.u, reference=early.reference)
 
     def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
-        """The same samples with a bound of your own, which takes the place of any that was estimated."""
-        return dataclasses.replace(self, bound=bound, note=note, bound_kind="hard")
+        """The same samples with a `Bound`, or a half-width of your own, in the place of any other."""
+        return dataclasses.replace(self, bound=bound, note=note)
 
 
 def _later(signal: np.ndarray, samples: float) -> np.ndarray:
@@ -274,11 +283,11 @@ def _signal(name: str, value: Any) -> np.ndarray:
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2:
-        raise InputError(f"`{name}` must have shape (T,) or (T, channels); got {array.shape}")
+        raise InputError(f"`{name}` must have shape (T,) or (T, signals); got {array.shape}")
     if 0 in array.shape:
         raise InputError(f"`{name}` is empty; got shape {array.shape}")
     if array.shape[1] > array.shape[0]:
         raise InputError(
-            f"`{name}` has shape {array.shape}: fewer samples than channels. Time is the first axis; transpose it"
+            f"`{name}` has shape {array.shape}: fewer samples than signals. Time is the first axis; transpose it"
         )
     return array

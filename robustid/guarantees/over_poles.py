@@ -273,7 +273,7 @@ def _search(
     problem: MixedProblem, whole: PoleCell, grid: np.ndarray, limit: int
 ) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted."""
-    smallest = min([float(f.inner_radius.min()) for f in problem.frequency] + _time_bounds(problem))
+    smallest = min([float(f.bound.inner_radius.min()) for f in problem.frequency] + _time_bounds(problem))
     waiting, kept, refuted = [whole], [], []
     angles = np.concatenate([grid * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
     while waiting:
@@ -324,4 +324,4 @@ def _bounded(
 
 
 def _time_bounds(problem: MixedProblem) -> list[float]:
-    return [float(t.bound.min()) / max(float(np.abs(t.u).max()), np.finfo(float).tiny) for t in problem.time]
+    return [float(t.bound.radius.min()) / max(float(np.abs(t.u).max()), np.finfo(float).tiny) for t in problem.time]

@@ -116,15 +116,15 @@ class PoleCell(Frozen):
         frequency = []
         for frf in problem.frequency:
             extra = self.remainder(frf.omega * problem.dt).sum(axis=1) * (1 + line_tilt(frf))
-            near = extra <= _DISTANT * frf.bound[:, 0, 0]
+            near = extra <= _DISTANT * frf.bound.radius[:, 0, 0]
             if near.any():
                 kept = frf.select(near)
-                frequency.append(kept.with_bound(kept.bound + extra[near, None, None]))
+                frequency.append(kept.with_bound(kept.bound.radius + extra[near, None, None]))
         time = []
         for record in problem.time:
             h = self.impulse_remainder(record.u.shape[0]).sum(axis=1)
             extra = np.convolve(np.abs(record.u[:, 0]), h)[: h.size]
-            time.append(record.with_bound(record.bound + extra[:, None]))
+            time.append(record.with_bound(record.bound.radius + extra[:, None]))
         if not frequency and not time:
             return None
         return MixedProblem(
@@ -261,7 +261,7 @@ def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[np.ndar
 
 def line_tilt(frf: FrequencyResponse) -> np.ndarray:
     """|kappa| of every line: an ellipse's rows are weighted by up to 1 + |kappa|."""
-    return np.zeros(frf.omega.size) if frf.tilt is None else np.abs(frf.tilt[:, 0, 0])
+    return np.zeros(frf.omega.size) if frf.bound.tilt is None else np.abs(frf.bound.tilt[:, 0, 0])
 
 
 def _pole(omega: np.ndarray, damping: np.ndarray, dt: float) -> np.ndarray:

@@ -270,12 +270,12 @@ def _places(identification: Identification, item: Any, wanted: set[int] | None) 
         for number, k in enumerate(used.tolist()):
             if wanted is None or number in wanted:
                 f = outputs.functional(k)
-                sample = float(item.y[k, 0]), float(item.bound[k, 0]), 0.0
+                sample = float(item.y[k, 0]), float(item.bound.radius[k, 0]), 0.0
                 yield _Place(number, *sample, outputs.consistent, f.x, f.p, f.tail)
         return
     own = consistent_set(identification)
-    tilt = np.zeros(item.omega.size, complex) if item.tilt is None else item.tilt[:, 0, 0]
-    values, bounds = item.values[:, 0, 0], item.bound[:, 0, 0]
+    tilt = np.zeros(item.omega.size, complex) if item.bound.tilt is None else item.bound.tilt[:, 0, 0]
+    values, bounds = item.values[:, 0, 0], item.bound.radius[:, 0, 0]
     for number, omega in enumerate(item.omega.tolist()):
         if wanted is None or number in wanted:
             here = own.with_node(omega)
@@ -321,7 +321,7 @@ def _nearest(errors: np.ndarray) -> complex:
 
 
 def _used(record: TimeRecord) -> np.ndarray:
-    return np.flatnonzero(np.isfinite(record.bound[:, 0]))
+    return np.flatnonzero(record.bound.used[:, 0])
 
 
 def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
@@ -359,7 +359,7 @@ def _check(item: Any, problem: MixedProblem) -> None:
             )
     if item.dt is None or abs(item.dt - problem.dt) > 1e-9 * problem.dt:
         raise InputError(f"`new_data` must have the dt of the identified data, {problem.dt:g} s; got dt = {item.dt}")
-    if item.bound is None or not np.any(np.isfinite(item.bound)):
+    if item.bound is None or not np.any(item.bound.used):
         raise InputError("`new_data` needs a bound on its samples: what is outside depends on it; use with_bound(...)")
     if isinstance(item, TimeRecord) and item.initial != "rest":
         hint = (

@@ -113,7 +113,7 @@ class MixedProblem(Frozen):
     @property
     def samples(self) -> int:
         """Number of samples: one per frequency point and measured entry, and per used time sample."""
-        return sum(int(np.isfinite(item.bound).sum()) for item in (*self.frequency, *self.time))
+        return sum(int(item.bound.used.sum()) for item in (*self.frequency, *self.time))
 
     @property
     def outputs(self) -> tuple[Signal, ...]:
@@ -157,12 +157,12 @@ class MixedProblem(Frozen):
         return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
 
     def _all_angles(self) -> np.ndarray:
-        angles = [f.omega[np.isfinite(f.bound).any(axis=(1, 2))] * self.dt for f in self.frequency]
+        angles = [f.omega[f.bound.used.any(axis=(1, 2))] * self.dt for f in self.frequency]
         angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
         return np.concatenate(angles) if angles else np.zeros(0)
 
     def _taylor(self) -> int:
-        used = [np.isfinite(t.bound).any(axis=1) for t in self.time if t.initial != "periodic"]
+        used = [t.bound.used.any(axis=1) for t in self.time if t.initial != "periodic"]
         last = [np.flatnonzero(one)[-1] + 1 for one in used]
         return int(max(last, default=0))
 
@@ -210,7 +210,7 @@ def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple:
             )
         if item.bound is None:
             raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
-        if not np.any(np.isfinite(item.bound)):
+        if not np.any(item.bound.used):
             raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
     return items
 

@@ -64,7 +64,7 @@ def model_residuals(problem: MixedProblem, model: Any, rows: Rows | None = None,
     out = [residual for i, f in enumerate(problem.frequency) for residual in _of_lines(i, f, model, problem)]
     taken = 0 if rows is None else rows.parameters
     for i, record in enumerate(problem.time):
-        used = np.isfinite(record.bound)
+        used = record.bound.used
         count = np.flatnonzero(used.any(axis=1))[-1] + 1
         predicted = (
             _steady_state(record, model) if record.initial == "periodic" else simulate(model, record.u[:count])[0]
@@ -73,7 +73,7 @@ def model_residuals(problem: MixedProblem, model: Any, rows: Rows | None = None,
             samples = np.flatnonzero(used[:, output])
             error = record.y[samples, output] - predicted[samples, output]
             columns, widen = initial_state(problem, record, samples, output)
-            bound = record.bound[samples, output] + widen
+            bound = record.bound.radius[samples, output] + widen
             if rows is not None and p is not None:
                 weights = (p / rows.column_scale)[taken : taken + columns.shape[1]]
                 taken += columns.shape[1]
@@ -130,26 +130,26 @@ def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[R
     if not isinstance(frf, FrequencyResponse):
         error = frf.values - np.einsum("klrab,kab->klr", frf.weights, predicted)
         for row, column in measured_entries(frf):
-            used, place = np.isfinite(frf.bound[:, row, column]), (slice(None), row, column)
-            found = error[place][used], frf.bound[place][used]
+            used, place = frf.bound.used[:, row, column], (slice(None), row, column)
+            found = error[place][used], frf.bound.radius[place][used]
             out.append(Residual("frequency", index, frf.omega[used], *found, entry=(None, None)))
         return out
     error = frf.values - predicted
-    if frf.joint == "matrix":
+    if frf.bound.joint == "matrix":
         stacked = error.transpose(0, 2, 1).reshape(frf.omega.size, -1, 1)
-        white = np.linalg.solve(np.linalg.cholesky(frf.ellipsoid), stacked)[..., 0]
+        white = np.linalg.solve(np.linalg.cholesky(frf.bound.ellipsoid), stacked)[..., 0]
         return [Residual("frequency", index, frf.omega, white, np.ones(white.shape), entry=(None, None))]
-    if frf.joint == "column":
+    if frf.bound.joint == "column":
         for column in sorted({j for _, j in measured_entries(frf)}):
-            used = np.isfinite(frf.bound[:, :, column]).any(axis=1)
-            some, bound = error[used, :, column], frf.bound[used, :, column]
+            used = frf.bound.used[:, :, column].any(axis=1)
+            some, bound = error[used, :, column], frf.bound.radius[used, :, column]
             some = np.where(np.isfinite(bound), some, 0)
             out.append(Residual("frequency", index, frf.omega[used], some, bound, entry=(None, column)))
         return out
     for row, column in measured_entries(frf):
-        used = np.isfinite(frf.bound[:, row, column])
-        some, bound = error[used, row, column], frf.bound[used, row, column]
-        tilt = None if frf.tilt is None else frf.tilt[used, row, column]
+        used = frf.bound.used[:, row, column]
+        some, bound = error[used, row, column], frf.bound.radius[used, row, column]
+        tilt = None if frf.bound.tilt is None else frf.bound.tilt[used, row, column]
         out.append(Residual("frequency", index, frf.omega[used], some, bound, tilt, (row, column)))
     return out
 

@@ -292,7 +292,7 @@ class Identification(Frozen, Drawable):
     def summary(self) -> str:
         """The result in a dozen lines of plain text."""
         problem, prior = self.problem, self.problem.prior
-        frequency = sum(int(np.isfinite(f.bound).sum()) for f in problem.frequency)
+        frequency = sum(int(f.bound.used.sum()) for f in problem.frequency)
         lines = [
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
@@ -367,12 +367,12 @@ def _largest_response(item: Any, scales: np.ndarray) -> float:
         drive = np.linalg.norm(item.u[:, None] * scales, axis=2).max(axis=0)
         return float((np.abs(item.y).max(axis=0) / np.maximum(drive, np.finfo(float).tiny)).max())
     if isinstance(item, FrequencyResponse):
-        return float((np.abs(item.values) / scales)[np.isfinite(item.bound)].max())
+        return float((np.abs(item.values) / scales)[item.bound.used].max())
     size = np.linalg.svd(item.weights * scales, compute_uv=False).sum(axis=-1)
-    return float((np.abs(item.values) / np.maximum(size, np.finfo(float).tiny))[np.isfinite(item.bound)].max())
+    return float((np.abs(item.values) / np.maximum(size, np.finfo(float).tiny))[item.bound.used].max())
 
 
 def _share_around_zero(frf: Any) -> float:
     """Part of the samples whose bound exceeds the response itself."""
-    ratio = bound_ratio(frf.values, frf.bound, getattr(frf, "tilt", None))
-    return float(np.mean(ratio[np.isfinite(frf.bound)] <= 1))
+    ratio = bound_ratio(frf.values, frf.bound.radius, frf.bound.tilt)
+    return float(np.mean(ratio[frf.bound.used] <= 1))

@@ -67,7 +67,7 @@ def check_excitation(experiments: Sequence[Any]) -> None:
 
 def _seen(item: Any) -> np.ndarray:
     """Number of samples of every output, (p,)."""
-    used = np.isfinite(item.bound)
+    used = item.bound.used
     if isinstance(item, TimeRecord):
         return used.sum(axis=0)
     if hasattr(item, "left"):
@@ -77,7 +77,7 @@ def _seen(item: Any) -> np.ndarray:
 
 def _excitation(item: Any) -> np.ndarray:
     """Rows that span the input directions of an experiment, (k, q)."""
-    used = np.isfinite(item.bound)
+    used = item.bound.used
     if isinstance(item, TimeRecord):
         last = np.flatnonzero(used.any(axis=1))[-1] + 1
         u = item.u if item.initial == "periodic" else item.u[:last]

@@ -10,6 +10,7 @@ import numpy as np
 from robustid.bases import ParametricBasis, Sections
 from robustid.core import Arrays, Record, digest, keep, text_array
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data.io import flat_fields, from_fields
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.choice import formulate_in
 from robustid.identification.formulation.convex import Candidate
@@ -72,12 +73,11 @@ def describe_problem(problem: MixedProblem) -> tuple[Arrays, Record]:
     for kind in ("frequency", "time"):
         for i, item in enumerate(getattr(problem, kind)):
             described = {}
-            for field in dataclasses.fields(item):
-                value = getattr(item, field.name)
+            for name, value in flat_fields(item).items():
                 if isinstance(value, np.ndarray):
-                    arrays[f"{kind}{i}/{field.name}"] = value
+                    arrays[f"{kind}{i}/{name}"] = value
                 else:
-                    described[field.name] = value
+                    described[name] = value
             described["class"] = type(item).__name__
             text[kind].append(described)
     if problem.parametric is not None:
@@ -133,7 +133,7 @@ def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
             fields = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
             described, name = dict(described), described.get("class", cls.__name__)
             described.pop("class", None)
-            experiments[kind].append(_CLASSES[name](**fields, **described))
+            experiments[kind].append(from_fields(_CLASSES[name], fields | described))
     basis = None
     if text["parametric"] is not None:
         matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from robustid.core import Frozen, freeze, simulate
-from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     used = _used(data)
     result: dict[str, Any] = {}
     if data.bound is not None:
-        ratios = bound_ratio(residuals, data.bound) if isinstance(data, TimeRecord) else data.ratio(residuals)
+        ratios = data.ratio(residuals)
         worst = tuple(int(i) for i in np.unravel_index(np.argmax(ratios), ratios.shape))
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
@@ -265,7 +265,7 @@ def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndar
     if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(missing))):
         return np.full(missing.shape, np.inf)
     if data.bound is not None:
-        weight = 1 / data.bound
+        weight = 1 / data.bound.radius
     else:
         size = np.sqrt(np.mean(data.y**2, axis=0))
         weight = np.broadcast_to(1 / np.where(size > 0, size, 1.0), missing.shape)
@@ -278,9 +278,7 @@ def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndar
 
 def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> np.ndarray:
     """Mask of the samples that count: those of a finite bound, or all."""
-    if data.bound is None:
-        return np.ones((data.y if isinstance(data, TimeRecord) else data.values).shape, dtype=bool)
-    return np.isfinite(data.bound)
+    return data.used if isinstance(data, TimeRecord) else ~data.missing
 
 
 def _fit(measured: np.ndarray, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:

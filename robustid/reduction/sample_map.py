@@ -225,20 +225,20 @@ def _line_track(frf: Any, problem: MixedProblem) -> Track:
     if not isinstance(frf, FrequencyResponse):
         at, W, y, tilt = _directions(frf)
         cone = np.arange(y.size)
-    elif frf.joint == "matrix":
-        white = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid))
+    elif frf.bound.joint == "matrix":
+        white = frf.bound.whitening
         W = white.reshape(lines * p * q, q, p).swapaxes(1, 2)
         y = (white @ frf.values.swapaxes(1, 2).reshape(lines, p * q, 1)).ravel()
         at = cone = np.repeat(np.arange(lines), p * q)
         tilt = None
     else:
-        at, i, j = np.nonzero(np.isfinite(frf.bound))
-        bound = frf.bound[at, i, j]
+        at, i, j = np.nonzero(frf.bound.used)
+        bound = frf.bound.radius[at, i, j]
         W = np.zeros((at.size, p, q))
         W[np.arange(at.size), i, j] = 1 / bound
-        tilt = None if frf.tilt is None else frf.tilt[at, i, j]
+        tilt = None if frf.bound.tilt is None else frf.bound.tilt[at, i, j]
         y = tilted(frf.values[at, i, j] / bound, tilt)
-        cone = np.unique(at * q + j, return_inverse=True)[1] if frf.joint == "column" else np.arange(at.size)
+        cone = np.unique(at * q + j, return_inverse=True)[1] if frf.bound.joint == "column" else np.arange(at.size)
 
     def rows(output: int, input: int, out: np.ndarray) -> np.ndarray:
         return tilted(out[at] * W[:, output, input, None], tilt)
@@ -250,8 +250,8 @@ def _directions(frf: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, None]:
     """Points, weights and values of tangential samples, divided by their bounds."""
     parts = []
     for row, column in measured_entries(frf):
-        used = np.flatnonzero(np.isfinite(frf.bound[:, row, column]))
-        bound = frf.bound[used, row, column]
+        used = np.flatnonzero(frf.bound.used[:, row, column])
+        bound = frf.bound.radius[used, row, column]
         parts.append(
             (used, frf.weights[used, row, column] / bound[:, None, None], frf.values[used, row, column] / bound)
         )
@@ -262,7 +262,7 @@ def _directions(frf: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, None]:
 def _time_track(record: TimeRecord, problem: MixedProblem) -> Track:
     used = _used(record)
     parts = {i: initial_state(problem, record, at, i) for i, at in used.items()}
-    bounds = {i: record.bound[at, i] + parts[i][1] for i, at in used.items()}
+    bounds = {i: record.bound.radius[at, i] + parts[i][1] for i, at in used.items()}
     free = np.asarray(scipy.linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used)))
     last = max(at[-1] for at in used.values())
     return _record_track(record, record.u[: last + 1], None, bounds, lambda v: v, free)
@@ -278,14 +278,14 @@ def _periodic_track(record: TimeRecord) -> Track:
         return np.fft.irfft(spectrum, samples, axis=0)
 
     signal, points = np.fft.rfft(record.u, axis=0)[lines], np.exp(2j * np.pi * lines / samples)
-    bounds = {i: record.bound[at, i] for i, at in used.items()}
+    bounds = {i: record.bound.radius[at, i] for i, at in used.items()}
     free = np.zeros((sum(at.size for at in used.values()), 0))
     return _record_track(record, signal, points, bounds, in_time, free)
 
 
 def _used(record: TimeRecord) -> dict[int, np.ndarray]:
     """The samples that have a bound, of each output that has any."""
-    found = {i: np.flatnonzero(np.isfinite(bound)) for i, bound in enumerate(record.bound.T)}
+    found = {i: np.flatnonzero(np.isfinite(bound)) for i, bound in enumerate(record.bound.radius.T)}
     return {i: at for i, at in found.items() if at.size}
 
 

@@ -43,7 +43,7 @@ def records(kind):
     if kind == "ellipses":
         frf = data.frequency
         tilt = 0.4 * np.exp(1j * np.arange(frf.omega.size))
-        ellipses = rid.FrequencyResponse(frf.omega, frf.values, bound=frf.bound, tilt=tilt, dt=DT)
+        ellipses = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(frf.bound, tilt=tilt), dt=DT)
         return {"frequency": ellipses, "prior": prior}, modes
     u = rng.choice([-1.0, 1.0], 30)
     drive = np.tile(u, 200) if kind == "periodic" else u

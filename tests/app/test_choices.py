@@ -9,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.app import choices, sequence
 from robustid.app.run_file import RunFile
+from support.bounds import rebound
 from support.matrix_lines import measured
 from support.run_files import CLASS, DATA, QUICK, ask
 
@@ -115,7 +116,7 @@ def test_records_become_a_response_with_the_bounds_of_the_noise_floor(folder):
     (found,) = result.identification.problem.frequency
     np.testing.assert_allclose(found.values, expected.values, rtol=1e-12)
     np.testing.assert_allclose(found.bound, expected.bound, rtol=1e-12)
-    assert found.bound_kind == "rest"
+    assert found.bound.kind == "noise_floor"
     assert str(found.outputs[0]) == "left + right [m]"
     assert result.consistent
     stated = tomllib.loads((folder / "out" / "run.toml").read_text(encoding="utf-8"))
@@ -195,11 +196,11 @@ def test_wider_bounds_keep_their_kind():
     run = RunFile().changed("identify", inflate=3.0)
     for data in (
         frf,
-        dataclasses.replace(frf, tilt=np.full(frf.omega.size, 0.3 + 0.1j)),
+        rebound(frf, tilt=np.full(frf.omega.size, 0.3 + 0.1j)),
         frf.with_column_bound(0.1),
-        dataclasses.replace(frf, bound=None, joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2)),
+        frf.with_bound(rid.Bound(joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2))),
     ):
         wide = choices.inflated(data, run)
-        assert wide.joint == data.joint
+        assert wide.bound.joint == data.bound.joint
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
         assert "times 3" in wide.note

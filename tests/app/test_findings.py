@@ -7,6 +7,7 @@ import numpy as np
 import robustid as rid
 from robustid.app import findings
 from robustid.identification import model_residuals
+from support.bounds import rebound
 from support.matrix_lines import measured
 
 
@@ -24,7 +25,7 @@ def test_samples_outside_are_named_with_their_entry():
     assert f"leaves 1 of 120 samples outside their bounds: {frf.freq_hz[3]:.5g} Hz (right / a)" in words
     lines_ = problem.frequency[0]
     assert "(right / a)" in findings.unused_words(rid.validate(truth, lines_))
-    column = dataclasses.replace(lines_, joint="column")
+    column = rebound(lines_, joint="column")
     assert f"{frf.freq_hz[3]:.5g} Hz (a)" in findings.unused_words(rid.validate(truth, column))
     ratio = max(r.ratio.max() for r in model_residuals(problem, truth))
     assert f"({ratio:.4g} bounds)" in words

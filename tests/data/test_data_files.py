@@ -32,7 +32,7 @@ def test_round_trip_is_exact(tmp_path, make, suffix):
 def test_a_bound_of_the_user_s_takes_the_place_of_a_stored_one(tmp_path, suffix):
     save(tmp_path / f"data{suffix}", full_frf())
     again = load(tmp_path / f"data{suffix}", bound=0.5)
-    assert (again.bound_kind, again.probability, again.note) == ("hard", None, "")
+    assert (again.bound.kind, again.bound.probability, again.note) == ("hard", None, "")
     assert np.all(again.bound == 0.5)
 
 

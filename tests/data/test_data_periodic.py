@@ -56,7 +56,9 @@ def test_noise_free_single_channel_is_exact():
     assert np.all(np.abs(frf.values - truth(model, frf.omega)) <= frf.bound)
     assert np.all(frf.bound < 1e-12)
     assert (frf.dt, str(frf.inputs[0])) == (DT, "force [N]")
-    assert frf.note == "statistical: joint 95 % over 5 lines, scatter over 4 periods, pooled over 4 neighbouring lines"
+    assert frf.note == (
+        "confidence bound, 95 % jointly over 5 frequency points, scatter over 4 periods, pooled over 4 neighbouring lines"
+    )
 
 
 def test_noise_free_two_outputs_three_inputs():

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, RobustIdError
 
 OMEGA = np.array([1.0, 2.0, 5.0])
@@ -56,8 +56,6 @@ def two_by_two(**options):
         ([1.0], [np.inf], {}, InputError, "`values` must be finite"),
         ([1.0], [[1, 2], [3]], {}, InputTypeError, "`values` must be an array of numbers; got list"),
         ([1.0], [1], {"dt": 0}, InputError, "`dt` must be positive; got 0"),
-        ([1.0], [1], {"bound_kind": "sure"}, InputError, "`bound_kind` must be one of"),
-        ([1.0], [1], {"probability": 95}, InputError, "`probability` must be between 0 and 1; got 95"),
         ([1.0], [1], {"coherence": 1.1}, InputError, "`coherence` must lie between 0 and 1; got 1.1 to 1.1"),
         ([1.0], [1], {"noise": -0.1}, InputError, "`noise` must lie between 0 and infinity"),
         ([1.0], [1], {"distortion": [1.0, 2.0]}, InputError, r"`distortion` must have shape \(1, 1, 1\); got \(2,\)"),
@@ -122,8 +120,8 @@ def test_channel_picks_value_bound_covariance_and_names():
         ("z", InputError, r"`output` must be one of \['x', 'y'\]; got 'z'"),
         (2, InputError, "`output` must be below 2; got 2"),
         (-3, InputError, "`output` must be below 2; got -3"),
-        (0.5, InputTypeError, "`output` must be a channel's number or name; got 0.5"),
-        (None, InputTypeError, "`output` must be a channel's number or name; got None"),
+        (0.5, InputTypeError, "`output` must be the number or name of a signal; got 0.5"),
+        (None, InputTypeError, "`output` must be the number or name of a signal; got None"),
     ],
 )
 def test_channel_refuses(output, error, sentence):
@@ -149,7 +147,7 @@ def test_select_one_line_by_its_number():
 @pytest.mark.parametrize(
     ("lines", "sentence"),
     [
-        (7, "doesn't select from 3 lines"),
+        (7, "doesn't select from 3 frequency points"),
         ([True, False], "doesn't select from 3"),
         ([], "selects none"),
         ("x", "doesn't select"),
@@ -163,15 +161,16 @@ def test_select_refuses(lines, sentence):
 def test_band_is_in_hz_and_includes_its_ends():
     frf = FrequencyResponse(2 * np.pi * np.arange(1.0, 6.0), np.arange(5))
     assert frf.band(2, 4).values.real.ravel().tolist() == [1, 2, 3]
-    with pytest.raises(InputError, match=r"no line lies between `low_hz` = 7 and `high_hz` = 9 Hz"):
+    with pytest.raises(InputError, match=r"no frequency point lies between `low_hz` = 7 and `high_hz` = 9 Hz"):
         frf.band(7, 9)
 
 
 def test_with_bound_keeps_the_rest_and_forgets_where_the_old_bound_came_from():
-    frf = dataclasses.replace(mimo(), bound_kind="statistical", probability=0.95, dof=7, coherence=np.full((3, 2), 0.9))
+    bound = Bound(1.0, kind="confidence", probability=0.95, dof=7)
+    frf = dataclasses.replace(mimo(), bound=bound, dof=7, coherence=np.full((3, 2), 0.9))
     wider = frf.with_bound(9.0)
     assert np.all(wider.bound == 9)
-    assert (wider.note, wider.bound_kind, wider.probability, wider.dof) == ("", "hard", None, 7)
+    assert (wider.note, wider.bound.kind, wider.bound.probability, wider.dof) == ("", "hard", None, 7)
     assert frf.with_bound(9.0, "guessed").note == "guessed"
     np.testing.assert_array_equal(wider.values, frf.values)
 
@@ -220,7 +219,7 @@ ONES = np.ones(4)
         (ONES, 1j * ONES, {}, InputTypeError, "`y` must be real"),
         (ONES, np.ones((2, 4)), {}, InputError, r"`y` has shape \(2, 4\).*transpose"),
         (np.ones((1, 4)), np.ones((1, 4)), {}, InputError, r"`u` has shape \(1, 4\).*transpose"),
-        (ONES, np.ones((4, 1, 1)), {}, InputError, r"`y` must have shape \(T,\) or \(T, channels\)"),
+        (ONES, np.ones((4, 1, 1)), {}, InputError, r"`y` must have shape \(T,\) or \(T, signals\)"),
         (ONES, ONES, {"dt": -0.1}, InputError, "`dt` must be positive; got -0.1"),
         (ONES, ONES, {"bound": 0}, InputError, "`bound` must be positive"),
         (ONES, ONES, {"bound": [1, 1, 1]}, InputError, "`bound` must be a scalar or have shape"),
@@ -263,9 +262,15 @@ def test_time_record_channel():
 def test_copies_are_equal_and_nothing_can_be_written(make, clone):
     first = make()
     second = clone(first)
+    check_copy(first, second)
+
+
+def check_copy(first, second):
     for name in set(first.__dataclass_fields__) - {"_"}:
         one, two = getattr(first, name), getattr(second, name)
-        if isinstance(one, np.ndarray):
+        if isinstance(one, Bound):
+            check_copy(one, two)
+        elif isinstance(one, np.ndarray):
             np.testing.assert_array_equal(one, two)
             with pytest.raises(ValueError, match="read-only"):
                 two[...] = 0

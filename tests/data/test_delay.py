@@ -186,7 +186,7 @@ def test_a_response_without_its_delay_keeps_errors_inside_their_ellipses():
     np.testing.assert_allclose(back.values[:, 0, 0], clean, rtol=1e-12)
     error = rng.standard_normal((3, 1, 1)) + 1j * rng.standard_normal((3, 1, 1))
     turned = error * np.exp(1j * omega * tau)[:, None, None]
-    before, after = (np.abs(e + f.tilt * e.conj()) / f.bound for e, f in ((error, frf), (turned, back)))
+    before, after = (np.abs(e + f.bound.tilt * e.conj()) / f.bound for e, f in ((error, frf), (turned, back)))
     np.testing.assert_allclose(after, before, rtol=1e-12)
     np.testing.assert_allclose(back.without_delay(-tau).values, frf.values, rtol=1e-12)
 

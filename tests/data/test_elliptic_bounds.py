@@ -10,7 +10,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import diagnose
-from robustid.data.ellipses import bound_ratio
+from robustid.data import bound_ratio
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.columns import DenseDesign
@@ -18,6 +18,7 @@ from robustid.identification.formulation.taylor_columns import ShiftColumns, Shi
 from robustid.identification.residuals import largest_ratio
 from robustid.identification.solver.paths import margin_path
 from robustid.report.sections.assumptions import experiments
+from support.bounds import rebound
 from support.problems import judge_margin, random_problem
 
 
@@ -48,17 +49,17 @@ def test_the_border_of_the_ellipse_is_that_of_the_covariance():
     t = np.linspace(0, 2 * np.pi, 101)
     border = deviations * np.linalg.cholesky(C) @ np.stack([np.cos(t), np.sin(t)])
     e = border[:, 0] + 1j * border[:, 1]
-    ratio = bound_ratio(e, frf.bound[:, :, 0], frf.tilt[:, 0, 0])
+    ratio = bound_ratio(e, frf.bound[:, :, 0], frf.bound.tilt[:, 0, 0])
     assert np.abs(ratio - 1).max() < 1e-9  # 1e-16 times the slimness squared
     small, large = deviations * np.sqrt(np.linalg.eigvalsh(C)).T
-    assert np.allclose(frf.inner_radius[:, 0, 0], small, rtol=1e-9)
-    assert np.allclose(frf.outer_radius[:, 0, 0], large, rtol=1e-9)
+    assert np.allclose(frf.bound.inner_radius[:, 0, 0], small, rtol=1e-9)
+    assert np.allclose(frf.bound.outer_radius[:, 0, 0], large, rtol=1e-9)
     ends = [
-        np.exp(0.5j * np.angle(frf.tilt)) * frf.inner_radius,
-        1j * np.exp(0.5j * np.angle(frf.tilt)) * frf.outer_radius,
+        np.exp(0.5j * np.angle(frf.bound.tilt)) * frf.bound.inner_radius,
+        1j * np.exp(0.5j * np.angle(frf.bound.tilt)) * frf.bound.outer_radius,
     ]
     for e in ends:  # the axes are where the docstring says
-        assert np.abs(bound_ratio(e, frf.bound, frf.tilt) - 1).max() < 1e-9
+        assert np.abs(bound_ratio(e, frf.bound, frf.bound.tilt) - 1).max() < 1e-9
         vector = np.stack([e.real, e.imag], -1)[:, 0, 0]
         inside = np.einsum("fi,fij,fj->f", vector, np.linalg.inv(C), vector)
         assert np.allclose(inside, deviations**2, rtol=1e-9)
@@ -66,7 +67,7 @@ def test_the_border_of_the_ellipse_is_that_of_the_covariance():
 
 def test_circles_have_no_tilt():
     frf = rid.FrequencyResponse([1.0, 2.0], [1.0, 2.0], dt=0.1).with_ellipses(4.0 * np.eye(2) * np.ones((2, 1, 1)), 3.0)
-    assert np.all(frf.tilt == 0)
+    assert np.all(frf.bound.tilt == 0)
     assert frf.bound.ravel() == pytest.approx([6.0, 6.0])
 
 
@@ -74,40 +75,41 @@ def test_responses_keep_their_ellipses(tmp_path):
     rng = np.random.default_rng(3)
     tilt = 0.9 * np.sqrt(rng.uniform(size=(4, 2, 3))) * np.exp(2j * np.pi * rng.uniform(size=(4, 2, 3)))
     values, bound = rng.standard_normal((4, 2, 3)) + 1j, rng.uniform(0.1, 1, (4, 2, 3))
-    frf = rid.FrequencyResponse([4.0, 1.0, 3.0, 2.0], values, bound=bound, tilt=tilt, dt=0.1)
+    frf = rid.FrequencyResponse([4.0, 1.0, 3.0, 2.0], values, bound=rid.Bound(bound, tilt=tilt), dt=0.1)
     order = [1, 3, 2, 0]
-    assert np.array_equal(frf.tilt, tilt[order])
-    assert np.array_equal(frf.select([0, 2]).tilt, tilt[order][[0, 2]])
-    assert np.array_equal(frf.band(0, 0.4).tilt, tilt[order][:2])
-    assert np.array_equal(frf.entry(1, 2).tilt, tilt[order][:, 1:2, 2:])
-    assert np.array_equal(frf.with_bound(2.0).tilt, tilt[order])
-    assert "tilt" in repr(frf)
+    assert np.array_equal(frf.bound.tilt, tilt[order])
+    assert np.array_equal(frf.select([0, 2]).bound.tilt, tilt[order][[0, 2]])
+    assert np.array_equal(frf.band(0, 0.4).bound.tilt, tilt[order][:2])
+    assert np.array_equal(frf.entry(1, 2).bound.tilt, tilt[order][:, 1:2, 2:])
+    assert np.array_equal(frf.with_bound(2.0).bound.tilt, tilt[order])
+    assert "ellipses" in repr(frf)
     for again in (copy.deepcopy(frf), pickle.loads(pickle.dumps(frf))):
-        assert np.array_equal(again.tilt, frf.tilt)
-        assert not again.tilt.flags.writeable
+        assert np.array_equal(again.bound.tilt, frf.bound.tilt)
+        assert not again.bound.tilt.flags.writeable
     for name in ("frf.npz", "frf.csv"):
         rid.save(tmp_path / name, frf)
         again = rid.load(tmp_path / name)
-        for field in ("omega", "values", "bound", "tilt"):
+        assert np.array_equal(again.bound.tilt, frf.bound.tilt)
+        for field in ("omega", "values", "bound"):
             assert np.array_equal(getattr(again, field), getattr(frf, field))
-    per_line = rid.FrequencyResponse([1.0, 2.0], np.ones((2, 2, 1)), bound=0.1, tilt=[0.5, 0.5j])
-    assert np.array_equal(per_line.tilt[:, 1, 0], [0.5, 0.5j])
+    per_line = rid.FrequencyResponse([1.0, 2.0], np.ones((2, 2, 1)), bound=rid.Bound(0.1, tilt=[0.5, 0.5j]))
+    assert np.array_equal(per_line.bound.tilt[:, 1, 0], [0.5, 0.5j])
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"tilt": [0.1, 0.1]}, "`bound`, which is missing"),
-        ({"bound": 1.0, "tilt": [0.1]}, r"`tilt` must have shape \(F,\) = \(2,\) or \(2, 1, 1\); got \(1,\)"),
-        ({"bound": 1.0, "tilt": 0.5}, r"`tilt` must have shape"),
-        ({"bound": 1.0, "tilt": [0.1, 1j]}, "`tilt` must be smaller than 1 in modulus"),
-        ({"bound": 1.0, "tilt": [0.1, np.nan]}, "`tilt` must be finite"),
-        ({"bound": 1.0, "tilt": ["a", "b"]}, "`tilt` must be an array of numbers"),
+        ({"tilt": [0.1, 0.1]}, "`radius` of a bound is missing"),
+        ({"radius": 1.0, "tilt": [0.1]}, r"`tilt` must have shape \(F,\) = \(2,\) or \(2, 1, 1\); got \(1,\)"),
+        ({"radius": 1.0, "tilt": 0.5}, r"`tilt` must have shape"),
+        ({"radius": 1.0, "tilt": [0.1, 1j]}, "`tilt` must be smaller than 1 in modulus"),
+        ({"radius": 1.0, "tilt": [0.1, np.nan]}, "`tilt` must be finite"),
+        ({"radius": 1.0, "tilt": ["a", "b"]}, "`tilt` must be an array of numbers"),
     ],
 )
 def test_bad_tilts(options, words):
     with pytest.raises(rid.RobustIdError, match=words):
-        rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0], **options)
+        rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0], bound=rid.Bound(**options))
 
 
 @pytest.mark.parametrize(
@@ -115,9 +117,9 @@ def test_bad_tilts(options, words):
     [
         (np.eye(2), 1.0, r"`covariance` must have shape \(F, 2, 2\)"),
         ([np.eye(2), [[1.0, 0.5], [0.0, 1.0]]], 1.0, "symmetric"),
-        ([np.eye(2), np.ones((2, 2))], 1.0, "positive definite; line 1"),
-        ([np.eye(2), -np.eye(2)], 1.0, "positive definite; line 1"),
-        ([np.eye(2), np.zeros((2, 2))], 1.0, "positive definite; line 1"),
+        ([np.eye(2), np.ones((2, 2))], 1.0, "positive definite; frequency point 1"),
+        ([np.eye(2), -np.eye(2)], 1.0, "positive definite; frequency point 1"),
+        ([np.eye(2), np.zeros((2, 2))], 1.0, "positive definite; frequency point 1"),
         ([np.eye(2), np.nan * np.eye(2)], 1.0, "must be finite"),
         (np.ones((2, 2, 2)) * 1j, 1.0, "must be real"),
         ([np.eye(2), np.eye(2)], 0.0, "`deviations` must be positive"),
@@ -130,7 +132,7 @@ def test_bad_covariances(covariance, deviations, words):
 
 
 def test_ellipses_of_one_channel_only():
-    with pytest.raises(rid.InputError, match="one channel at a time"):
+    with pytest.raises(rid.InputError, match="one entry at a time"):
         rid.FrequencyResponse([1.0], np.ones((1, 2, 1))).with_ellipses(np.eye(2)[None], 1.0)
 
 
@@ -179,7 +181,7 @@ def test_rows_of_a_taylor_form():
     problem, _ = elliptic(random_problem(0, "mixed", 12).with_prior(decay_rate=1.2), 1)
     rows = rid.identify(problem, form="taylor").formulation.data.rows
     (frf,), K, rho = problem.frequency, problem.prior.gain_bound, problem.prior.decay_rate
-    kappa, bound, L = frf.tilt[:, 0, 0], frf.bound[:, 0, 0], rows.E.shape[1]
+    kappa, bound, L = frf.bound.tilt[:, 0, 0], frf.bound[:, 0, 0], rows.E.shape[1]
     tail = K * rho**-L * 2 / np.pi * ellipk(rho**-2)
     assert np.allclose(rows.tail[: rows.discs], tail * (1 + np.abs(kappa)) / bound, rtol=1e-12)
     E = K * rho ** -np.arange(L) * np.exp(-1j * np.outer(frf.omega * frf.dt, np.arange(L)))
@@ -200,7 +202,7 @@ def test_one_real_value_against_the_closed_form(options):
     """At omega = 0 F is any real f, |f| <= K: y = jv and kappa = jb give the margin v (1 - b^2)/sqrt(1 + b^2)/bound."""
     v, bound = 0.9, 0.1
     for b in (0.0, 0.5, -0.9, 0.999999):
-        frf = rid.FrequencyResponse([0.0], [1j * v], bound=bound, tilt=[1j * b], dt=0.01)
+        frf = rid.FrequencyResponse([0.0], [1j * v], bound=rid.Bound(bound, tilt=[1j * b]), dt=0.01)
         result = rid.identify(
             rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=3.0, decay_rate=1.2)), **options
         )
@@ -213,7 +215,7 @@ def test_one_real_value_against_the_closed_form(options):
             f = result.model(1.0).real
             assert f == pytest.approx(2 * b * v / (1 + b**2), abs=2e-2)
     # kappa real: the axes are those of the plane, and f = 0 is best.
-    frf = rid.FrequencyResponse([0.0], [1j * v], bound=bound, tilt=[-0.5], dt=0.01)
+    frf = rid.FrequencyResponse([0.0], [1j * v], bound=rid.Bound(bound, tilt=[-0.5]), dt=0.01)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=3.0, decay_rate=1.2)), **options)
     assert result.margin == pytest.approx(v * 1.5 / bound, rel=1e-4)
 
@@ -255,8 +257,12 @@ def test_ellipses_lie_between_their_discs():
         problem, _ = elliptic(random_problem(seed, "mixed", 12, spread=0.3, noise=3.0), seed, slimness=4.0)
         (frf,) = problem.frequency
         margins = []
-        for bound, tilt in ((frf.outer_radius, None), (frf.bound, frf.tilt), (frf.inner_radius, None)):
-            changed = dataclasses.replace(frf, bound=bound, tilt=tilt)
+        for bound, tilt in (
+            (frf.bound.outer_radius, None),
+            (frf.bound, frf.bound.tilt),
+            (frf.bound.inner_radius, None),
+        ):
+            changed = frf.with_bound(rid.Bound(bound, tilt=tilt))
             margins.append(rid.identify(dataclasses.replace(problem, frequency=changed), solver="structured"))
         assert margins[0].margin_lower <= margins[1].margin
         assert margins[1].margin_lower <= margins[2].margin
@@ -265,7 +271,7 @@ def test_ellipses_lie_between_their_discs():
 def test_no_tilt_is_a_disc():
     problem = random_problem(1, "mixed", 12, spread=0.3, noise=3.0)
     (frf,) = problem.frequency
-    zero = dataclasses.replace(problem, frequency=dataclasses.replace(frf, tilt=np.zeros(frf.omega.size)))
+    zero = dataclasses.replace(problem, frequency=rebound(frf, tilt=np.zeros(frf.omega.size)))
     for form in ("orthonormal", "taylor"):
         first, second = (rid.identify(p, solver="structured", form=form) for p in (problem, zero))
         assert second.margin == pytest.approx(first.margin, rel=1e-9)
@@ -294,7 +300,7 @@ def test_units_do_not_matter(power, form):
     unit = 2.0**power
     (f,), (t,) = problem.frequency, problem.time
     scaled = rid.MixedProblem(
-        frequency=dataclasses.replace(f, values=unit * f.values, bound=unit * f.bound),
+        frequency=dataclasses.replace(f, values=unit * f.values, bound=f.bound.inflated(unit)),
         time=dataclasses.replace(t, y=unit * t.y, bound=unit * t.bound),
         prior=rid.Prior(gain_bound=unit * problem.prior.gain_bound, decay_rate=problem.prior.decay_rate),
     )
@@ -303,7 +309,7 @@ def test_units_do_not_matter(power, form):
     C = covariances(np.random.default_rng(0), 5)
     one, other = (rid.FrequencyResponse(np.arange(5.0), np.ones(5)).with_ellipses(s**2 * C, 3.0) for s in (1.0, unit))
     assert np.array_equal(other.bound, unit * one.bound)
-    assert np.array_equal(other.tilt, one.tilt)
+    assert np.array_equal(other.bound.tilt, one.bound.tilt)
 
 
 def test_a_certificate_belongs_to_its_ellipses():
@@ -319,14 +325,11 @@ def test_a_certificate_belongs_to_its_ellipses():
             x /= max(1.0, data.sarason.norm(x))
             assert data.margin(x, best.p) >= result.margin_lower
         (frf,) = problem.frequency
-        turned = ExactFormulation(dataclasses.replace(problem, frequency=dataclasses.replace(frf, tilt=-frf.tilt))).data
+        turned = ExactFormulation(dataclasses.replace(problem, frequency=rebound(frf, tilt=-frf.bound.tilt))).data
         proof = result.certificate
         assert proof.verify(data.rows, data.sarason)
         value = evaluate_certificate(proof.samples, proof.ball, proof.upper, turned.rows, turned.sarason)
-        assert (
-            value
-            <= rid.identify(dataclasses.replace(problem, frequency=dataclasses.replace(frf, tilt=-frf.tilt))).margin
-        )
+        assert value <= rid.identify(dataclasses.replace(problem, frequency=rebound(frf, tilt=-frf.bound.tilt))).margin
         refuted += proof.value > 1e-3 and not proof.verify(turned.rows, turned.sarason)
     assert refuted >= 5
 
@@ -340,7 +343,7 @@ def test_needles():
         turn = rng.uniform(0, np.pi, frf.omega.size)
         kappa = (1 - 1e-6) * np.exp(2j * turn)  # the narrow axis has the direction `turn`
         along = np.exp(1j * turn)
-        far = dataclasses.replace(frf, bound=0.02, tilt=kappa)
+        far = frf.with_bound(rid.Bound(0.02, tilt=kappa))
         moved = dataclasses.replace(far, values=far.values + (100 * 1j * along)[:, None, None])  # along the needles
         result = rid.identify(dataclasses.replace(problem, frequency=moved))
         assert result.consistent
@@ -365,12 +368,14 @@ def test_validation_and_reduction_use_the_ellipses(tmp_path):
     reduced = rid.reduce_within_bounds(result)
     assert largest_ratio(problem, reduced.model) == pytest.approx(reduced.margin, rel=1e-6)
     shifted = control.ss([], [], [], 0.0, frf.dt)
-    alone = dataclasses.replace(frf.select([0]), values=np.array([1.5 * frf.bound[0, 0, 0] * (1 + 0j)]), tilt=[-0.5])
+    alone = dataclasses.replace(
+        rebound(frf.select([0]), tilt=[-0.5]), values=np.array([1.5 * frf.bound[0, 0, 0] * (1 + 0j)])
+    )
     assert rid.validate(shifted, alone).ratio == pytest.approx(0.75)
-    assert rid.validate(shifted, dataclasses.replace(alone, tilt=[0.5])).outside == 1
+    assert rid.validate(shifted, rebound(alone, tilt=[0.5])).outside == 1
     result.save(tmp_path / "result")
     again = rid.load(tmp_path / "result")
-    assert np.array_equal(again.problem.frequency[0].tilt, frf.tilt)
+    assert np.array_equal(again.problem.frequency[0].bound.tilt, frf.bound.tilt)
     assert again.verification.passed
     assert experiments(result)[0].bound.startswith("ellipses, half-axes")
 
@@ -387,6 +392,6 @@ def test_advice_with_ellipses():
     problem = rid.MixedProblem(frequency=frf, parametric=found.basis, prior=prior)
     suggested = rid.suggest_prior(problem, decay_rates=[1.1])
     assert suggested.prior is not None
-    assert suggested.prior.gain_bound >= 2 * frf.inner_radius.min() * (1 - 1e-12)
+    assert suggested.prior.gain_bound >= 2 * frf.bound.inner_radius.min() * (1 - 1e-12)
     small = problem.with_prior(gain_bound=1e-9)
     assert diagnose(rid.identify(small, form="taylor")).trials

@@ -15,6 +15,7 @@ from robustid.data import load, save
 from robustid.errors import InputError
 from robustid.report.sections.fit_charts import response_charts
 from robustid.report.sections.fit_view import FitView
+from support.bounds import rebound
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
 
 # --- what a bound means -------------------------------------------------------------------------------------------------
@@ -27,7 +28,7 @@ def judge(frf, error, joint):
         out = np.empty((lines, 1, 1))
         for k in range(lines):
             e = np.array([error[k, i, j] for j in range(nu) for i in range(ny)])
-            out[k] = np.sqrt((e.conj() @ np.linalg.inv(frf.ellipsoid[k]) @ e).real)
+            out[k] = np.sqrt((e.conj() @ np.linalg.inv(frf.bound.ellipsoid[k]) @ e).real)
         return out
     parts = np.zeros(error.shape)
     for k, i, j in np.ndindex(error.shape):
@@ -51,7 +52,7 @@ def test_ratio_is_the_definition(joint, missing):
 
 
 def test_ratio_of_ellipses():
-    frf = rid.FrequencyResponse([1.0], [[[0.0, 0.0]]], bound=[[[0.1, np.inf]]], tilt=[[[0.5, 0.5j]]])
+    frf = rid.FrequencyResponse([1.0], [[[0.0, 0.0]]], bound=rid.Bound([[[0.1, np.inf]]], tilt=[[[0.5, 0.5j]]]))
     assert frf.ratio([[[0.1, 3.0]]]).ravel().tolist() == pytest.approx([1.5, 0.0])
 
 
@@ -59,7 +60,7 @@ def test_ratio_of_ellipses():
 def test_the_bound_is_the_projection_on_each_entry(joint):
     """The largest |e| of an entry over random errors on the border: never above the bound, and attained."""
     frf = response(3, joint, ny=2, nu=2)
-    E = frf.ellipsoid if joint == "matrix" else None
+    E = frf.bound.ellipsoid if joint == "matrix" else None
     for i, j in itertools.product(range(2), repeat=2):
         alone = np.zeros(frf.values.shape, complex)
         if E is None:
@@ -97,13 +98,11 @@ def test_permuted_channels(joint, missing):
     frf = response(4, joint, missing=missing)
     rows, columns = [2, 0, 1], [1, 0]
     flat = [3 * j + i for j in columns for i in rows]  # columns stacked
-    E = None if frf.ellipsoid is None else frf.ellipsoid[:, flat][:, :, flat]
+    E = None if frf.bound.ellipsoid is None else frf.bound.ellipsoid[:, flat][:, :, flat]
     other = rid.FrequencyResponse(
         frf.omega,
         frf.values[:, rows][:, :, columns],
-        bound=frf.bound[:, rows][:, :, columns],
-        joint=joint,
-        ellipsoid=E,
+        bound=rid.Bound(frf.bound[:, rows][:, :, columns], joint=joint, ellipsoid=E),
         dt=DT,
     )
     assert np.array_equal(other.missing, frf.missing[:, rows][:, :, columns])
@@ -120,12 +119,14 @@ def test_units_do_not_matter(joint, missing, power):
     frf = response(5, joint, missing=missing)
     rows = 2.0 ** np.array([power, 0, -power // 2])[:, None]  # another unit for every output
     flat = np.tile(rows.ravel(), 2)
-    E = None if frf.ellipsoid is None else frf.ellipsoid * np.outer(flat, flat)
-    other = dataclasses.replace(frf, values=rows * frf.values, bound=rows * frf.bound, ellipsoid=E)
+    E = None if frf.bound.ellipsoid is None else frf.bound.ellipsoid * np.outer(flat, flat)
+    other = dataclasses.replace(
+        frf, values=rows * frf.values, bound=rid.Bound(rows * frf.bound, joint=joint, ellipsoid=E)
+    )
     error = complex_normal(np.random.default_rng(2), *frf.values.shape)
     assert np.array_equal(other.ratio(rows * error), frf.ratio(error))
     if E is not None:
-        assert np.array_equal(dataclasses.replace(other, bound=None).bound, rows * frf.bound)
+        assert np.array_equal(rebound(other, radius=None).bound, rows * frf.bound)
 
 
 @pytest.mark.parametrize(("joint", "missing"), KINDS)
@@ -143,7 +144,7 @@ def test_parts_keep_the_meaning(joint, missing):
     frf = response(7, joint, lines=6, missing=missing)
     error = complex_normal(np.random.default_rng(3), *frf.values.shape)
     picked = frf.select([4, 1])
-    assert picked.joint == joint
+    assert picked.bound.joint == joint
     np.testing.assert_array_equal(picked.ratio(error[[1, 4]]), frf.ratio(error)[[1, 4]])
     low, high = frf.freq_hz[[1, 3]]
     np.testing.assert_array_equal(frf.band(low, high).ratio(error[1:4]), frf.ratio(error)[1:4])
@@ -151,7 +152,7 @@ def test_parts_keep_the_meaning(joint, missing):
     early = frf.without_delay(0.003)
     np.testing.assert_allclose(early.ratio(error * turn), frf.ratio(error), rtol=1e-12)
     one = frf.entry("place 2", 1)
-    assert (one.joint, one.ellipsoid) == ("entry", None)
+    assert (one.bound.joint, one.bound.ellipsoid) == ("entry", None)
     np.testing.assert_array_equal(one.bound, frf.bound[:, 2:, 1:])
     np.testing.assert_array_equal(one.missing, frf.missing[:, 2:, 1:])
 
@@ -160,13 +161,13 @@ def test_parts_keep_the_meaning(joint, missing):
 def test_a_new_bound_is_of_entries_and_leaves_gaps(joint, missing):
     frf = response(8, joint, missing=missing)
     for other in (frf.with_bound(0.5), frf.with_joint_bound(0.9)):
-        assert (other.joint, other.ellipsoid) == ("entry", None)
+        assert (other.bound.joint, other.bound.ellipsoid) == ("entry", None)
         assert np.array_equal(other.missing, frf.missing)
     assert np.all(frf.with_bound(0.5).bound[~frf.missing] == 0.5)
     column = frf.with_column_bound(np.full((5, 2), 0.25))
-    assert column.joint == "column"
+    assert column.bound.joint == "column"
     assert np.array_equal(column.missing, frf.missing)
-    assert frf.with_joint_bound(0.9).probability == 0.9
+    assert frf.with_joint_bound(0.9).bound.probability == 0.9
 
 
 def test_a_joint_bound_counts_the_entries_that_were_measured():
@@ -182,8 +183,8 @@ def test_column_bounds_of_every_shape():
     assert frf.with_column_bound([0.1, 0.2]).bound[:, 2, 1].tolist() == [0.1, 0.2]
     each = frf.with_column_bound([[0.1, 0.2], [0.3, 0.4]])
     assert each.bound[1, 0].tolist() == [0.3, 0.4]
-    tilted = dataclasses.replace(frf, bound=1.0, tilt=np.full(2, 0.5)).with_column_bound(0.1)
-    assert tilted.tilt is None
+    tilted = frf.with_bound(rid.Bound(1.0, tilt=np.full(2, 0.5))).with_column_bound(0.1)
+    assert tilted.bound.tilt is None
 
 
 # --- refusals -----------------------------------------------------------------------------------------------------------
@@ -193,17 +194,19 @@ BAD = [
     ({"bound": np.inf}, "`bound` is infinite everywhere"),
     ({"values": [[[1], [np.nan]]], "bound": 1.0}, r"`values` must be finite; got \(nan\+0j\) at index \(0, 1, 0\)"),
     ({"values": [[[1], [np.nan]]]}, "A `bound` of inf marks"),
+]
+BAD_BOUNDS = [
     ({"joint": "row"}, "`joint` must be one of"),
-    ({"joint": "column"}, "which is missing"),
-    ({"joint": "matrix", "bound": 1.0}, "give both or none"),
+    ({"joint": "column"}, "`radius` of a bound is missing"),
+    ({"joint": "matrix", "radius": 1.0}, "give both or none"),
     ({"ellipsoid": [np.eye(2)]}, "give both or none"),
-    ({"joint": "column", "bound": 1.0, "tilt": [0.1]}, "`tilt` shapes the disc of one entry"),
+    ({"joint": "column", "radius": 1.0, "tilt": [0.1]}, "`tilt` shapes the disc of one entry"),
     ({"joint": "matrix", "ellipsoid": [np.eye(3)]}, r"must have shape \(F, ny\*nu, ny\*nu\) = \(1, 2, 2\)"),
     ({"joint": "matrix", "ellipsoid": [np.diag([1, 0])]}, "positive numbers on its diagonal"),
     ({"joint": "matrix", "ellipsoid": [[[1, 1j], [1j, 4]]]}, "must be Hermitian"),
     ({"joint": "matrix", "ellipsoid": [np.ones((2, 2))]}, "must be positive definite"),
-    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "bound": 2.0}, "square root of the diagonal"),
-    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "bound": [[[1], [np.inf]]]}, "needs every entry of the matrix"),
+    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": 2.0}, "square root of the diagonal"),
+    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": [[[1], [np.inf]]]}, "needs every entry of the matrix"),
 ]
 
 
@@ -213,6 +216,12 @@ def test_what_a_response_refuses(options, sentence):
         rid.FrequencyResponse(**(TWO | options))
 
 
+@pytest.mark.parametrize(("parts", "sentence"), BAD_BOUNDS)
+def test_what_a_bound_of_a_response_refuses(parts, sentence):
+    with pytest.raises(InputError, match=sentence):
+        rid.FrequencyResponse(**TWO, bound=rid.Bound(**parts))
+
+
 def test_what_needs_every_entry_says_so():
     frf = response(9, missing=True)
     for refused in (
@@ -220,7 +229,9 @@ def test_what_needs_every_entry_says_so():
         lambda: frf.with_ellipsoid(2.0),
         lambda: rid.estimate_delay(frf),
     ):
-        with pytest.raises(InputError, match=r"every entry at every line; \d+ of 30 are missing, the first at"):
+        with pytest.raises(
+            InputError, match=r"every entry at every frequency point; \d+ of 30 are missing, the first at"
+        ):
             refused()
     with pytest.raises(InputError, match="`bound` is needed"):
         frf.with_bound(None)
@@ -234,7 +245,7 @@ def test_what_needs_every_entry_says_so():
         rid.FrequencyResponse(**TWO).with_column_bound(np.ones(3))
     with pytest.raises(InputError, match=r"`radius` must be positive"):
         rid.FrequencyResponse(**TWO).with_column_bound(-1)
-    with pytest.raises(InputError, match=r"'y2'.* was measured at no line"):
+    with pytest.raises(InputError, match=r"'y2'.* was measured at no frequency point"):
         rid.FrequencyResponse(**TWO, bound=[[[1], [np.inf]]]).entry(1, 0)
 
 
@@ -299,12 +310,12 @@ def test_bounds_from_rest_are_of_entries():
     noise = rid.bounds_from_noise_floor(rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT))
     frf = rid.estimate_frf(record, period=100)
     expected = noise.bound_response(frf, record, period=100)
-    assert expected.joint == "entry"
+    assert expected.bound.joint == "entry"
     same(noise.bound_response(frf.with_column_bound(1.0), record, period=100), expected)
 
 
 def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
-    frf = dataclasses.replace(rid.flexible_structure().frequency, joint="column")
+    frf = rebound(rid.flexible_structure().frequency, joint="column")
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
     result.save(tmp_path / "result")
     same(rid.load(tmp_path / "result").problem.frequency[0], frf)

@@ -32,10 +32,12 @@ def test_the_level_is_the_factor_times_the_largest_deviation_of_each_output():
     record = noise.bound_record(rid.TimeRecord(np.ones(3), np.ones((3, 2)), dt=DT, bound=[1.0, np.inf, 1.0]))
     np.testing.assert_array_equal(record.bound, [[2, 4], [np.inf, np.inf], [2, 4]])
     np.testing.assert_allclose(record.y, np.tile([-1.0, 6.0], (3, 1)))
-    assert record.bound_kind == "rest"
-    assert record.note.startswith("from rest: 2 times the largest deviation in 4 samples without excitation")
+    assert record.bound.kind == "noise_floor"
+    assert record.note.startswith(
+        "bound from the noise floor: 2 times the largest deviation in 4 samples without excitation"
+    )
     own = record.with_bound(0.5, note="calibration")
-    assert (own.bound_kind, own.note, own.bound[0, 0]) == ("hard", "calibration", 0.5)
+    assert (own.bound.kind, own.note, own.bound[0, 0]) == ("hard", "calibration", 0.5)
 
 
 def test_a_stretch_of_a_record_will_do():
@@ -98,7 +100,7 @@ def test_one_tone_at_rest_gives_the_bound_by_hand():
     by_hand = 1.25 * np.outer([0.05, 0.15], [2, 4 / 3])
     np.testing.assert_allclose(bounded.bound[6], by_hand, rtol=1e-9)
     assert np.all(bounded.bound[25] < 1e-12)  # 304 bins away from the tone
-    assert bounded.bound_kind == "rest"
+    assert bounded.bound.kind == "noise_floor"
     assert "in windows of 16 of the 16 periods" in bounded.note
 
 

@@ -30,12 +30,10 @@ def tangential(seed, lines=6, ny=3, nu=4, sensors=2, directions=3, missing=False
         values,
         right=complex_normal(rng, lines, nu, directions),
         left=complex_normal(rng, lines, sensors, ny),
-        bound=bound,
+        bound=rid.Bound(bound, kind="confidence", probability=0.95),
         dt=DT,
         inputs=[f"motor {j} [A]" for j in range(nu)],
         note="from the data sheet",
-        bound_kind="statistical",
-        probability=0.95,
     )
 
 
@@ -52,7 +50,7 @@ def test_unit_vectors_are_full_columns(joint, missing):
         np.testing.assert_array_equal(last.values, frf.values[:, :, -1:])
         np.testing.assert_allclose(last.bound, frf.bound[:, :, -1:], rtol=1e-15)
         if not missing:
-            plain = rid.TangentialResponse(frf.omega, frf.values, bound=frf.bound, dt=DT)
+            plain = rid.TangentialResponse(frf.omega, frf.values, bound=frf.bound.radius, dt=DT)
             np.testing.assert_array_equal(plain.right, np.broadcast_to(np.eye(nu), (5, nu, nu)))
             np.testing.assert_array_equal(plain.left, np.broadcast_to(np.eye(ny), (5, ny, ny)))
 
@@ -74,17 +72,17 @@ def test_bounds_of_combinations_hold_and_are_attained(joint):
     elif joint == "column":
         worst = frf.bound**2 * w / np.linalg.norm(frf.bound * np.abs(w), axis=1, keepdims=True)
     else:
-        worst = (frf.ellipsoid @ w.T.ravel()).reshape(-1, 2, 3).swapaxes(1, 2)
+        worst = (frf.bound.ellipsoid @ w.T.ravel()).reshape(-1, 2, 3).swapaxes(1, 2)
         worst = worst / frf.ratio(worst)
     np.testing.assert_allclose(frf.ratio(worst), 1.0, rtol=1e-9)
     np.testing.assert_allclose(data.ratio(left @ worst @ right)[:, 1, 2], 1.0, rtol=1e-9)
 
 
 def test_bounds_of_ellipses_are_those_of_the_discs_around_them():
-    frf = rid.FrequencyResponse([1.0], [[[1.0, 1.0]]], bound=0.1, tilt=[[[0.5, 0.0]]])
+    frf = rid.FrequencyResponse([1.0], [[[1.0, 1.0]]], bound=rid.Bound(0.1, tilt=[[[0.5, 0.0]]]))
     assert frf.tangential(right=[2.0, 1.0]).bound.item() == pytest.approx(2 * 0.2 + 0.1)
     assert frf.tangential(right=[2.0, 1.0], bound=0.3).bound.item() == 0.3
-    assert frf.tangential(right=[2.0, 1.0], bound=0.3).bound_kind == "hard"
+    assert frf.tangential(right=[2.0, 1.0], bound=0.3).bound.kind == "hard"
 
 
 def test_a_combination_of_what_is_missing_is_missing():
@@ -120,8 +118,8 @@ def test_weights_and_ratio_are_the_definition(seed, ny, nu, sensors, directions,
 
 def test_everything_is_sorted_together():
     data, order = tangential(3), [3, 1, 5, 0, 2, 4]
-    arrays = {name: getattr(data, name)[order] for name in data.PER_LINE}
-    same(dataclasses.replace(data, **arrays), data)
+    arrays = {name: getattr(data, name)[order] for name in data.PER_POINT}
+    same(dataclasses.replace(data, bound=data.bound.select(order), **arrays), data)
 
 
 @pytest.mark.parametrize("missing", [False, True])
@@ -144,12 +142,12 @@ def test_copies_pickles_and_files_keep_everything(missing, ending, tmp_path):
 def test_parts_and_new_bounds():
     data = tangential(6, missing=True)
     part = data.select([2, 4])
-    for name in data.PER_LINE:
+    for name in data.PER_POINT:
         np.testing.assert_array_equal(getattr(part, name), getattr(data, name)[[2, 4]])
     np.testing.assert_array_equal(data.band(*data.freq_hz[[1, 3]]).omega, data.omega[1:4])
     other = data.with_bound(0.5, "mine")
     assert np.array_equal(other.missing, data.missing)
-    assert (other.note, other.bound_kind, other.probability) == ("mine", "hard", None)
+    assert (other.note, other.bound.kind, other.bound.probability) == ("mine", "hard", None)
     assert np.all(other.bound[~other.missing] == 0.5)
 
 
@@ -235,7 +233,11 @@ BAD = [
     ({"right": np.ones((3, 2))}, InputError, r"`right` must have the 1 columns that `values` \(2, 1, 1\) has; got 2"),
     ({"left": np.ones((2, 3))}, InputError, r"`left` must have the 1 rows that `values` \(2, 1, 1\) has; got 2"),
     ({"right": [0.0, 0.0]}, InputError, "`right` has a direction of length zero"),
-    ({"left": [[[0.0, 1.0]], [[0.0, 0.0]]]}, InputError, r"`left` has a direction of length zero \(line 1, number 0\)"),
+    (
+        {"left": [[[0.0, 1.0]], [[0.0, 0.0]]]},
+        InputError,
+        r"`left` has a direction of length zero \(frequency point 1, number 0\)",
+    ),
     ({"right": [np.nan, 1.0]}, InputError, "`right` must be finite"),
     ({"right": "x"}, InputTypeError, "`right` must be an array of numbers"),
     ({"right": np.ones((0, 1))}, InputError, "`right` must have shape"),
@@ -243,11 +245,10 @@ BAD = [
     ({"bound": [1.0, 2.0, 3.0]}, InputError, "`bound` must be a scalar or have shape"),
     ({"values": [1.0, np.nan]}, InputError, "`values` must be finite"),
     ({"values": np.ones((2, 1))}, InputError, r"`values` must have shape \(F,\) or \(F, l, r\)"),
-    ({"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 channel"),
+    ({"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 signal"),
     ({"dt": 2.0}, InputError, "must not exceed pi/dt"),
     ({"note": 1}, InputTypeError, "`note` must be text"),
-    ({"bound_kind": "soft"}, InputError, "`bound_kind` must be one of"),
-    ({"probability": 2}, InputError, "`probability` must be between"),
+    ({"bound": rid.Bound(1.0, joint="column")}, InputError, "a disc for every value"),
 ]
 
 

@@ -106,7 +106,7 @@ def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
         pushed = bound * left / np.abs(left)
         error = (pushed - tilt * pushed.conj()) / (1 - np.abs(tilt) ** 2)
         values = z**delay * modes + gain * g + error
-        frf = rid.FrequencyResponse(angles / DT, values, bound=bound, tilt=tilt, dt=DT)
+        frf = rid.FrequencyResponse(angles / DT, values, bound=rid.Bound(bound, tilt=tilt), dt=DT)
         rest = np.convolve(u, h - basis.impulse(count) @ p)[:count]
         y = np.convolve(u, h)[:count] + gain * g * u + 0.02 * np.sign(rest)
         record = rid.TimeRecord(u, y, dt=DT, bound=0.02)

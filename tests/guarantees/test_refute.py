@@ -17,7 +17,7 @@ def mixed():
 
 def one_line(result, at, value, bound, tilt=None):
     tilts = None if tilt is None else [tilt]
-    return rid.FrequencyResponse([at], [value], bound=bound, tilt=tilts, dt=result.problem.dt)
+    return rid.FrequencyResponse([at], [value], bound=rid.Bound(bound, tilt=tilts), dt=result.problem.dt)
 
 
 def joined_margin(result, new):
@@ -115,7 +115,8 @@ def test_ellipses_of_new_samples(mixed, tilt):
     assert found.ratio.item() <= found.attainable.item() <= 1.01 * found.ratio.item()
     # An ellipse lies between two discs.
     inner, outer = (
-        refute(mixed, one_line(mixed, 140.0, new.values.item(), r.item())) for r in (new.inner_radius, new.outer_radius)
+        refute(mixed, one_line(mixed, 140.0, new.values.item(), r.item()))
+        for r in (new.bound.inner_radius, new.bound.outer_radius)
     )
     assert outer.ratio.item() <= found.attainable.item()
     assert found.ratio.item() <= inner.attainable.item()

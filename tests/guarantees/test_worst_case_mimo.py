@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.advice.sensitivity import guaranteed
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.value_set import norm_of_bounds, schur_bound, value_sets_at
+from support.bounds import rebound
 from support.matrix_plants import _discs, _unknowns, random_matrix_problem, response
 
 SHAPES = [(2, 2), (1, 2), (2, 1), (2, 3)]
@@ -208,7 +209,7 @@ def test_every_kind_of_data_bounds_the_errors():
     rng, frf = np.random.default_rng(0), problem.frequency[0]
     u = rng.standard_normal((4, 2))
     y = control.forced_response(truth, np.arange(4.0), u.T).outputs.T + rng.uniform(-0.05, 0.05, (4, 2))
-    columns = dataclasses.replace(frf, bound=1.5 * frf.bound, joint="column")
+    columns = rebound(frf, radius=1.5 * frf.bound, joint="column")
     exact = rid.FrequencyResponse([2.9], response(truth, np.array([2.9])), bound=0.1, dt=1.0)
     lines = columns, exact.tangential(right=[1.0, -1.0], bound=0.05)
     integrator = control.ss(1.0, 1.0, 1.0, 0.0, 1.0)

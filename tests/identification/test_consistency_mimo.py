@@ -13,6 +13,7 @@ from robustid.identification.exact_evaluation import enclose_margin, verify_marg
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.taylor import ShiftMap
+from support.bounds import rebound
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 SHAPES = (2, 2), (2, 3), (3, 2)
@@ -55,21 +56,21 @@ def test_thirty_random_plants(seed):
 
 
 def column_bounds(frf, rng):
-    return dataclasses.replace(frf, bound=frf.bound * rng.uniform(0.5, 2, frf.bound.shape), joint="column")
+    return rebound(frf, radius=frf.bound * rng.uniform(0.5, 2, frf.bound.shape), joint="column")
 
 
 def ellipsoids(frf, rng):
     size = frf.bound[0].size
     root = rng.standard_normal((frf.omega.size, size, size)) + 1j * rng.standard_normal((frf.omega.size, size, size))
     shape = (root @ root.conj().swapaxes(1, 2) + np.eye(size)) * frf.bound[0, 0, 0] ** 2 / size
-    return rid.FrequencyResponse(frf.omega, frf.values, joint="matrix", ellipsoid=shape, dt=frf.dt)
+    return rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=shape), dt=frf.dt)
 
 
 def directions(frf, rng):
     right = rng.standard_normal((frf.omega.size, 2, 2)) + 1j * rng.standard_normal((frf.omega.size, 2, 2))
     left = rng.standard_normal((frf.omega.size, 3, 2)) + 1j * rng.standard_normal((frf.omega.size, 3, 2))
     data = frf.tangential(right=right, left=left)
-    return dataclasses.replace(data, bound=data.bound / 2)
+    return dataclasses.replace(data, bound=data.bound.inflated(0.5))
 
 
 def missing(frf, rng):

@@ -37,7 +37,7 @@ def arrays(name):
     if extra.get("tilt"):
         f = frequency[0]
         tilt = 0.4 * np.exp(1j * np.arange(f.omega.size))
-        frequency = rid.FrequencyResponse(f.omega, f.values, bound=f.bound, tilt=tilt, dt=f.dt)
+        frequency = rid.FrequencyResponse(f.omega, f.values, bound=rid.Bound(f.bound, tilt=tilt), dt=f.dt)
     problem = rid.MixedProblem(
         frequency=frequency,
         time=problem.time,

@@ -10,6 +10,7 @@ import scipy.linalg
 import robustid as rid
 from robustid.identification.model import modes_of
 from support import problems
+from support.bounds import rebound
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 OMEGA = np.linspace(0.01, 3.1, 60)
@@ -25,7 +26,9 @@ def identified(problem, **options):
 def with_values(problem, change, **options):
     """The same with values and bounds changed by a function of arrays (F, p, q)."""
     frf = problem.frequency[0]
-    new = rid.FrequencyResponse(frf.omega, change(frf.values), bound=change(frf.bound), dt=frf.dt, joint=frf.joint)
+    new = rid.FrequencyResponse(
+        frf.omega, change(frf.values), bound=rid.Bound(change(frf.bound), joint=frf.bound.joint), dt=frf.dt
+    )
     return dataclasses.replace(problem, frequency=new, **options)
 
 
@@ -100,7 +103,7 @@ def test_independent_blocks():
 @pytest.mark.parametrize("joint", ["entry", "column"])
 def test_the_order_of_the_channels(form, joint):
     problem, _ = random_matrix_problem(3, 2, 3, 3, factor=0.8, rho=2.5)
-    problem = dataclasses.replace(problem, frequency=dataclasses.replace(problem.frequency[0], joint=joint))
+    problem = dataclasses.replace(problem, frequency=rebound(problem.frequency[0], joint=joint))
 
     def permuted(array):
         return array[:, [1, 0]][:, :, [2, 0, 1]]
@@ -157,8 +160,10 @@ def test_rotated_directions_are_the_same_class():
     Q = np.linalg.qr(np.random.default_rng(0).standard_normal((2, 2)))[0]
     shape = np.tile(np.diag([1.0, 2.0, 3.0, 4.0]) * frf.bound[0, 0, 0] ** 2, (3, 1, 1))
     turn = np.kron(Q.T, np.eye(2))  # of vec(G Q), columns stacked
-    one = rid.FrequencyResponse(frf.omega, frf.values, joint="matrix", ellipsoid=shape, dt=1.0)
-    two = rid.FrequencyResponse(frf.omega, frf.values @ Q, joint="matrix", ellipsoid=turn @ shape @ turn.T, dt=1.0)
+    one = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=shape), dt=1.0)
+    two = rid.FrequencyResponse(
+        frf.omega, frf.values @ Q, bound=rid.Bound(joint="matrix", ellipsoid=turn @ shape @ turn.T), dt=1.0
+    )
     one, two = (identified(dataclasses.replace(problem, frequency=item)) for item in (one, two))
     assert one.margin > 0.1
     assert two.margin == pytest.approx(one.margin, rel=1e-6)
@@ -229,7 +234,7 @@ def test_a_record_of_every_input_alone_is_the_record_of_all():
 def test_pick_of_one_exact_matrix():
     """One value W at z = 1 (real): margin s with ||W'|| = K, |W - W'| <= s b; of W = w U, U orthogonal, known."""
     U = np.linalg.qr(np.random.default_rng(14).standard_normal((2, 2)))[0]
-    frf = rid.FrequencyResponse([0.0], [1.5 * U], joint="matrix", ellipsoid=[np.eye(4) * 0.01], dt=1.0)
+    frf = rid.FrequencyResponse([0.0], [1.5 * U], bound=rid.Bound(joint="matrix", ellipsoid=[np.eye(4) * 0.01]), dt=1.0)
     result = identified(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2)))
     # The nearest contraction in the Frobenius norm is U: |0.5 U|_F = 0.5 sqrt(2), in units of 0.1.
     assert result.margin == pytest.approx(5 * np.sqrt(2), rel=1e-6)

@@ -46,9 +46,11 @@ def every_kind(rng, truth):
     directions = rng.standard_normal((shape[0], shape[2], 1))
     return [
         rid.FrequencyResponse(frf.omega, frf.values, bound=holes, **common),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=0.05, tilt=0.3 * np.exp(1j * np.arange(6)), **common),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=0.05, joint="column", **common),
-        rid.FrequencyResponse(frf.omega, frf.values, joint="matrix", ellipsoid=0.01 * E, **common),
+        rid.FrequencyResponse(
+            frf.omega, frf.values, bound=rid.Bound(0.05, tilt=0.3 * np.exp(1j * np.arange(6))), **common
+        ),
+        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.05, joint="column"), **common),
+        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=0.01 * E), **common),
         rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, **common),
     ]
 

@@ -31,7 +31,7 @@ def matrix_result() -> rid.Identification:
 def shared_bound() -> rid.Identification:
     """A 2 x 2 identification with a bound on the errors of each column."""
     frf = matrix_pages.measured(lines=8)
-    frf = rid.FrequencyResponse(frf.omega, frf.values, bound=0.1, dt=matrix_pages.DT, joint="column")
+    frf = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.1, joint="column"), dt=matrix_pages.DT)
     return rid.identify(matrix_pages.problem(frf))
 
 

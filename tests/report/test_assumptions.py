@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 import robustid as rid
@@ -40,21 +38,20 @@ def test_poles_at_zero_are_called_a_delay() -> None:
 
 
 def test_the_identification_report_states_the_kind_of_bound():
-    base = FrequencyResponse([1.0, 2.0], [1.0, 2.0], bound=0.1)
-    for changes, words in (
-        ({}, "hard: source not stated"),
-        ({"note": "data sheet"}, "hard: data sheet"),
-        ({"bound_kind": "rest", "note": "largest of 500 samples"}, "noise floor: largest of 500 samples"),
-        (
-            {"bound_kind": "statistical", "probability": 0.95, "note": "3 periods"},
-            "statistical, 95 % jointly: 3 periods",
-        ),
-        ({"bound_kind": "statistical", "probability": 0.95, "note": "statistical: joint"}, "statistical: joint"),
+    for kind, probability, note, words in (
+        ("hard", None, "", "hard bound: source not stated"),
+        ("hard", None, "data sheet", "hard bound: data sheet"),
+        ("noise_floor", None, "largest of 500 samples", "bound from the noise floor: largest of 500 samples"),
+        ("confidence", 0.95, "3 periods", "confidence bound, 95 % jointly: 3 periods"),
+        ("confidence", 0.95, "confidence bound, joint", "confidence bound, joint"),
     ):
-        assert bound_source(dataclasses.replace(base, **changes)) == words
-    record = TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01, bound_kind="rest", note="a pause")
+        bound = rid.Bound(0.1, kind=kind, probability=probability)
+        assert bound_source(FrequencyResponse([1.0, 2.0], [1.0, 2.0], bound=bound, note=note)) == words
+    record = TimeRecord(
+        np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=rid.Bound(0.01, kind="noise_floor"), note="a pause"
+    )
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)))
-    assert experiments(result)[0].source == "noise floor: a pause"
+    assert experiments(result)[0].source == "bound from the noise floor: a pause"
 
 
 def test_the_class_is_said_as_it_is_meant() -> None:
@@ -76,9 +73,9 @@ def test_the_class_is_said_as_it_is_meant() -> None:
 
 def test_shared_bounds_are_said_in_words() -> None:
     frf = measured(lines=6)
-    column = rid.FrequencyResponse(frf.omega, frf.values, bound=0.1, dt=DT, joint="column")
+    column = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.1, joint="column"), dt=DT)
     ellipsoid = np.broadcast_to(np.diag([0.01, 0.04, 0.04, 0.01]).astype(complex), (6, 4, 4))
-    whole = rid.FrequencyResponse(frf.omega, frf.values, dt=DT, joint="matrix", ellipsoid=ellipsoid)
+    whole = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=ellipsoid), dt=DT)
     for data, words, bounds in (
         (column, "The entries of a column share one bound", ["± 0.1 for one alone"] * 2),
         (whole, "All entries at a frequency point share one bound", ["± 0.1 … 0.2 for one alone"]),

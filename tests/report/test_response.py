@@ -16,6 +16,7 @@ from robustid.report.sections.response import level_table, response_verdict, sum
 from robustid.report.sections.response_charts import coherence_chart, entry_charts, overview_charts
 from robustid.report.sections.response_view import ResponseView
 from robustid.report.with_matplotlib import draw
+from support.bounds import rebound
 from support.frf_records import DT
 from support.matrix_pages import measured, with_values
 from support.report_pages import NASTY, Page, layers, printed
@@ -24,17 +25,17 @@ from support.report_pages import NASTY, Page, layers, printed
 def test_the_kind_of_bound_is_said_in_words():
     base = FrequencyResponse([1.0, 2.0], [1.0, 2.0])
     said = {}
-    for kind, probability in (("hard", None), ("rest", None), ("statistical", None), ("statistical", 0.99)):
-        frf = dataclasses.replace(base, bound=0.1, bound_kind=kind, probability=probability)
+    for kind, probability in (("hard", None), ("noise_floor", None), ("confidence", None), ("confidence", 0.99)):
+        frf = dataclasses.replace(base, bound=rid.Bound(0.1, kind=kind, probability=probability))
         said[kind, probability] = response_verdict(ResponseView(frf))
     assert [verdict.word for verdict in said.values()] == [
         "Hard bound",
         "Bound from the noise floor",
-        "Statistical bound",
-        "Statistical bound, 99 %",
+        "Confidence bound",
+        "Confidence bound, 99 %",
     ]
-    assert "isn't stated" in said["statistical", None].sentence
-    assert "With a probability of 99 %" in said["statistical", 0.99].sentence
+    assert "isn't stated" in said["confidence", None].sentence
+    assert "With a probability of 99 %" in said["confidence", 0.99].sentence
     assert all(verdict.key == "consistent" for verdict in said.values())
     assert response_verdict(ResponseView(base)).word == "No bound"
 
@@ -69,7 +70,9 @@ def test_warnings_name_what_is_wrong(frf):
         "bound exceeds the response" in w and f"of {NASTY} / force [N]" in w
         for w in warning_sentences(ResponseView(frf))
     )
-    clean = dataclasses.replace(frf, bound=0.001 * np.abs(frf.values), dof=100.0, coherence=np.ones((79, 2)))
+    clean = dataclasses.replace(
+        rebound(frf, radius=0.001 * np.abs(frf.values)), dof=100.0, coherence=np.ones((79, 2))
+    )
     assert warning_sentences(ResponseView(clean)) == []
     coherence = np.ones((79, 2))
     coherence[:8, 1] = 0.3
@@ -97,7 +100,7 @@ def test_what_the_estimate_itself_admits_is_a_warning():
 
 def test_the_terminal_shows_the_same(frf):
     text = printed(frf)
-    for words in ("Statistical bound, 95 %", "79 points, 1 to 40 Hz", "x [mm] / torque [Nm]", NASTY, "Warning: At"):
+    for words in ("Confidence bound, 95 %", "79 points, 1 to 40 Hz", "x [mm] / torque [Nm]", NASTY, "Warning: At"):
         assert words in text
 
 
@@ -105,7 +108,7 @@ def test_page(frf, records, tmp_path):
     write_report(frf, tmp_path / "frf.html", records=records, title="Stage <3>")
     page = (tmp_path / "frf.html").read_text(encoding="utf-8")
     text = page.replace(get_plotlyjs(), "")
-    for words in ("Stage &lt;3&gt;", "Statistical bound, 95 %", "Singular values (CMIF)", "mean square over all 4"):
+    for words in ("Stage &lt;3&gt;", "Confidence bound, 95 %", "Singular values (CMIF)", "mean square over all 4"):
         assert words in text, words
     assert NASTY not in text
     figures = Page(page).figures

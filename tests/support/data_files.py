@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Bound, FrequencyResponse, TimeRecord
 
 RNG = np.random.default_rng(0)
 TIME = 0.01 * np.arange(6)
@@ -17,14 +17,12 @@ def full_frf():
     return FrequencyResponse(
         HZ,
         G,
-        bound=RNG.uniform(0.1, 1, G.shape),
+        bound=Bound(RNG.uniform(0.1, 1, G.shape), kind="confidence", probability=0.95, dof=7.5),
         covariance=root @ root.conj().swapaxes(1, 2),
         dt=0.1 + 0.2,
         inputs=["a [N]", "b, with comma", "c"],
         outputs=["x [µm]", 'y "quoted"'],
         note="first line\nsecond line",
-        bound_kind="statistical",
-        probability=0.95,
         dof=7.5,
         coherence=RNG.uniform(0, 1, (4, 2)),
         noise=RNG.uniform(0, 1, G.shape),
@@ -39,12 +37,11 @@ def full_record():
         U,
         Y,
         dt=1 / 3,
-        bound=bound,
+        bound=Bound(bound, kind="noise_floor"),
         reference=U[:, :1],
         initial="free",
         past_input_bound=np.pi,
         inputs=["a [A]", "b"],
-        bound_kind="rest",
     )
 
 
@@ -52,7 +49,9 @@ def assert_same(one, two):
     assert type(one) is type(two)
     for name in set(one.__dataclass_fields__) - {"_"}:
         a, b = getattr(one, name), getattr(two, name)
-        if isinstance(a, np.ndarray):
+        if isinstance(a, Bound):
+            assert_same(a, b)
+        elif isinstance(a, np.ndarray):
             assert a.shape == b.shape
             assert a.tobytes() == b.tobytes(), name
         else:

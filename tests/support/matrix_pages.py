@@ -65,5 +65,10 @@ def with_values(frf: rid.FrequencyResponse, place: Any, value: complex, bound: f
     if bound is not None:
         radius[place] = bound
     return rid.FrequencyResponse(
-        frf.omega, values, bound=radius, dt=frf.dt, inputs=frf.inputs, outputs=frf.outputs, joint=frf.joint
+        frf.omega,
+        values,
+        bound=rid.Bound(radius, joint=frf.bound.joint),
+        dt=frf.dt,
+        inputs=frf.inputs,
+        outputs=frf.outputs,
     )

@@ -127,13 +127,13 @@ def _discs(experiment, F):
             yield (part[None] / experiment.bound[k, i, j] for part in (experiment.values[k, i, j], row))
         return
     for k, values in enumerate(experiment.values):
-        if experiment.joint == "matrix":
-            whiten = scipy.linalg.inv(scipy.linalg.sqrtm(experiment.ellipsoid[k]))
+        if experiment.bound.joint == "matrix":
+            whiten = scipy.linalg.inv(scipy.linalg.sqrtm(experiment.bound.ellipsoid[k]))
             yield whiten @ values.T.ravel(), whiten @ F[k].swapaxes(0, 1).reshape(values.size, -1)
             continue
         bound = experiment.bound[k]
         for j in range(bound.shape[1]):
             used = np.flatnonzero(np.isfinite(bound[:, j]))
-            groups = [used] if experiment.joint == "column" else used[:, None]
+            groups = [used] if experiment.bound.joint == "column" else used[:, None]
             for rows in groups:
                 yield values[rows, j] / bound[rows, j], F[k, rows, j] / bound[rows, j][:, None]

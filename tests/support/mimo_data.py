@@ -38,12 +38,15 @@ def response(seed, joint="entry", lines=5, ny=3, nu=2, missing=False):
         gone = rng.uniform(size=bound.shape) < 0.3
         gone[0, 0, 0], gone[1, 0, 0] = True, False
         bound[gone], values[gone] = np.inf, np.nan
-    return dataclasses.replace(frf, values=values, bound=bound, joint=joint)
+    return dataclasses.replace(frf, values=values, bound=rid.Bound(bound, joint=joint))
 
 
 def same(one, other):
     for field in dataclasses.fields(one):
         a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, rid.Bound):
+            same(a, b)
+            continue
         assert np.array_equal(a, b, equal_nan=True) if isinstance(a, np.ndarray) else a == b, field.name
 
 

@@ -1,11 +1,10 @@
 """What the tests of the smallest model share: problems of the plant of paper 1."""
 
-import dataclasses
-
 import numpy as np
 
 import robustid as rid
 from robustid.core import simulate
+from support.bounds import rebound
 
 
 def structure(seed, *, parametric=True):
@@ -27,6 +26,6 @@ def mixed(kind, seed=0):
     bound[::7] = np.inf
     record = rid.TimeRecord(u, y, dt=0.01, bound=bound, initial=kind)
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    frf = dataclasses.replace(data.frequency, tilt=0.2 * np.exp(1j * np.arange(11)))
+    frf = rebound(data.frequency, tilt=0.2 * np.exp(1j * np.arange(11)))
     prior = rid.Prior(gain_bound=0.02, decay_rate=1.3)
     return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis)

@@ -14,6 +14,7 @@ import robustid as rid
 from robustid.guarantees import CircleBound
 from robustid.report import render_summary
 from robustid.report.charts import Chart, Layer, Panel
+from support.bounds import rebound
 
 NASTY = "<script>alert(1)</script>"
 
@@ -46,7 +47,7 @@ def simple_result() -> rid.Identification:
 def identified(tilt: Any = None, **names: Any) -> rid.Identification:
     """A structure with a light mode whose poles are known, seven lines."""
     data = rid.flexible_structure(lines=5, extra_hz=(17.5, 17.7))
-    frf = dataclasses.replace(data.frequency, tilt=tilt, **names)
+    frf = dataclasses.replace(rebound(data.frequency, tilt=tilt), **names)
     modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=frf.dt, delay=1)
     prior = rid.Prior(gain_bound=0.3, decay_rate=1.2)
     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes))

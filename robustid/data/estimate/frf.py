@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data.bound import Bound, as_probability
 from robustid.data.estimate.frf_bounds import Estimate, bound
 from robustid.data.estimate.local import local
 from robustid.data.estimate.periodic import periodic
 from robustid.data.estimate.welch import welch
 from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.lines import as_probability
 from robustid.data.prepare import record_problems
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -59,7 +59,7 @@ def estimate_frf(
     Returns
     -------
     FrequencyResponse
-        With `bound` (F, ny, nu) and ``bound_kind="statistical"``, `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
+        With a confidence `bound` (F, ny, nu), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
         `dof`, `coherence` (F, ny), the levels of `noise` and (several blocks of several periods) of stochastic nonlinear
         `distortion`, and a note that says what the scatter was taken over.
 
@@ -125,17 +125,16 @@ def _other(method: str) -> Any:
 
 def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> FrequencyResponse:
     estimate, radius = bound(estimate, probability)
+    found = Bound(radius, kind="confidence", probability=probability, dof=estimate.dof)
     return FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
-        bound=radius,
+        bound=found,
         covariance=estimate.covariance,
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"statistical: joint {100 * probability:g} % over {len(estimate.index)} lines, {estimate.source}",
-        bound_kind="statistical",
-        probability=probability,
+        note=f"{found.words()} over {len(estimate.index)} frequency points, {estimate.source}",
         dof=estimate.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robustid.data.error_sets import joint_radius, variances
+
 _POOLED = 10  # degrees of freedom below which neighbouring lines are pooled, up to this number
 _NEAR = 0.1  # neighbours lie within this part of the frequency, or
 _NEAR_LINES = 16  # within so many lines of the transform
@@ -26,30 +28,6 @@ class Estimate(NamedTuple):
     noise: np.ndarray | None = None  # (F, ny, nu) standard deviations
     distortion: np.ndarray | None = None
     real: np.ndarray | None = None  # (F,) lines at which everything is real
-
-
-def variances(covariance: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """The diagonal of the covariance of vec(G), columns stacked, as (F, ny, nu)."""
-    lines, ny, nu = shape
-    return np.einsum("fii->fi", covariance).real.reshape(lines, nu, ny).transpose(0, 2, 1)
-
-
-def joint_radius(probability: float, entries: int, dof: float | None, real: np.ndarray | None = None) -> np.ndarray:
-    """Radius over standard deviation that no error exceeds with the probability, whatever the dependence of the entries.
-
-    With s^2 an estimate of the variance with dof degrees of freedom, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) =
-    (1 + x/dof)^(-dof)``; alpha = (1 - probability)/entries (Bonferroni). A known variance: exp(-x). At lines where all is real:
-    Student's t.
-    """
-    from scipy.special import ndtri, stdtrit
-
-    alpha = (1 - probability) / entries
-    if dof is None:
-        radius, student = np.sqrt(-np.log(alpha)), -ndtri(alpha / 2)
-    else:
-        # expm1 keeps the digits where alpha**(-1/dof) is close to 1.
-        radius, student = np.sqrt(dof * np.expm1(-np.log(alpha) / dof)), stdtrit(dof, 1 - alpha / 2)
-    return radius if real is None else np.where(real, student, radius)[:, None, None]
 
 
 def pool(estimate: Estimate) -> tuple[Estimate, np.ndarray]:

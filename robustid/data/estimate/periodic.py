@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_array, as_count
-from robustid.data.estimate.frf_bounds import Estimate, variances
+from robustid.data.error_sets import variances
+from robustid.data.estimate.frf_bounds import Estimate
 from robustid.data.estimate.steady_state import transient_periods
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError

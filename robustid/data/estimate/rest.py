@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.core import Frozen, Signal, as_array, as_count, as_float, freeze
+from robustid.data.bound import Bound
 from robustid.data.estimate.frf import checked_records
 from robustid.data.estimate.periodic import by_block, dft, inverse_spectra
 from robustid.data.frequency_response import FrequencyResponse
@@ -71,21 +72,19 @@ class NoiseFloor(Frozen):
         >>> import robustid as rid
         >>> noise = rid.bounds_from_noise_floor(rid.TimeRecord([0, 0, 0, 0], [5.1, 4.9, 5.0, 5.0], dt=0.1))
         >>> record = noise.bound_record(rid.TimeRecord([1, 1], [5.5, 6.0], dt=0.1))
-        >>> record.y.ravel().round(9).tolist(), record.bound.ravel().round(9).tolist(), record.bound_kind
-        ([0.5, 1.0], [0.15, 0.15], 'rest')
+        >>> record.y.ravel().round(9).tolist(), record.bound.ravel().round(9).tolist(), record.bound.kind
+        ([0.5, 1.0], [0.15, 0.15], 'noise_floor')
         """
         self._check(record)
         level = np.broadcast_to(self.level, record.y.shape)
-        used = np.ones(record.y.shape, dtype=bool) if record.bound is None else np.isfinite(record.bound)
-        samples = int(used.sum(axis=0).max())
+        samples = int(record.used.sum(axis=0).max())
+        bound = Bound(level, kind="noise_floor").only(record.used)
         note = (
-            f"from rest: {self.factor:g} times the largest deviation in {len(self.deviation)} samples without excitation, whose"
-            f" mean is removed; {samples} further ones stay within the largest itself with probability"
+            f"{bound.words()}: {self.factor:g} times the largest deviation in {len(self.deviation)} samples without excitation,"
+            f" whose mean is removed; {samples} further ones stay within the largest itself with probability"
             f" {self.probability(samples):.3g} if the noise is exchangeable"
         )
-        return dataclasses.replace(
-            record, y=record.y - self.mean, bound=np.where(used, level, np.inf), bound_kind="rest", note=note
-        )
+        return dataclasses.replace(record, y=record.y - self.mean, bound=bound, note=note)
 
     def bound_response(
         self, frf: FrequencyResponse, record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None
@@ -106,7 +105,7 @@ class NoiseFloor(Frozen):
         Returns
         -------
         FrequencyResponse
-            With ``bound_kind="rest"``, and the note with the probability that normal noise stays inside on all lines.
+            With a bound of kind "noise_floor", and the note with the probability that normal noise stays inside on all lines.
 
         Raises
         ------
@@ -138,14 +137,14 @@ class NoiseFloor(Frozen):
             raise InputError(
                 f"`frf` has values of shape {frf.values.shape}, the records {peak.shape[1]} outputs and {gain.shape[1]} inputs"
             )
-        bound = self.factor * peak[:, :, None] * gain[:, None, :]
+        bound = Bound(self.factor * peak[:, :, None] * gain[:, None, :], kind="noise_floor")
         beyond = np.exp(-np.log1p(self.factor**2 / np.arange(1, pool + 1)).sum())
         note = (
-            f"from rest: {self.factor:g} times the largest of {pool} DFT values without excitation around each line, in windows of"
-            f" {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
+            f"{bound.words()}: {self.factor:g} times the largest of {pool} DFT values without excitation around each line, in"
+            f" windows of {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
             f" {index.size} lines with probability {max(0.0, 1 - peak.size * beyond):.3g}"
         )
-        return dataclasses.replace(frf.with_bound(bound, note), tilt=None, bound_kind="rest")
+        return frf.with_bound(bound, note)
 
     def _whole(self, window: int) -> np.ndarray:
         """The deviation of whole windows."""
@@ -198,7 +197,7 @@ def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFl
     Returns
     -------
     NoiseFloor
-        Whose `bound_record` and `bound_response` give data with ``bound_kind="rest"``. A bound of your own always wins:
+        Its `bound_record` and `bound_response` give data with a bound of kind "noise_floor". A bound of your own always wins:
         ``with_bound``.
 
     Raises
@@ -222,15 +221,15 @@ def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFl
     >>> record = rid.TimeRecord(u, 2 * u + 0.1 * rng.standard_normal(200), dt=0.01, initial="periodic")
     >>> noise = rid.bounds_from_noise_floor(rest)
     >>> frf = noise.bound_response(rid.estimate_frf(record, period=50), record, period=50)
-    >>> frf.bound_kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
-    ('rest', True)
+    >>> frf.bound.kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
+    ('noise_floor', True)
     """
     if not isinstance(rest, TimeRecord):
         raise InputTypeError(f"`rest` must be a TimeRecord; got {type(rest).__name__}")
     factor = as_float("factor", factor)
     if factor < 1:
         raise InputError(f"`factor` must be at least 1, which is the largest noise that was seen; got {factor:g}")
-    used = slice(None) if rest.bound is None else np.all(np.isfinite(rest.bound), axis=1)
+    used = np.all(rest.used, axis=1)
     u, y = rest.u[used], rest.y[used]
     if len(y) < 2:
         raise InputError(f"`rest` has {len(y)} used sample; noise needs at least two, and better hundreds")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import atomic_write
+from robustid.data.bound import Bound
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io.readers import FORMAT
 from robustid.data.io.roles import Lookup
@@ -23,24 +24,68 @@ from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError
 
 _ARRAYS = {
-    "frequency": FrequencyResponse.PER_LINE,
-    "tangential": TangentialResponse.PER_LINE,
+    "frequency": ("omega", "values", "bound", "tilt", "noise", "distortion", "coherence", "covariance", "ellipsoid"),
+    "tangential": ("omega", "values", "right", "left", "bound"),
     "time": ("u", "y", "bound", "reference"),
 }
+_OF_BOUND = {"bound_kind": "kind", "probability": "probability", "bound_dof": "dof"}
 _FACTS = {
-    "frequency": ("dt", "note", "bound_kind", "probability", "dof", "joint"),
-    "tangential": ("dt", "note", "bound_kind", "probability"),
-    "time": ("dt", "initial", "past_input_bound", "note", "bound_kind"),
+    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint"),
+    "tangential": ("dt", "note", *_OF_BOUND),
+    "time": ("dt", "initial", "past_input_bound", "note", *_OF_BOUND),
 }
+_KINDS = {
+    "noise_floor": "rest",
+    "confidence": "statistical",
+}  # names in files, which stay for as long as old ones are to load
+_OLD_KINDS = {old: kind for kind, old in _KINDS.items()}
 CLASSES = {"frequency": FrequencyResponse, "tangential": TangentialResponse, "time": TimeRecord}
 _COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left")
 _ROWS = 20_000
 
 
+def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> dict[str, Any]:
+    """What a response or record consists of, by the names that files keep: the parts of its bound beside everything else."""
+    bound = Bound(np.inf) if data.bound is None else data.bound
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(data):
+        fields[field.name] = getattr(data, field.name)
+        if field.name == "bound" and isinstance(data, FrequencyResponse):
+            fields["tilt"] = bound.tilt
+    fields |= {"bound": None if data.bound is None else bound.radius, "bound_kind": _KINDS.get(bound.kind, bound.kind)}
+    if bound.probability is not None or not isinstance(data, TimeRecord):
+        fields["probability"] = bound.probability
+    if bound.dof != _implied_dof(fields):
+        fields["bound_dof"] = bound.dof
+    return fields | ({"joint": bound.joint, "ellipsoid": bound.ellipsoid} if "tilt" in fields else {})
+
+
+def _implied_dof(fields: dict[str, Any]) -> float | None:
+    """Degrees of freedom of a bound where nothing is said: with a probability, those of the covariance."""
+    return None if fields.get("probability") is None else fields.get("dof")
+
+
+def from_fields(cls: type, fields: dict[str, Any]) -> Any:
+    """The response or record that consists of this; of files of older versions too, which know fewer names."""
+    fields = {"bound_dof": _implied_dof(fields)} | fields
+    fields = {name: value for name, value in fields.items() if value is not None}
+    parts = {part: fields.pop(name) for name, part in _OF_BOUND.items() if name in fields}
+    parts |= {name: fields.pop(name) for name in ("tilt", "joint", "ellipsoid") if name in fields}
+    kind = parts.get("kind", "hard")
+    parts["kind"] = _OLD_KINDS.get(kind, kind)
+    if parts["kind"] == "hard":  # older versions let one state a probability here too
+        parts.pop("probability", None)
+        parts.pop("dof", None)
+    if "bound" in fields or "ellipsoid" in parts:
+        fields["bound"] = Bound(fields.get("bound"), **parts)
+    return cls(**fields)
+
+
 def _described(data: Any, kind: str, layout: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays, and all the rest."""
-    arrays = {name: getattr(data, name) for name in _ARRAYS[kind] if getattr(data, name) is not None}
-    meta = {name: getattr(data, name) for name in (*_FACTS[kind], "inputs", "outputs")}
+    """The arrays, and everything else."""
+    fields = flat_fields(data)
+    arrays = {name: fields[name] for name in _ARRAYS[kind] if fields[name] is not None}
+    meta = {name: fields[name] for name in (*_FACTS[kind], "inputs", "outputs") if name in fields}
     meta["shapes"] = {name: array.shape[1:] for name, array in arrays.items()}
     samples = len(next(iter(arrays.values())))
     return arrays, meta | {"robustid": FORMAT, "kind": kind, "samples": samples, "layout": layout}
@@ -101,7 +146,7 @@ def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
     names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
     if meta["kind"] != "time":
         options.pop("initial", None)
-    data = CLASSES[meta["kind"]](**arrays, **facts, **names)
+    data = from_fields(CLASSES[meta["kind"]], {**arrays, **facts, **names})
     if len(arrays["u" if meta["kind"] == "time" else "omega"]) != meta["samples"]:
         raise FileFormatError(f"the file was written with {meta['samples']} samples and has fewer or more now")
     bound = options.pop("bound", None)

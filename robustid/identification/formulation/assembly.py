@@ -57,20 +57,20 @@ class Assembly:
         angles = frf.omega * self.problem.dt
         if not isinstance(frf, FrequencyResponse):
             return self._directions(frf, angles)
-        if frf.joint == "matrix":
+        if frf.bound.joint == "matrix":
             return self._ellipsoids(frf, angles)
         make, response = self.functions.entry_columns(angles), self._responses(angles)
         blocks = [self._entry(frf, output, input, make, response) for output, input in measured_entries(frf)]
-        return self._columns(frf, blocks) if frf.joint == "column" else blocks
+        return self._columns(frf, blocks) if frf.bound.joint == "column" else blocks
 
     def _entry(
         self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: np.ndarray
     ) -> Block:
         """The frequency points of one entry, in discs or ellipses."""
-        used = np.isfinite(frf.bound[:, output, input])
+        used = frf.bound.used[:, output, input]
         number, part = self.entries.place(output, input)
-        angles, bound = frf.omega[used] * self.problem.dt, frf.bound[used, output, input]
-        tilt = None if frf.tilt is None else frf.tilt[used, output, input]
+        angles, bound = frf.omega[used] * self.problem.dt, frf.bound.radius[used, output, input]
+        tilt = None if frf.bound.tilt is None else frf.bound.tilt[used, output, input]
         scale, n, m = float(self.scales[output, input]), self.functions.count, response.shape[1]
         E = make(used, scale, part, bound, tilt)
         P = np.zeros((angles.size, self.entries.count * m), complex)
@@ -83,11 +83,11 @@ class Assembly:
         """The entries of a column as one cone a frequency point: the norm of a column is at most the largest singular value."""
         last = -1
         for (output, input), block in zip(measured_entries(frf), blocks, strict=True):
-            measured = np.isfinite(frf.bound[:, :, input])
+            measured = frf.bound.used[:, :, input]
             lines = np.flatnonzero(measured.any(axis=1))
             block.cone = np.searchsorted(lines, np.flatnonzero(measured[:, output]))
             block.joins = input == last
-            largest = (self.scales[:, input] / frf.bound[lines, :, input]).max(axis=1)
+            largest = (self.scales[:, input] / frf.bound.radius[lines, :, input]).max(axis=1)
             tail = largest * self.functions.response_tail(frf.omega[lines] * self.problem.dt)
             block.tail = np.zeros(0) if block.joins else tail
             block.fixed, last = np.ones(block.tail.size), input
@@ -97,8 +97,8 @@ class Assembly:
         """Every sample sees a combination of the entries."""
         blocks = []
         for row, column in measured_entries(frf):
-            used = np.isfinite(frf.bound[:, row, column])
-            bound, weights = frf.bound[used, row, column], frf.weights[used, row, column]
+            used = frf.bound.used[:, row, column]
+            bound, weights = frf.bound.radius[used, row, column], frf.weights[used, row, column]
             tail = np.linalg.svd(weights * self.scales, compute_uv=False).sum(axis=1) / bound
             tail = tail * self.functions.response_tail(angles[used])
             y = frf.values[used, row, column] / bound
@@ -108,7 +108,7 @@ class Assembly:
     def _ellipsoids(self, frf: FrequencyResponse, angles: np.ndarray) -> list[Block]:
         """Blocks, whitened, so that each frequency point is one cone: with E = LL', the norm of L^-1 vec(error)."""
         lines, p, q = frf.values.shape
-        whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid))
+        whiten = frf.bound.whitening
         y = whiten @ frf.values.transpose(0, 2, 1).reshape(lines, p * q, 1)
         scales = self.scales.T.ravel()
         tail = (
@@ -129,7 +129,7 @@ class Assembly:
 
     def transient(self, record: TimeRecord, output: int) -> Block:
         """One output of a record from zero initial conditions or from an unknown state."""
-        used = np.flatnonzero(np.isfinite(record.bound[:, output]))
+        used = np.flatnonzero(record.bound.used[:, output])
         count, basis = int(used[-1]) + 1, self.problem.parametric
         u = record.u[:count]
         E = np.stack([self.functions.time_responses(one)[used] for one in u.T], axis=1)
@@ -138,12 +138,12 @@ class Assembly:
         P = none if impulse is None else np.stack([filtered_by(one, impulse)[used] for one in u.T], axis=1)
         free, widen = initial_state(self.problem, record, used, output)
         tail = self.functions.time_tail(u * self.scales[output])[used]
-        return self._row(record.y[used, output], E, P, record.bound[used, output], widen, free, tail, output)
+        return self._row(record.y[used, output], E, P, record.bound.radius[used, output], widen, free, tail, output)
 
     def periodic(self, record: TimeRecord, output: int) -> Block:
         """One output in steady state."""
         samples, basis = record.u.shape[0], self.problem.parametric
-        used = np.flatnonzero(np.isfinite(record.bound[:, output]))
+        used = np.flatnonzero(record.bound.used[:, output])
         lines = excited_lines(record)
         angles = 2 * np.pi * lines / samples
         twice = np.where((lines == 0) | (2 * lines == samples), 1.0, 2.0)[:, None] / samples
@@ -156,7 +156,7 @@ class Assembly:
             P = np.stack([((wave * one) @ basis.response(angles)).real for one in drive.T], axis=1)
         size = np.linalg.norm(drive * self.scales[output], axis=1)
         tail = np.abs(wave) @ (size * self.functions.response_tail(angles))
-        none, bound = np.zeros((used.size, 0)), record.bound[used, output]
+        none, bound = np.zeros((used.size, 0)), record.bound.radius[used, output]
         return self._row(record.y[used, output], E, P, bound, np.zeros(used.size), none, tail, output)
 
     def _row(
@@ -197,7 +197,7 @@ class Assembly:
 
 def measured_entries(frf: Any) -> list[tuple[int, int]]:
     """The entries of a frequency response that have a sample, column by column."""
-    used = np.isfinite(frf.bound).any(axis=0)
+    used = frf.bound.used.any(axis=0)
     return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
 
 

@@ -101,7 +101,7 @@ def measurement_rows(functions: Functions) -> Rows:
     for record in problem.time:
         make = assembly.periodic if record.initial == "periodic" else assembly.transient
         for output in range(record.y.shape[1]):
-            if np.any(np.isfinite(record.bound[:, output])):
+            if np.any(record.bound.used[:, output]):
                 blocks.append(make(record, output))
     return _stacked(problem, blocks, functions)
 

@@ -63,17 +63,17 @@ def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
     """Size that a function must not exceed at the points of a frequency response, (F,)."""
     if not isinstance(frf, FrequencyResponse):
         nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)
-        return (frf.bound / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))
-    if frf.joint == "matrix":
-        whiten = np.linalg.inv(np.linalg.cholesky(frf.ellipsoid)) * scales.T.ravel()
+        return (frf.bound.radius / np.maximum(nuclear, np.finfo(float).tiny)).min(axis=(1, 2))
+    if frf.bound.joint == "matrix":
+        whiten = frf.bound.whitening * scales.T.ravel()
         return 1 / (np.linalg.norm(whiten, 2, axis=(1, 2)) * np.sqrt(min(scales.shape)))
-    return (frf.inner_radius / scales).min(axis=(1, 2))
+    return (frf.bound.inner_radius / scales).min(axis=(1, 2))
 
 
 def _least(record: TimeRecord, drive: Callable[[NDArray[np.float64]], float], scales: NDArray[np.float64]) -> float:
     """Smallest bound over drive of the outputs of a record."""
     least = np.inf
-    for bound, row in zip(record.bound.T, scales, strict=True):
+    for bound, row in zip(record.bound.radius.T, scales, strict=True):
         size = float(drive(record.u * row))
         if size > 0:
             least = min(least, float(bound.min()) / size)

@@ -112,20 +112,8 @@ def _scaling_words(identification: Identification) -> str:
 
 def shared_words(identification: Identification) -> str:
     """Meaning of bounds that several samples share; empty where each has its own."""
-    return joint_words({getattr(f, "joint", "entry") for f in identification.problem.frequency})
-
-
-def joint_words(kinds: set[str]) -> str:
-    """Meaning of the bounds of these kinds (`FrequencyResponse.joint`) that several samples share."""
-    words = ""
-    if "column" in kinds:
-        words += (
-            " The entries of a column share one bound: the errors of all outputs to one input, each divided by its bound, have a"
-            " root sum of squares of at most 1."
-        )
-    if "matrix" in kinds:
-        words += " All entries at a frequency point share one bound: their errors together lie in one ellipsoid."
-    return words.strip()
+    bounds = sorted((f.bound for f in identification.problem.frequency), key=lambda bound: bound.joint)
+    return " ".join(dict.fromkeys(words for bound in bounds if (words := bound.shape_words)))
 
 
 def _interval_words(identification: Identification) -> str:
@@ -178,9 +166,9 @@ def _together(rows: list[Experiment]) -> list[Experiment]:
 
 def _experiment(identification: Identification, residual: Any, data: Any) -> Experiment:
     axis, bound, alone = residual.axis, residual.bound, siso(identification)
-    joint = getattr(data, "joint", "entry")
+    joint = data.bound.joint
     if joint == "matrix":
-        bound = data.bound
+        bound = data.bound.radius
     used = bound[np.isfinite(bound)]
     low, high = number(used.min(), 3), number(used.max(), 3)
     radius = f"± {low}" if low == high else f"± {low} … {high}"
@@ -207,11 +195,6 @@ def bound_source(data: Any) -> str:
     --------
     >>> import robustid as rid
     >>> bound_source(rid.FrequencyResponse([1.0], [1.0], bound=0.1))
-    'hard: source not stated'
+    'hard bound: source not stated'
     """
-    name = {"hard": "hard", "rest": "noise floor", "statistical": "statistical"}[data.bound_kind]
-    if data.note.startswith(name):
-        return data.note
-    if getattr(data, "probability", None) is not None:
-        name += f", {number(100 * data.probability, 6)} % jointly"
-    return f"{name}: {data.note or 'source not stated'}"
+    return data.bound.words(data.note or "source not stated")

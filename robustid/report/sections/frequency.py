@@ -127,13 +127,13 @@ def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndar
     """Samples of an entry: name, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
     responses, out = [f for f in problem.frequency if isinstance(f, FrequencyResponse)], []
     for k, frf in enumerate(responses):
-        used, place = np.isfinite(frf.bound[:, output, input_]), (slice(None), output, input_)
+        used, place = frf.bound.used[:, output, input_], (slice(None), output, input_)
         if not used.any():
             continue
-        what = "data with their discs" if frf.tilt is None else "data with discs around their ellipses"
-        what += "" if frf.joint == "entry" else " (shared bound)"
+        what = "data with their discs" if frf.bound.tilt is None else "data with discs around their ellipses"
+        what += "" if frf.bound.joint == "entry" else " (shared bound)"
         name = numbered(what, k, len(responses))
-        out.append((name, frf.omega[used], frf.values[place][used], frf.outer_radius[place][used]))
+        out.append((name, frf.omega[used], frf.values[place][used], frf.bound.outer_radius[place][used]))
     return out
 
 
@@ -199,8 +199,8 @@ def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if not isinstance(frf, FrequencyResponse):
             continue
         for k, node in enumerate(problem.node_index(frf.omega * problem.dt)):
-            better = frf.outer_radius[k] < radius[node]
-            values[node][better], radius[node][better] = frf.values[k][better], frf.outer_radius[k][better]
+            better = frf.bound.outer_radius[k] < radius[node]
+            values[node][better], radius[node][better] = frf.values[k][better], frf.bound.outer_radius[k][better]
     known = np.isfinite(radius).all(axis=(1, 2))
     sigma, reach = (np.linalg.norm(part[known], 2, axis=(1, 2)) for part in (values, radius))
     return problem.angles[known] / problem.dt, sigma, reach

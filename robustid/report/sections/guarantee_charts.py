@@ -218,8 +218,8 @@ def data_discs(problem: MixedProblem, entry: tuple[int, int]) -> list[Layer]:
     for frf in problem.frequency:
         if not isinstance(frf, FrequencyResponse):
             continue
-        tilt = np.zeros(frf.omega.size) if frf.tilt is None else frf.tilt[place]
-        for value, bound, kappa in zip(frf.values[place], frf.bound[place], tilt, strict=True):
+        tilt = np.zeros(frf.omega.size) if frf.bound.tilt is None else frf.bound.tilt[place]
+        for value, bound, kappa in zip(frf.values[place], frf.bound.radius[place], tilt, strict=True):
             if np.isfinite(bound):
                 outlines.append(value + bound * (_TURN - kappa * _TURN.conj()) / (1 - abs(kappa) ** 2))
     return [_plane("bounds of the data", _joined(outlines), FAINT, dash="solid")] if outlines else []

@@ -11,7 +11,7 @@ from robustid.data.estimate import joint_radius
 from robustid.report.charts import Chart
 from robustid.report.curves import most_drawn
 from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
-from robustid.report.sections.assumptions import bound_source, joint_words
+from robustid.report.sections.assumptions import bound_source
 from robustid.report.sections.response_charts import entry_charts, overview_charts, spectrum_charts
 from robustid.report.sections.response_view import ResponseView
 from robustid.report.words import drawn_words, number, percent, plural, title
@@ -98,9 +98,8 @@ def kind(view: ResponseView) -> str:
     frf = view.frf
     if frf.bound is None:
         return "No bound"
-    if frf.bound_kind == "statistical":
-        return "Statistical bound" + (f", {number(100 * frf.probability, 6)} %" if frf.probability else "")
-    return {"hard": "Hard bound", "rest": "Bound from the noise floor"}[frf.bound_kind]
+    words = frf.bound.words().removesuffix(" jointly")
+    return words[0].upper() + words[1:]
 
 
 def response_verdict(view: ResponseView) -> Verdict:
@@ -111,15 +110,17 @@ def response_verdict(view: ResponseView) -> Verdict:
         where = f"{points}, in all entries measured there,"
     sentences = {
         "hard": f"The true response lies within the bound {where.rstrip(',')}: this is what was stated about the data.",
-        "rest": f"The bound was taken from measurements without excitation; it covers what disturbs {where} as it did then.",
-        "statistical": "The bound is taken from the scatter of the data; the probability that it holds"
+        "noise_floor": f"The bound was taken from measurements without excitation; it covers what disturbs {where} as it did then.",
+        "confidence": "The bound is taken from the scatter of the data; the probability that it holds"
         f" {where} at once isn't stated.",
+        "tolerance": f"The bound is meant for the next record too, {where} at once.",
     }
-    sentence = sentences[frf.bound_kind]
     if frf.bound is None:
         sentence = "Nothing is known about the errors: give a bound, or estimate it from the records."
-    elif frf.bound_kind == "statistical" and frf.probability:
-        chance = f"{number(100 * frf.probability, 6)} %"
+    elif frf.bound.kind != "confidence" or frf.bound.probability is None:
+        sentence = sentences[frf.bound.kind]
+    else:
+        chance = f"{number(100 * frf.bound.probability, 6)} %"
         sentence = f"With a probability of {chance} the true response lies within the bound {where} at once."
         if any(words in frf.note for words in _NOTED):
             sentence += " The warnings say what this leaves out."
@@ -155,9 +156,7 @@ def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
     if not view.complete.all():
         rows.append(("Missing", _missing_words(view)))
     if frf.bound is not None:
-        rows.append(
-            ("Bound", f"{bound_source(frf)}. {joint_words({frf.joint})}" if frf.joint != "entry" else bound_source(frf))
-        )
+        rows.append(("Bound", ". ".join(words for words in (bound_source(frf), frf.bound.shape_words) if words)))
     if frf.dof is not None:
         rows.append(("Degrees of freedom", f"{number(frf.dof)} of the covariance at every frequency point"))
     if frf.coherence is not None:
@@ -248,9 +247,10 @@ def _low_coherence_words(view: ResponseView) -> list[str]:
 
 def _few_data_words(view: ResponseView) -> list[str]:
     frf = view.frf
-    if frf.bound_kind != "statistical" or not frf.probability or frf.dof is None or frf.dof > _FEW_DOF:
+    probability = None if frf.bound is None else frf.bound.probability
+    if probability is None or frf.dof is None or frf.dof > _FEW_DOF:
         return []
-    known, estimated = (joint_radius(frf.probability, view.size.size, dof) for dof in (None, frf.dof))
+    known, estimated = (joint_radius(probability, view.size.size, dof) for dof in (None, frf.dof))
     return [
         f"The covariance has only {number(frf.dof)} degree{plural(frf.dof)} of freedom: the bound is"
         f" {number((estimated / known).item(), 2)} times as wide as with a known one. More periods or realisations narrow it."

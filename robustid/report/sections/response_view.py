@@ -87,7 +87,7 @@ class ResponseView:
     @property
     def radius(self) -> np.ndarray | None:
         """Radius of the disc around each value; infinite where it was not measured."""
-        return self.frf.outer_radius
+        return None if self.frf.bound is None else self.frf.bound.outer_radius
 
     @cached_property
     def silent(self) -> np.ndarray:

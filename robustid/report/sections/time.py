@@ -100,7 +100,7 @@ def _settling(model: Any) -> int:
 def _record_panel(identification: Identification, shown: list[Shown], residuals: tuple[Residual, ...]) -> Panel:
     problem, (index, output) = identification.problem, (residuals[0].index, residuals[0].entry[0] or 0)
     record = problem.time[index]
-    used = np.isfinite(record.bound[:, output])
+    used = record.bound.used[:, output]
     t, y, bound = record.time[used], record.y[used, output], residuals[0].bound
     layers = [
         Layer(name=one.name, x=t, y=y - residual.error, colour=one.colour, dash=one.dash)
@@ -115,6 +115,6 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
     title = f"{numbered('Record', index, len(problem.time))} {started(record)}"
     if not siso(identification):
         title += f": {record.outputs[output].name}"
-    if np.any(bound > record.bound[used, output] * (1 + 1e-12)):
+    if np.any(bound > record.bound.radius[used, output] * (1 + 1e-12)):
         title += ", intervals widened by what the unknown past can add"
     return Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(record.outputs[output])), layers=tuple(layers))

@@ -81,7 +81,7 @@ def _measured(tube: ResponseTube) -> list[Layer]:
         count = min(tube.u.size, record.u.shape[0])
         u, known = record.u[:count, 0], tube.u[:count]
         scale = float(u @ known / (known @ known)) if np.any(known) else 0.0
-        used = np.isfinite(record.bound[:count, 0])
+        used = record.bound.used[:count, 0]
         if (
             record.initial != "rest"
             or not scale
@@ -89,7 +89,7 @@ def _measured(tube: ResponseTube) -> list[Layer]:
             or not np.allclose(u, scale * known, atol=0, rtol=1e-9)
         ):
             continue
-        y, bound = record.y[:count, 0][used] / scale, record.bound[:count, 0][used] / abs(scale)
+        y, bound = record.y[:count, 0][used] / scale, record.bound.radius[:count, 0][used] / abs(scale)
         name = f"record {number_ + 1} with its intervals" + (f", divided by {number(scale)}" if scale != 1 else "")
         style = {"colour": DATA, "marker": "circle", "size": 0.6}
         layers.append(Layer(name=name, x=record.time[:count][used], y=y, low=y - bound, high=y + bound, **style))

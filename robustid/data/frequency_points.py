@@ -1,0 +1,185 @@
+"""Base of all samples at frequencies: checks on entry, frequency points to choose, values that were not measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Frozen, Signal, as_array, as_positive
+from robustid.data.bound import Bound
+from robustid.errors import InputError, InputTypeError
+
+# Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
+NYQUIST_SLACK = 1 + 1e-12
+
+
+class FrequencyPoints(Frozen):
+    """Base of frozen dataclasses of samples at frequencies, sorted, with an infinite bound where nothing was measured."""
+
+    PER_POINT: ClassVar[tuple[str, ...]]  # names of what has a part for every frequency point, beside the bound
+    omega: Any
+    values: Any
+    bound: Any
+    dt: float | None
+
+    @property
+    def freq_hz(self) -> NDArray[np.float64]:
+        """Frequencies in Hz, (F,)."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def missing(self) -> NDArray[np.bool_]:
+        """True where a value was not measured, which an infinite bound says; shaped as `values`."""
+        return np.zeros(self.values.shape, dtype=bool) if self.bound is None else self.bound.missing
+
+    def select(self, points: Any) -> Self:
+        """Keep some frequency points: a boolean mask, indices or a slice along the frequency axis."""
+        try:
+            index = np.atleast_1d(np.arange(self.omega.size)[points])
+        except IndexError as error:
+            raise InputError(f"`points` doesn't select from {self.omega.size} frequency points: {error}") from None
+        if index.size == 0:
+            raise InputError(f"`points` selects none of the {self.omega.size} frequency points")
+        arrays = {name: array[index] for name in self.PER_POINT if (array := getattr(self, name)) is not None}
+        return self._with(bound=None if self.bound is None else self.bound.select(index), **arrays)
+
+    def band(self, low_hz: float, high_hz: float) -> Self:
+        """Keep the frequency points with ``low_hz <= f <= high_hz``."""
+        inside = (self.freq_hz >= low_hz) & (self.freq_hz <= high_hz)
+        if not np.any(inside):
+            raise InputError(
+                f"no frequency point lies between `low_hz` = {low_hz:g} and `high_hz` = {high_hz:g} Hz; they go"
+                f" from {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz"
+            )
+        return self.select(inside)
+
+    def ratio(self, error: Any) -> NDArray[np.float64]:
+        """Size of an error, shaped as `values`, in units of the bound, at most 1 inside: see `Bound.ratio`.
+
+        Raises
+        ------
+        InputError
+            Another shape, or data without a bound.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> frf = rid.FrequencyResponse([10.0], np.zeros((1, 2, 1))).with_column_bound(0.1)
+        >>> frf.ratio([[[0.06], [0.08j]]]).round(9).item()
+        1.0
+        """
+        if self.bound is None:
+            raise InputError("`ratio` needs the bound of the data; give one by with_bound(...)")
+        return self.bound.ratio(error)
+
+    def with_bound(self, bound: Any, note: str = "") -> Self:
+        """The same samples with a `Bound`, or a radius of your own for every value, of the same tilt, in the place of any other.
+
+        What was not measured stays so.
+        """
+        if bound is not None and not isinstance(bound, Bound):
+            bound = Bound(bound, tilt=None if self.bound is None else self.bound.tilt)
+        bound = Bound.of(bound, self.values.shape)
+        if np.any(self.missing):
+            if bound is None:
+                raise InputError("`bound` is needed: its infinite values say which entries were not measured; got None")
+            bound = bound.only(~self.missing)
+        return self._with(bound=bound, note=note)
+
+    def _with(self, **changes: Any) -> Self:
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+    def require_complete(self, what: str) -> None:
+        """Refuse, in the name of what needs every value at every frequency point, data that miss some."""
+        if not np.any(self.missing):
+            return
+        k, i, j = np.argwhere(self.missing)[0]
+        whole = int(np.sum(~self.missing.any(axis=(1, 2))))
+        raise InputError(
+            f"{what} needs every entry at every frequency point; {int(np.sum(self.missing))} of {self.values.size} are missing,"
+            f" the first at {self.freq_hz[k]:.6g} Hz in entry ({i}, {j}). Pick one entry by .entry(output, input), or the {whole}"
+            " complete frequency points by .select(~data.missing.any(axis=(1, 2)))"
+        )
+
+
+def as_points(
+    omega: Any, values: Any, dt: Any, axes: str
+) -> tuple[NDArray[np.float64], NDArray[np.complex128], float | None]:
+    """Frequencies, values of three dimensions and sample time, checked but for what the bound says; not yet sorted."""
+    omega = as_array("omega", omega, ndim=1)
+    points = omega.size
+    if points == 0:
+        raise InputError("`omega` is empty; give at least one frequency")
+    values = as_array("values", values, dtype=complex, finite=False)
+    if values.shape == (points,):
+        values = values.reshape(points, 1, 1)
+    if values.ndim != 3 or values.shape[0] != points or 0 in values.shape:
+        raise InputError(
+            f"`values` must have shape (F,) or (F, {axes}) with F = {points} from `omega`; got {values.shape}"
+        )
+    if np.any(omega < 0):
+        raise InputError(f"`omega` must be >= 0 (conjugate points are implied); got {omega.min():g} rad/s")
+    dt = None if dt is None else as_positive("dt", dt)
+    if dt is not None and omega.max() * dt > np.pi * NYQUIST_SLACK:
+        raise InputError(
+            f"`omega` must not exceed pi/dt = {np.pi / dt:g} rad/s; got {omega.max():g} rad/s."
+            " Frequencies are in rad/s, not Hz; check `dt` too"
+        )
+    return omega, values, dt
+
+
+def check_measured(values: NDArray[np.complex128], bound: Bound | None) -> None:
+    """Refuse values that aren't finite where they were measured, and data of which nothing was."""
+    measured = np.ones(values.shape, dtype=bool) if bound is None else bound.used
+    if not np.any(measured):
+        raise InputError("`bound` is infinite everywhere: nothing was measured; give at least one entry a finite bound")
+    bad = np.argwhere(~np.isfinite(values) & measured)
+    if len(bad):
+        raise InputError(
+            f"`values` must be finite; got {values[tuple(bad[0])]} at index {tuple(int(i) for i in bad[0])}"
+            f" ({len(bad)} of {values.size} values are not finite). A `bound` of inf marks what was not measured"
+        )
+
+
+def as_note(note: Any) -> str:
+    """Text."""
+    if not isinstance(note, str):
+        raise InputTypeError(f"`note` must be text; got {type(note).__name__}")
+    return note
+
+
+def signal_index(name: str, wanted: int | str, signals: tuple[Signal, ...]) -> int:
+    """Index of a signal that is given by number or by name."""
+    if isinstance(wanted, str):
+        names = [signal.name for signal in signals]
+        if wanted not in names:
+            raise InputError(f"`{name}` must be one of {names}; got {wanted!r}")
+        return names.index(wanted)
+    try:
+        index = operator.index(wanted)
+    except TypeError:
+        raise InputTypeError(f"`{name}` must be the number or name of a signal; got {wanted!r}") from None
+    if not -len(signals) <= index < len(signals):
+        raise InputError(f"`{name}` must be below {len(signals)}; got {index}")
+    return index % len(signals)
+
+
+def as_level(name: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """A coherence or standard deviation of every frequency point, not negative."""
+    if value is None:
+        return None
+    level = as_array(name, value)
+    if level.size == shape[0] and np.prod(shape) == shape[0]:
+        level = level.reshape(shape)
+    if level.shape != shape:
+        raise InputError(f"`{name}` must have shape {shape}; got {level.shape}")
+    if np.any(level < 0) or (name == "coherence" and np.any(level > 1)):
+        raise InputError(
+            f"`{name}` must lie between 0 and {'1' if name == 'coherence' else 'infinity'};"
+            f" got {level.min():g} to {level.max():g}"
+        )
+    return level
