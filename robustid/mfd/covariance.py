@@ -93,7 +93,7 @@ class FitCovariance(Frozen):
         std = np.empty(P.shape)
         for start in range(0, xi.size, _LINES_AT_ONCE):
             part = slice(start, start + _LINES_AT_ONCE)
-            changes = _admissible(_response_changes(self.basis, xi[part], D[part], P[part]), self.basis, self.forbidden)
+            changes = _admissible(response_changes(self.basis, xi[part], D[part], P[part]), self.basis, self.forbidden)
             std[part] = np.linalg.norm(changes, axis=-1).reshape(-1, *P.shape[:0:-1]).transpose(0, 2, 1)
         std *= np.sqrt(self.variance)
         return std.transpose(0, 2, 1) if model.form == "left" else std
@@ -190,7 +190,7 @@ def pole_changes(fit: MatrixFraction, basis: VectorPolynomials) -> tuple[np.ndar
     return model.scale * poles, model.scale * _carried(basis, poles, rows.reshape(poles.size, 1, -1))[:, 0]
 
 
-def _response_changes(basis: VectorPolynomials, xi: np.ndarray, D: np.ndarray, P: np.ndarray) -> np.ndarray:
+def response_changes(basis: VectorPolynomials, xi: np.ndarray, D: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Derivatives (m, nu*ny, coefficients) of vec of the response: ``(D^{-T} kron [-P I]) Phi``."""
     lines, ny, _ = P.shape
     left = np.concatenate([-P, np.broadcast_to(np.eye(ny), (lines, ny, ny))], axis=2)

@@ -113,7 +113,9 @@ def suggest_order(
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
     noise_known = weight is None and frf.covariance is not None
-    singular_values, edge = _singular_values(frf, weight, domain, noise_known, options.get("feedthrough", False))
+    singular_values, edge = subspace_singular_values(
+        frf, weight, domain, noise_known, options.get("feedthrough", False)
+    )
     tried = _orders(orders, int(np.sum(singular_values > edge)))
     fits, failures = _sweep(frf, tried, options | {"weight": weight, "domain": domain}, executor, progress)
     equations = fits[min(fits)].problem.equations
@@ -121,7 +123,7 @@ def suggest_order(
     return OrderSweep(fits, failures, parameters, equations, noise_known, singular_values, edge)
 
 
-def _singular_values(
+def subspace_singular_values(
     frf: FrequencyResponse, weight: Any, domain: str | None, noise_known: bool, feedthrough: bool
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
@@ -165,7 +167,7 @@ def _orders(orders: Iterable[int] | None, center: int) -> list[int]:
     return chosen
 
 
-def _fit(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> MatrixFraction:
+def fit_one(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> MatrixFraction:
     """One item of the sweep; at the top of the module so that a process pool finds it."""
     return fit_mfd(frf, order=order, **options)
 
@@ -181,14 +183,14 @@ def _sweep(
     errors: dict[int, Exception] = {}
     jobs = {} if executor is None else {_submitted(executor, frf, options, order): order for order in orders}
     try:
-        runs = ((order, partial(_fit, frf, options, order)) for order in orders)
+        runs = ((order, partial(fit_one, frf, options, order)) for order in orders)
         for order, run in runs if executor is None else ((jobs[job], job.result) for job in as_completed(jobs)):
             try:
                 fits[order] = run()
             except Exception as error:
                 _log.warning("order %d: %s: %s; trying again in this process", order, type(error).__name__, error)
                 try:
-                    fits[order] = _fit(frf, options, order)
+                    fits[order] = fit_one(frf, options, order)
                 except Exception as again:
                     errors[order] = again
             if progress is not None:
@@ -208,7 +210,7 @@ def _sweep(
 def _submitted(executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> Future:
     """The job, or a failed one where the executor is broken and takes none."""
     try:
-        return executor.submit(_fit, frf, options, order)
+        return executor.submit(fit_one, frf, options, order)
     except RuntimeError as error:
         job: Future = Future()
         job.set_exception(error)
@@ -221,7 +223,7 @@ def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits
     for order in sorted(fits):
         if best is not None and best.status is not FitStatus.EXACT and fits[order].cost > (1 + _SAME_COST) * best.cost:
             try:
-                other = _fit(frf, {**options, "start": best.model}, order)
+                other = fit_one(frf, {**options, "start": best.model}, order)
             except Exception as error:
                 _log.warning("order %d from the model of a lower one: %s", order, error)
             else:

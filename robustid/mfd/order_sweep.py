@@ -115,7 +115,7 @@ class OrderSweep(Frozen, Drawable):
         last = np.zeros(0, dtype=complex)
         for order, fit in self.fits.items():
             here = _upper_poles(fit)
-            rows += [PoleRow(order, abs(s), -s.real / abs(s), _kind(s, last)) for s in here.tolist()]
+            rows += [PoleRow(order, abs(s), -s.real / abs(s), stability_kind(s, last)) for s in here.tolist()]
             last = here
         return tuple(rows)
 
@@ -157,7 +157,8 @@ def _upper_poles(fit: MatrixFraction) -> np.ndarray:
     return poles[np.argsort(np.abs(poles))]
 
 
-def _kind(pole: complex, last: np.ndarray) -> str:
+def stability_kind(pole: complex, last: np.ndarray) -> str:
+    """The kind of a `PoleRow`, of a pole against those of the next lower order."""
     if not last.size:
         return "new"
     size, damping = abs(pole), -pole.real / abs(pole)

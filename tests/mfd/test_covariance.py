@@ -8,7 +8,7 @@ from scipy.stats import binom, chi2
 
 import robustid as rid
 from robustid.mfd import FitStatus, MatrixFraction, RigidBody, Weight, fit_covariance, fit_mfd
-from robustid.mfd.covariance import _response_changes, pole_changes
+from robustid.mfd.covariance import pole_changes, response_changes
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
@@ -142,7 +142,7 @@ def test_first_order_motion_of_poles_and_response_under_a_change_of_the_data(cas
         moved = change.transpose(0, 2, 1) if case == "left" else change
         c = -basis.project(problem.weight.apply(moved))
         c = c - forbidden.T @ (forbidden @ c)
-        changes = _response_changes(basis, problem.xi, fit.nodes.denominators, fit.nodes.response)
+        changes = response_changes(basis, problem.xi, fit.nodes.denominators, fit.nodes.response)
         motion = (changes @ c).reshape(len(OMEGA), *problem.values.shape[:0:-1]).transpose(0, 2, 1)
         want = (ends[0].nodes.response - ends[1].nodes.response) / 2
         error, size = (np.linalg.norm(problem.weight.apply(part)) for part in (motion - want, want))

@@ -64,7 +64,7 @@ def test_default_orders_lie_around_the_singular_values_above_the_noise(monkeypat
     counts = []
     for seed in range(6):
         frf = data(seed, 2, 2, 3, 100, known=seed % 2 == 0)
-        values, edge = order._singular_values(frf, None, None, seed % 2 == 0, False)
+        values, edge = order.subspace_singular_values(frf, None, None, seed % 2 == 0, False)
         counts.append(int(np.sum(values > edge)))
     assert counts == [6] * 6
     tried = []
@@ -116,17 +116,17 @@ def test_exact_data_get_the_smallest_order_that_is_exact():
 
 def test_stabilisation_classes():
     """Against made-up poles: one stays, one moves by 0.5 % with other damping, one keeps its damping only, one is new."""
-    from robustid.mfd.order_sweep import _kind
+    from robustid.mfd.order_sweep import stability_kind
 
     def pole(frequency, damping):
         return frequency * (-damping + 1j * np.sqrt(1 - damping**2))
 
     last = np.array([pole(10, 0.01), pole(100, 0.02), pole(1000, 0.005)])
-    assert _kind(pole(10.09, 0.0104), last) == "stable"
-    assert _kind(pole(10.11, 0.0104), last) == "damping"
-    assert _kind(pole(100.5, 0.03), last) == "frequency"
-    assert _kind(pole(1020, 0.03), last) == "new"
-    assert _kind(pole(10, 0.01), last[:0]) == "new"
+    assert stability_kind(pole(10.09, 0.0104), last) == "stable"
+    assert stability_kind(pole(10.11, 0.0104), last) == "damping"
+    assert stability_kind(pole(100.5, 0.03), last) == "frequency"
+    assert stability_kind(pole(1020, 0.03), last) == "new"
+    assert stability_kind(pole(10, 0.01), last[:0]) == "new"
 
 
 def test_true_poles_are_stable_in_the_diagram():
@@ -215,14 +215,14 @@ def test_an_item_that_fails_twice_is_kept_as_a_failure(executor):
 
 
 def test_an_interrupt_passes_and_tells_what_was_finished(monkeypatch, caplog):
-    fit = order._fit
+    fit = order.fit_one
 
     def interrupted(frf, options, n):
         if n == 4:
             raise KeyboardInterrupt
         return fit(frf, options, n)
 
-    monkeypatch.setattr(order, "_fit", interrupted)
+    monkeypatch.setattr(order, "fit_one", interrupted)
     with caplog.at_level(logging.WARNING, logger="robustid"), pytest.raises(KeyboardInterrupt):
         suggest_order(data(0, 1, 1, 2, 60), orders=[2, 4, 6])
     assert "finished: order 2: cost" in caplog.text
@@ -230,13 +230,13 @@ def test_an_interrupt_passes_and_tells_what_was_finished(monkeypatch, caplog):
 
 def test_a_local_minimum_is_left_by_a_warm_start(monkeypatch):
     """A fit of order 5 that ends above that of order 4 is replaced by one that doesn't."""
-    frf, fit = data(0, 1, 1, 2, 60), order._fit
+    frf, fit = data(0, 1, 1, 2, 60), order.fit_one
 
     def stuck(frf, options, n):
         found = fit(frf, options, n)
         return fit(frf, options, 2) if n == 5 and "start" not in options else found
 
-    monkeypatch.setattr(order, "_fit", stuck)
+    monkeypatch.setattr(order, "fit_one", stuck)
     sweep = suggest_order(frf, orders=[4, 5])
     assert sweep.costs[1] <= sweep.costs[0] * (1 + 1e-6)
     assert len(sweep.fits[5].fraction.poles) == 5
