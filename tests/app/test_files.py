@@ -70,6 +70,23 @@ def test_sparse_matrices_of_matlab_are_written_out(complex_part, tmp_path):
     np.testing.assert_array_equal(values.ravel(), [1 + complex_part, 1])
 
 
+def test_damaged_sparse_matrices_are_refused_in_a_sentence(tmp_path):
+    numbers = {"A": scipy.sparse.diags([0.5, 0.25, 0.1]).tocsc(), "B": np.ones((3, 1)), "C": np.ones((1, 3)), "dt": 0.1}
+    scipy.io.savemat(tmp_path / "sparse.mat", numbers)
+    rng, raw = np.random.default_rng(0), (tmp_path / "sparse.mat").read_bytes()
+    refused = 0
+    for _ in range(300):
+        bytes_ = bytearray(raw)
+        for place in rng.integers(128, len(raw), rng.integers(1, 4)):
+            bytes_[place] = rng.integers(256)
+        (tmp_path / "damaged.mat").write_bytes(bytes_)
+        try:
+            rid.load(tmp_path / "damaged.mat")
+        except (rid.FileFormatError, rid.InputError):
+            refused += 1
+    assert refused > 100
+
+
 @pytest.mark.parametrize("suffix", ["", ".npz", ".json"])
 def test_a_result_is_opened_by_any_of_its_names(result, suffix, tmp_path):
     rid.save(tmp_path / "result", result)
