@@ -79,7 +79,7 @@ def margins(p, q, length, lines):
     )  # imports and first calls
     posed = TaylorFormulation(measurements(p, q, length, lines), length)
     start = time.process_time()
-    margin = prove_margin(posed, "structured", ACCURACY)[0].margin
+    margin = prove_margin(posed.data, "structured", ACCURACY)[0].margin
     seconds = time.process_time() - start
     rows, sarason = posed.data.rows, posed.data.sarason
     x, parameters, s = cp.Variable(sarason.size), cp.Variable(rows.P.shape[1]), cp.Variable()
