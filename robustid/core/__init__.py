@@ -16,6 +16,7 @@ from robustid.core.state_space import (
 from robustid.core.storage import (
     Arrays,
     Record,
+    Savable,
     describe,
     digest,
     keep,
@@ -50,6 +51,7 @@ __all__ = [
     "Frozen",
     "Record",
     "Response",
+    "Savable",
     "Signal",
     "StateMatrices",
     "StateSpace",

@@ -103,6 +103,14 @@ def save(path: PathLike, thing: Any) -> None:
         raise InputError(f"`path` = {str(path)!r} can't be written: {error.strerror}") from error
 
 
+class Savable:
+    """Mixin of everything that `save` writes."""
+
+    def save(self, path: PathLike) -> None:
+        """Write it for `robustid.load`: a result as `path`.npz and `path`.json, all else as one file; see `robustid.save`."""
+        save(path, self)
+
+
 def describe(thing: Any) -> tuple[Record, Arrays]:
     """Text and arrays that are written of a result."""
     if (kept := _of(_RESULTS, thing.__class__)) is None:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze, save
+from robustid.core import Frozen, Savable, as_array, as_count, as_positive, freeze
 from robustid.data.crest import low_crest_phases, random_phases, synthesise
 from robustid.data.estimate.excited_lines import chosen_lines, given_lines
 from robustid.errors import InputError
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Excitation(Frozen):
+class Excitation(Frozen, Savable):
     """Periodic signals to play: one period of every input in every experiment.
 
     Parameters
@@ -95,10 +94,6 @@ class Excitation(Frozen):
         if not 0 <= as_count("experiment", experiment) < len(self.u):
             raise InputError(f"`experiment` must be from 0 to {len(self.u) - 1}; got {experiment}")
         return np.tile(self.u[experiment], (self.periods, 1))
-
-    def save(self, path: str | os.PathLike) -> None:
-        """Write ``.csv`` (columns time, u1_exp1, u2_exp1, ..., all periods) or ``.npz``; `robustid.load` reads both."""
-        save(path, self)
 
 
 def multisine(

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Signal, as_array, as_positive
+from robustid.core import Frozen, Savable, Signal, as_array, as_positive
 from robustid.data.bound import Bound
 from robustid.errors import InputError, InputTypeError
 
@@ -17,7 +17,7 @@ from robustid.errors import InputError, InputTypeError
 NYQUIST_SLACK = 1 + 1e-12
 
 
-class FrequencyPoints(Frozen):
+class FrequencyPoints(Frozen, Savable):
     """Base of frozen dataclasses of samples at frequencies, sorted, with an infinite bound where nothing was measured."""
 
     PER_POINT: ClassVar[tuple[str, ...]]  # names of what has a part for every frequency point, beside the bound

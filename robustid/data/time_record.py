@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_float, as_positive, as_signals, freeze
+from robustid.core import Frozen, Savable, as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
 from robustid.data.frequency_points import as_note, signal_index
 from robustid.errors import InputError
@@ -20,7 +20,7 @@ PAST = ("known", "unknown", "periodic")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TimeRecord(Frozen):
+class TimeRecord(Frozen, Savable):
     """A known input and the measured output, each sample in an interval of known half-width.
 
     ``y[k] = sum_j f[j] u[k-j] + e[k]``, ``|e[k]| <= bound[k]``, f the impulse response.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_count, as_positive, freeze, response, save, threads_for, worker_pool
+from robustid.core import Frozen, Savable, as_count, as_positive, freeze, response, threads_for, worker_pool
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of
@@ -28,7 +28,7 @@ _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are comput
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseOverPoles(Frozen, Drawable):
+class WorstCaseOverPoles(Frozen, Drawable, Savable):
     """Largest distance from a model, and magnitudes, of all consistent systems whose poles lie anywhere in a pole-uncertainty box.
 
     Attributes
@@ -115,10 +115,6 @@ class WorstCaseOverPoles(Frozen, Drawable):
             return False
         above = upper <= self.upper[:, 0, 0] * _AGAIN, magnitude[:, 1] <= self.magnitude[:, 1] * _AGAIN
         return bool(np.all(above) and np.all(self.magnitude[:, 0] <= magnitude[:, 0] * _AGAIN))
-
-    def save(self, path: Folder) -> None:
-        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle. See `robustid.load`."""
-        save(path, self)
 
     @property
     def next_line(self) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_count, as_positive, freeze, responses, save, threads_for
+from robustid.core import Frozen, Savable, as_count, as_positive, freeze, responses, threads_for
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
@@ -26,7 +26,7 @@ LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree n
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseError(Frozen, Drawable):
+class WorstCaseError(Frozen, Drawable, Savable):
     """Largest distance of all consistent systems from a model: proved from above, attained from below.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
@@ -261,10 +261,6 @@ class WorstCaseError(Frozen, Drawable):
         rows = self.consistent_set.data.rows
         sets = self._sets_at[float(self.omega[index])]
         return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
-
-    def save(self, path: Folder) -> None:
-        """Write `path`.npz and `path`.json, with the identification and every certificate; no pickle. See `robustid.load`."""
-        save(path, self)
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"

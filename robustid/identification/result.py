@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze, save
+from robustid.core import Frozen, Savable, freeze
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
@@ -35,7 +34,7 @@ _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Identification(Frozen, Drawable):
+class Identification(Frozen, Drawable, Savable):
     """Finding about the class, with its proof, and a model.
 
     Attributes
@@ -355,10 +354,6 @@ class Identification(Frozen, Drawable):
             f" {100 * mode.rank_ratio:.2g} % of the first"
             for mode in self.modes[:_MODES]
         ]
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `path`.npz (numbers) and `path`.json (everything else, readable); no pickle. `robustid.load` reads them."""
-        save(path, self)
 
 
 def _largest_response(item: Any, scales: np.ndarray) -> float:

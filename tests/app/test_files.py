@@ -32,6 +32,9 @@ THINGS = {
 def test_what_is_measured_or_played_comes_back(name, tmp_path):
     thing = THINGS[name]()
     rid.save(tmp_path / name, thing)
+    (tmp_path / "own").mkdir()
+    thing.save(tmp_path / "own" / name)
+    assert type(rid.load(tmp_path / "own" / name)) is type(thing)
     again = rid.load(tmp_path / name)
     assert type(again) is type(thing)
     for field in set(vars(thing)) & {"u", "y", "values", "omega", "bound", "lines"}:
