@@ -110,6 +110,6 @@ def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypa
         2, 0, 1
     )
     assert np.all(np.abs(frf.values - truth) <= frf.bound)
-    assert "joint 95 %" in capsys.readouterr().out
+    assert "95 % jointly" in capsys.readouterr().out
     assert rid.load("frf.npz").dof == frf.dof
     assert "Spectra of the records" in Path("frf.html").read_text(encoding="utf-8")
