@@ -125,9 +125,10 @@ def test_zero_entries(form):
     assert relative_error(fit.fraction.response(OMEGA), truth) <= 5e-3
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["right", "left"])
-def test_combined(form):
-    for seed in range(2):
+def test_combined(form, seeds):
+    for seed in range(seeds):
         system, truth, frf = data(seed, 2, 2, 4)
         gain = 1.002 * system.response(np.zeros(1))[0].real
         direction = np.array([1.0, 1.0])
