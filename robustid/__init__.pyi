@@ -1,4 +1,8 @@
+# The public names, by task. Result types and helpers are in the rooms: robustid.guarantees.ResponseTube.
+from . import errors as errors
 from ._version import __version__ as __version__
+
+# What to choose, change and measure next
 from .advice import diagnose as diagnose
 from .advice import improve_kautz as improve_kautz
 from .advice import sensitivity as sensitivity
@@ -9,18 +13,18 @@ from .advice import suggest_prior as suggest_prior
 from .advice import suggest_scaling as suggest_scaling
 from .app.files import load as load
 from .app.files import save as save
-from .app.pipeline import IdentifiedReduced as IdentifiedReduced
+
+# The whole way, reports and figures
 from .app.pipeline import identify_reduced as identify_reduced
 from .app.pipeline import run as run
-from .bases import ParametricBasis as ParametricBasis
+
+# The class, the question and its answer
 from .bases import kautz as kautz
 from .core import Signal as Signal
+
+# Measurements and their bounds
 from .data import Bound as Bound
-from .data import Delay as Delay
-from .data import DelayedModel as DelayedModel
-from .data import Excitation as Excitation
 from .data import FrequencyResponse as FrequencyResponse
-from .data import NoiseFloor as NoiseFloor
 from .data import TangentialResponse as TangentialResponse
 from .data import TimeRecord as TimeRecord
 from .data import bounds_from_noise_floor as bounds_from_noise_floor
@@ -34,20 +38,15 @@ from .data import multisine as multisine
 from .data import record_problems as record_problems
 from .data import sample_time as sample_time
 from .data import with_delay as with_delay
-from .errors import DatasetNotFoundError as DatasetNotFoundError
-from .errors import FileFormatError as FileFormatError
+
+# What goes wrong; more kinds in errors
 from .errors import InconsistentDataError as InconsistentDataError
 from .errors import InputError as InputError
-from .errors import InputTypeError as InputTypeError
 from .errors import RobustIdError as RobustIdError
-from .errors import SizeError as SizeError
-from .errors import SolverError as SolverError
 from .errors import Status as Status
-from .guarantees import Refutation as Refutation
-from .guarantees import ResponseTube as ResponseTube
-from .guarantees import UncertaintyWeight as UncertaintyWeight
+
+# What holds for every consistent system
 from .guarantees import WorstCaseError as WorstCaseError
-from .guarantees import WorstCaseOverPoles as WorstCaseOverPoles
 from .guarantees import diameter as diameter
 from .guarantees import refute as refute
 from .guarantees import response_tube as response_tube
@@ -60,8 +59,9 @@ from .identification import MixedProblem as MixedProblem
 from .identification import Prior as Prior
 from .identification import identify as identify
 from .identification import validate as validate
+
+# Matrix fractions
 from .mfd import MatrixFraction as MatrixFraction
-from .mfd import OrderSweep as OrderSweep
 from .mfd import RigidBody as RigidBody
 from .mfd import RollOff as RollOff
 from .mfd import StaticGain as StaticGain
@@ -73,6 +73,8 @@ from .mfd import fit_mfd as fit_mfd
 from .mfd import modal_form as modal_form
 from .mfd import mode_table as mode_table
 from .mfd import suggest_order as suggest_order
+
+# Small models
 from .reduction import balanced_truncation as balanced_truncation
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous

@@ -119,7 +119,9 @@ def test_default_candidates_lie_between_the_lines_and_on_the_poles():
 
 
 def test_bad_input(result):
-    with pytest.raises(rid.InputTypeError, match="`identification` must be an Identification or a WorstCaseError"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match="`identification` must be an Identification or a WorstCaseError"
+    ):
         suggest_next(result.problem)
     for options, sentence in (
         ({"candidates": [400.0]}, "`omega` must lie between 0 and pi/dt"),

@@ -64,5 +64,5 @@ def test_the_prior_with_the_smallest_guaranteed_error():
     assert np.all(np.isnan(plain.errors))
     with pytest.raises(rid.InputError, match="`criterion`"):
         rid.suggest_prior(problem, criterion="best")
-    with pytest.raises(rid.InputTypeError, match="MixedProblem"):
+    with pytest.raises(rid.errors.InputTypeError, match="MixedProblem"):
         rid.sensitivity(3)

@@ -57,7 +57,7 @@ def test_an_unknown_command_is_named_with_the_nearest(run):
     ("failure", "code", "words"),
     [
         (KeyboardInterrupt(), 130, "interrupted"),
-        (rid.SolverError("no solver"), 1, "no solver"),
+        (rid.errors.SolverError("no solver"), 1, "no solver"),
         (PermissionError(13, "Permission denied", "result.npz"), 2, "result.npz: Permission denied"),
         (ZeroDivisionError("oops"), 70, "internal error, please report"),
     ],

@@ -85,7 +85,7 @@ def test_damaged_sparse_matrices_are_refused_in_a_sentence(tmp_path):
         (tmp_path / "damaged.mat").write_bytes(bytes_)
         try:
             rid.load(tmp_path / "damaged.mat")
-        except (rid.FileFormatError, rid.InputError):
+        except (rid.errors.FileFormatError, rid.InputError):
             refused += 1
     assert refused > 100
 
@@ -102,11 +102,11 @@ def test_a_result_without_its_text_is_still_known_as_one(result, tmp_path):
     result.save(tmp_path / "result")
     (tmp_path / "result.json").write_text('{"format": ')
     for name in ("result", "result.npz"):
-        with pytest.raises(rid.FileFormatError, match="not a saved result"):
+        with pytest.raises(rid.errors.FileFormatError, match="not a saved result"):
             rid.load(tmp_path / name)
     (tmp_path / "result.json").unlink()
     with pytest.raises(
-        rid.FileFormatError, match=r"result\.json is missing; saved result is a \.npz and a \.json file"
+        rid.errors.FileFormatError, match=r"result\.json is missing; saved result is a \.npz and a \.json file"
     ):
         rid.load(tmp_path / "result.npz")
 
@@ -127,7 +127,7 @@ def test_arguments_about_measurements_are_refused_elsewhere(result, tmp_path):
 
 def test_what_is_nothing_of_ours_is_refused_by_name(tmp_path):
     with pytest.raises(
-        rid.InputTypeError, match=r"`thing` must be one of .*WorstCaseError.* or a control\.StateSpace; got dict"
+        rid.errors.InputTypeError, match=r"`thing` must be one of .*WorstCaseError.* or a control\.StateSpace; got dict"
     ):
         rid.save(tmp_path / "x", {})
     with pytest.raises(rid.InputError, match="there is no such file"):
@@ -141,5 +141,5 @@ def test_a_stranger_s_text_beside_data_does_no_harm(tmp_path):
         (tmp_path / "plain.json").write_text(text)
         assert rid.load(tmp_path / "plain.npz").y.shape == (2, 1)
     (tmp_path / "plain.json").write_text('{"format": "robustid identification 2"}')
-    with pytest.raises(rid.FileFormatError, match="their format is 'robustid identification 2'"):
+    with pytest.raises(rid.errors.FileFormatError, match="their format is 'robustid identification 2'"):
         rid.load(tmp_path / "plain.npz")

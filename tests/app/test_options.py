@@ -66,11 +66,11 @@ def test_arguments_of_identify_reduced_are_those_of_the_run_file():
 @pytest.mark.parametrize(
     ("stated", "error", "words"),
     [
-        ({"objectiv": "gain"}, rid.InputTypeError, "no argument 'objectiv'; the nearest is 'objective'"),
+        ({"objectiv": "gain"}, rid.errors.InputTypeError, "no argument 'objectiv'; the nearest is 'objective'"),
         ({"repeat": 0}, rid.InputError, "`repeat` must be at least 1; got 0"),
         ({"directions": 2}, rid.InputError, "`directions` must be at least 3; got 2"),
-        ({"accuracy": "fine"}, rid.InputTypeError, "`accuracy` must be a number; got 'fine'"),
-        ({"worst_case": 1}, rid.InputTypeError, "`worst_case` must be true or false; got 1"),
+        ({"accuracy": "fine"}, rid.errors.InputTypeError, "`accuracy` must be a number; got 'fine'"),
+        ({"worst_case": 1}, rid.errors.InputTypeError, "`worst_case` must be true or false; got 1"),
         ({"form": "best"}, rid.InputError, "`form` must be one of auto, orthonormal"),
     ],
 )

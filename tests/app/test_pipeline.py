@@ -252,7 +252,7 @@ def test_identify_reduced_of_a_problem():
     assert "given in Python" in result.run_file.text()
     with pytest.raises(rid.InputError, match="`prior` is part of the problem already"):
         rid.identify_reduced(problem, prior=prior)
-    with pytest.raises(rid.InputTypeError, match="sequence of these two; got int"):
+    with pytest.raises(rid.errors.InputTypeError, match="sequence of these two; got int"):
         rid.identify_reduced(3)
     with pytest.raises(rid.InputError, match="bound on every sample"):
         rid.identify_reduced(dataclasses.replace(data.frequency, bound=None))

@@ -151,7 +151,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, run, monkeyp
     rid.save("bare.csv", dataclasses.replace(step, bound=None))
     change, words = MISUSE[name]
     path = ask(folder, DATA, change)
-    with pytest.raises((rid.InputError, rid.InputTypeError), match=words):
+    with pytest.raises((rid.InputError, rid.errors.InputTypeError), match=words):
         rid.run(path, "out")
     code, _, err = run(["run", "ask.toml", "-o", "out"])
     assert code == 2
@@ -177,7 +177,7 @@ def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatc
 def test_a_file_that_is_no_run_file(folder, run, content, words):
     if content is not None:
         (folder / "ask.toml").write_bytes(content)
-    with pytest.raises(rid.FileFormatError, match=words):
+    with pytest.raises(rid.errors.FileFormatError, match=words):
         rid.run("ask.toml", "out")
     assert run(["run", "ask.toml"])[0] == 2
 

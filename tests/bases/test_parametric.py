@@ -86,7 +86,7 @@ def test_kautz_refuses_by_name(arguments, words):
         (control.ss([[-0.5]], [[1]], [[1]], [[0]]), rid.InputError, "discrete"),
         (control.ss([[0.5]], [[1, 1]], [[1]], [[0, 0]], 0.01), rid.InputError, "one input"),
         ([], rid.InputError, "empty"),
-        ("kautz", rid.InputTypeError, "StateSpace"),
+        ("kautz", rid.errors.InputTypeError, "StateSpace"),
     ],
 )
 def test_parametric_bases_are_checked(basis, error, words):

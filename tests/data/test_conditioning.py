@@ -293,5 +293,5 @@ def test_time_vectors():
     assert rid.sample_time(0.25 * np.arange(9)) == 0.25
     with pytest.raises(rid.InputError, match="the time is not uniform: from 2 s"):
         rid.sample_time([0.0, 1.0, 2.0, 4.0, 5.0])
-    with pytest.raises(rid.InputTypeError, match="TimeRecord"):
+    with pytest.raises(rid.errors.InputTypeError, match="TimeRecord"):
         rid.decimate(np.ones(3), 2)

@@ -141,8 +141,8 @@ def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
 @pytest.mark.parametrize(
     ("frf", "options", "error", "sentence"),
     [
-        (np.ones(3), {}, rid.InputTypeError, "`frf` must be a FrequencyResponse; got ndarray"),
-        (rid.TimeRecord([1.0], [1.0], dt=1.0), {}, rid.InputTypeError, "call estimate_frf first"),
+        (np.ones(3), {}, rid.errors.InputTypeError, "`frf` must be a FrequencyResponse; got ndarray"),
+        (rid.TimeRecord([1.0], [1.0], dt=1.0), {}, rid.errors.InputTypeError, "call estimate_frf first"),
         (rid.FrequencyResponse([1.0], [1.0]), {}, rid.InputError, "1 lines; a delay needs several frequencies"),
         (
             rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
@@ -299,7 +299,7 @@ def test_a_found_delay_is_taken_out_and_put_back():
 @pytest.mark.parametrize(
     ("model", "seconds", "error", "sentence"),
     [
-        ("plant", DT, rid.InputTypeError, "`model` must be a control.StateSpace; got str"),
+        ("plant", DT, rid.errors.InputTypeError, "`model` must be a control.StateSpace; got str"),
         (control.ss(-1.0, 1.0, 1.0, 0.0), DT, rid.InputError, "of a continuous one take control.pade"),
         (control.ss(0.5, 1.0, 1.0, 0.0, True), DT, rid.InputError, "discrete with its sample time"),
         (PLANT, -DT, rid.InputError, "must be from 0 to 1000 samples"),

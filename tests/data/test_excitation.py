@@ -370,4 +370,4 @@ def test_multisine_refuses(options, error, sentence):
 @pytest.mark.parametrize("shape", [(3, 10, 2), (10, 2), (0, 10, 2)])
 def test_excitation_refuses_other_shapes(shape):
     with pytest.raises(InputError, match="`u` must have"):
-        rid.Excitation(np.ones(shape), dt=0.1, lines=[1])
+        rid.data.Excitation(np.ones(shape), dt=0.1, lines=[1])

@@ -173,7 +173,7 @@ NOISE = np.random.default_rng(2).standard_normal(200)
 @pytest.mark.parametrize(
     ("rest", "options", "error", "sentence"),
     [
-        (np.ones(4), {}, rid.InputTypeError, "`rest` must be a TimeRecord"),
+        (np.ones(4), {}, rid.errors.InputTypeError, "`rest` must be a TimeRecord"),
         (at_rest(NOISE), {"factor": 0.9}, rid.InputError, "`factor` must be at least 1"),
         (at_rest(np.ones(9)), {}, rid.InputError, "output y is exactly constant"),
         (at_rest(NOISE, bound=np.where(np.arange(200) == 5, 1.0, np.inf)), {}, rid.InputError, "has 1 used sample"),
@@ -208,7 +208,7 @@ def test_bound_response_refuses(rest, frf, record, period, sentence):
 
 def test_bound_response_needs_the_response_of_these_records():
     noise = rid.bounds_from_noise_floor(at_rest(NOISE))
-    with pytest.raises(rid.InputTypeError, match="`frf` must be a FrequencyResponse"):
+    with pytest.raises(rid.errors.InputTypeError, match="`frf` must be a FrequencyResponse"):
         noise.bound_response(periodic(U, U), periodic(U, U), period=PERIOD)
     two = rid.FrequencyResponse(FRF.omega, np.ones((FRF.omega.size, 2, 1)), dt=DT)
     with pytest.raises(rid.InputError, match="the records 1 outputs and 1 inputs"):

@@ -88,7 +88,7 @@ def test_forged_proof_fails():
 
 
 def test_bad_input():
-    with pytest.raises(rid.InputTypeError, match="`problem` must be a MixedProblem; got Prior"):
+    with pytest.raises(rid.errors.InputTypeError, match="`problem` must be a MixedProblem; got Prior"):
         diameter(rid.Prior(gain_bound=1.0, decay_rate=1.1))
     with pytest.raises(rid.InputError, match="`omega` must lie between 0 and pi/dt"):
         diameter(real_line(0.1), omega=[100.0])

@@ -99,7 +99,7 @@ def test_bad_input():
         rid.worst_case_over_poles(result, box[0] * [[1.0], [1.02]], box[1])
     with pytest.raises(rid.InputError, match=r"of the `delay` that is said here \(0\)"):
         rid.worst_case_over_poles(result, *box, delay=0)
-    with pytest.raises(rid.InputTypeError, match="must be an Identification"):
+    with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
         rid.worst_case_over_poles(problem, *box)
 
 

@@ -67,7 +67,7 @@ def test_round_trip_is_exact_and_verifies_again(computed, saved):
     same(computed, again)
     assert again.certified
     assert again.claim_count == computed.claim_count
-    with pytest.raises(rid.FileFormatError, match="not a saved worst-case error"):
+    with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
         load_saved(saved, "worst-case error")
 
 
@@ -217,7 +217,7 @@ FORGERIES = {
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forgery_is_refused_or_does_not_verify(saved, name):
     forge(saved, FORGERIES[name])
-    with contextlib.suppress(rid.FileFormatError):
+    with contextlib.suppress(rid.errors.FileFormatError):
         assert not rid.load(saved).verify()
 
 
@@ -225,7 +225,7 @@ def test_a_forgery_is_refused_or_does_not_verify(saved, name):
 def test_forged_text_is_refused_or_does_not_verify(saved, change):
     text = saved.with_suffix(".json")
     text.write_text(json.dumps(json.loads(text.read_text()) | change))
-    with contextlib.suppress(rid.FileFormatError):
+    with contextlib.suppress(rid.errors.FileFormatError):
         assert not rid.load(saved).verify()
 
 
@@ -233,7 +233,7 @@ def test_numbers_are_bound_to_their_text(saved):
     with np.load(saved.with_suffix(".npz")) as archive:
         arrays = {name: archive[name] for name in archive.files}
     np.savez(saved.with_suffix(".npz"), **arrays | {"band/upper": 2 * arrays["band/upper"]})
-    with pytest.raises(rid.FileFormatError, match="digest"):
+    with pytest.raises(rid.errors.FileFormatError, match="digest"):
         rid.load(saved)
 
 

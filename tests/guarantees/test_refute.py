@@ -203,9 +203,11 @@ def test_bad_input(mixed):
     for data, sentence in cases:
         with pytest.raises(rid.InputError, match=sentence):
             refute(mixed, data)
-    with pytest.raises(rid.InputTypeError, match=r"`new_data` must be a FrequencyResponse, a TimeRecord .* got float"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match=r"`new_data` must be a FrequencyResponse, a TimeRecord .* got float"
+    ):
         refute(mixed, 3.0)
-    with pytest.raises(rid.InputTypeError, match="`identification` must be an Identification"):
+    with pytest.raises(rid.errors.InputTypeError, match="`identification` must be an Identification"):
         refute(mixed.problem, good)
 
 

@@ -78,10 +78,10 @@ def test_files_are_no_larger_than_their_numbers(computed, saved):
 
 
 def test_an_identification_is_no_worst_case_error_and_the_other_way_round(computed, saved, tmp_path):
-    with pytest.raises(rid.FileFormatError, match="not a saved identification"):
+    with pytest.raises(rid.errors.FileFormatError, match="not a saved identification"):
         load_saved(saved, "identification")
     computed.identification.save(tmp_path / "result")
-    with pytest.raises(rid.FileFormatError, match="not a saved worst-case error"):
+    with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
         load_saved(tmp_path / "result", "worst-case error")
 
 
@@ -89,10 +89,10 @@ def test_an_identification_is_no_worst_case_error_and_the_other_way_round(comput
 def test_truncated_or_missing_files_are_named(saved, suffix):
     target = saved.with_suffix(suffix)
     target.write_bytes(target.read_bytes()[:100])
-    with pytest.raises(rid.FileFormatError, match="bounds"):
+    with pytest.raises(rid.errors.FileFormatError, match="bounds"):
         rid.load(saved)
     target.unlink()
-    with pytest.raises(rid.FileFormatError, match="missing"):
+    with pytest.raises(rid.errors.FileFormatError, match="missing"):
         rid.load(saved)
 
 
@@ -101,7 +101,7 @@ def test_data_are_bound_to_the_proofs(saved):
     with np.load(saved.with_suffix(".npz")) as archive:
         arrays = {name: archive[name] for name in archive.files}
     np.savez(saved.with_suffix(".npz"), **arrays | {"time0/y": arrays["time0/y"] * 1.01})
-    with pytest.raises(rid.FileFormatError, match="digest"):
+    with pytest.raises(rid.errors.FileFormatError, match="digest"):
         rid.load(saved)
 
 
@@ -113,7 +113,7 @@ def test_assumptions_are_bound_to_the_proofs(computed, saved, name, tmp_path):
         record = json.loads(text.read_text())
         record.get("identification", record)["problem"]["prior"][name] *= 1.01
         text.write_text(json.dumps(record))
-        with pytest.raises(rid.FileFormatError, match="edited"):
+        with pytest.raises(rid.errors.FileFormatError, match="edited"):
             rid.load(path)
 
 
@@ -149,7 +149,7 @@ FORGERIES = {
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forgery_is_refused_or_does_not_verify(saved, name):
     forge(saved, FORGERIES[name])
-    with contextlib.suppress(rid.FileFormatError):
+    with contextlib.suppress(rid.errors.FileFormatError):
         again = rid.load(saved)
         assert not again.verify()
         assert not again.certified
@@ -163,7 +163,7 @@ def test_open_polygons_are_refused(computed, tmp_path):
         value, certificates=value.certificates[:2], **{name: getattr(value, name)[[0, 0]] for name in names}
     )
     dataclasses.replace(computed, values=(two,), directions=2).save(tmp_path / "open")
-    with pytest.raises(rid.FileFormatError, match="sides"):
+    with pytest.raises(rid.errors.FileFormatError, match="sides"):
         rid.load(tmp_path / "open")
 
 

@@ -119,7 +119,7 @@ def test_an_item_that_fails_twice_is_found_in_the_end(result, expected):
 def test_an_item_that_always_fails_is_named_and_the_others_are_kept(result, expected, tmp_path):
     executor = Failing({60.0: 99})
     with pytest.raises(
-        rid.SolverError, match=r"60 rad/s failed 3 times; at last: RuntimeError: the worker is gone"
+        rid.errors.SolverError, match=r"60 rad/s failed 3 times; at last: RuntimeError: the worker is gone"
     ) as stop:
         run(result, executor=executor, resume=tmp_path)
     assert "3 of 4" in str(stop.value)
@@ -130,7 +130,7 @@ def test_an_item_that_always_fails_is_named_and_the_others_are_kept(result, expe
 
 
 def test_without_a_folder_the_sentence_says_how_to_keep_what_is_finished(result):
-    with pytest.raises(rid.SolverError, match="`resume`"):
+    with pytest.raises(rid.errors.SolverError, match="`resume`"):
         run(result, executor=Failing({60.0: 99}))
 
 
@@ -161,7 +161,7 @@ def test_a_cancelled_item_is_tried_again(result):
 
 @pytest.mark.parametrize("executor", [0, -1, 2.0, "all", True])
 def test_a_wrong_executor_is_named(result, executor):
-    with pytest.raises(rid.InputTypeError, match="`executor`"):
+    with pytest.raises(rid.errors.InputTypeError, match="`executor`"):
         run(result, executor=executor)
 
 

@@ -311,7 +311,7 @@ def test_bad_input(mixed):
     for options, sentence in cases:
         with pytest.raises(rid.InputError, match=sentence):
             response_tube(mixed, **options)
-    with pytest.raises(rid.InputTypeError, match="`identification` must be an Identification; got MixedProblem"):
+    with pytest.raises(rid.errors.InputTypeError, match="`identification` must be an Identification; got MixedProblem"):
         response_tube(mixed.problem)
     with pytest.raises(rid.InputError, match=r'`error_l1` is the norm of an impulse response.*"impulse"'):
         _ = response_tube(first_coefficient(0.0), input="step", horizon=1).error_l1

@@ -333,7 +333,7 @@ def result():
         ({"omega": [-1.0]}, rid.InputError, "between 0 and pi/dt"),
         ({"omega": []}, rid.InputError, "empty"),
         ({"omega": [np.nan]}, rid.InputError, "finite"),
-        ({"model": 3}, rid.InputTypeError, "`model` must be a control.StateSpace"),
+        ({"model": 3}, rid.errors.InputTypeError, "`model` must be a control.StateSpace"),
         ({"model": control.ss(1.1, 1, 1, 0, 0.01)}, rid.InputError, "stable"),
         ({"model": control.ss(0.5, 1, 1, 0, 0.02)}, rid.InputError, "dt of the data"),
         ({"model": control.ss(0.5, 1, 1, 0)}, rid.InputError, "discrete-time"),
@@ -349,5 +349,5 @@ def test_inconsistent_data_have_no_band():
     result = identified(rid.FrequencyResponse([1.0, 1.1], [5.0, -5.0], bound=0.01, dt=DT))
     with pytest.raises(rid.InconsistentDataError, match="no consistent system"):
         rid.worst_case_error(result)
-    with pytest.raises(rid.InputTypeError, match="must be an Identification"):
+    with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
         rid.worst_case_error(result.model)

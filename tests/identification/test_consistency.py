@@ -305,7 +305,7 @@ def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
 
     def faulty(*arguments, **options):
         if fault == "raises":
-            raise rid.SolverError("CLARABEL failed: for this test")
+            raise rid.errors.SolverError("CLARABEL failed: for this test")
         found = solve(*arguments, **options)
         return dataclasses.replace(found, x=3 * found.x + 1, samples=-found.samples)
 

@@ -154,7 +154,7 @@ def test_a_scaled_prior_scales_the_ball():
 def test_a_free_parameter_must_be_a_contraction():
     result = sampled(2, 2, 6, 2)[2]
     for E in (1.5 * np.eye(2), np.ones((2, 3)), 0.3, np.full((2, 2), np.nan)):
-        with pytest.raises((rid.InputError, rid.InputTypeError), match="`E`"):
+        with pytest.raises((rid.InputError, rid.errors.InputTypeError), match="`E`"):
             result.solution(E)
     with pytest.raises(rid.InputError, match="weyl_ball"):
         result.weyl_disc(1.0)

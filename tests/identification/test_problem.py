@@ -35,8 +35,8 @@ def test_prior(changes, words):
     [
         ({"frequency": None}, rid.InputError, "both missing"),
         ({"frequency": []}, rid.InputError, "both missing"),
-        ({"frequency": np.ones(3)}, rid.InputTypeError, "FrequencyResponse"),
-        ({"frequency": RECORD}, rid.InputTypeError, "FrequencyResponse"),
+        ({"frequency": np.ones(3)}, rid.errors.InputTypeError, "FrequencyResponse"),
+        ({"frequency": RECORD}, rid.errors.InputTypeError, "FrequencyResponse"),
         ({"frequency": rid.FrequencyResponse([1.0], [1.0], dt=0.1)}, rid.InputError, "bound"),
         ({"frequency": rid.FrequencyResponse([1.0], [1.0], bound=1.0)}, rid.InputError, "dt"),
         (
@@ -47,7 +47,7 @@ def test_prior(changes, words):
         ({"time": rid.TimeRecord([1.0], [1.0], dt=0.1)}, rid.InputError, "time.*bound"),
         ({"time": rid.TimeRecord([1.0], [1.0], dt=0.2, bound=1.0)}, rid.InputError, "dt.*differs"),
         ({"time": rid.TimeRecord([1.0], [1.0], dt=0.1, bound=np.inf)}, rid.InputError, "no sample"),
-        ({"prior": 1.1}, rid.InputTypeError, "prior"),
+        ({"prior": 1.1}, rid.errors.InputTypeError, "prior"),
         ({"parametric": rid.kautz(1.0, 0.1, dt=0.2)}, rid.InputError, "dt"),
     ],
 )
@@ -75,10 +75,10 @@ def test_a_function_that_no_sample_sees():
 
 def test_what_is_too_large_is_refused_at_once():
     record = rid.TimeRecord(np.ones(10_000), np.ones(10_000), dt=0.1, bound=0.1)
-    with pytest.raises(rid.SizeError, match=r"10000 coefficients.*[Tt]hin"):
+    with pytest.raises(rid.errors.SizeError, match=r"10000 coefficients.*[Tt]hin"):
         rid.identify(problem(frequency=None, time=record), form="orthonormal")
     slow = rid.Prior(gain_bound=1.0, decay_rate=1.001)
-    with pytest.raises(rid.SizeError, match=r"10000 coefficients.*\d+ Taylor.*decay rate 1.001.*thin"):
+    with pytest.raises(rid.errors.SizeError, match=r"10000 coefficients.*\d+ Taylor.*decay rate 1.001.*thin"):
         rid.identify(problem(frequency=None, time=record, prior=slow))
 
 
@@ -91,7 +91,7 @@ def test_ten_thousand_samples_are_answered():
 
 def test_a_general_solver_is_refused_where_it_would_take_hours():
     record = rid.TimeRecord(np.ones(150), np.ones(150), dt=0.1, bound=0.1)
-    with pytest.raises(rid.SizeError, match="auto"):
+    with pytest.raises(rid.errors.SizeError, match="auto"):
         rid.identify(problem(frequency=None, time=record), solver="cvxpy")
 
 
@@ -120,13 +120,13 @@ def test_identify(changes, error, words):
 
 
 def test_identify_wants_a_problem():
-    with pytest.raises(rid.InputTypeError, match="MixedProblem"):
+    with pytest.raises(rid.errors.InputTypeError, match="MixedProblem"):
         rid.identify(FRF)
 
 
 @pytest.mark.parametrize("E", [1.5, np.nan, "central"])
 def test_free_parameter(E):
-    with pytest.raises((rid.InputError, rid.InputTypeError), match="E"):
+    with pytest.raises((rid.InputError, rid.errors.InputTypeError), match="E"):
         rid.identify(problem()).solution(E)
 
 

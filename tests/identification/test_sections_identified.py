@@ -149,7 +149,7 @@ def oversampled(count=300, rho=1.003, top=0.01, noise=1.0, bound=0.01):
 @pytest.mark.parametrize(("noise", "status"), [(0.99, rid.Status.CONSISTENT), (3.0, rid.Status.INCONSISTENT)])
 def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status, tmp_path):
     problem = oversampled(noise=noise)
-    with pytest.raises(rid.SizeError, match=r"needs 5\d\d\d Taylor coefficients"):
+    with pytest.raises(rid.errors.SizeError, match=r"needs 5\d\d\d Taylor coefficients"):
         rid.identify(problem, form="taylor")
     result = rid.identify(problem)
     assert result.status is status
@@ -172,7 +172,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     record = json.loads(text.read_text())
     record["sections"]["repeats"] += 1
     text.write_text(json.dumps(record))
-    with pytest.raises(rid.FileFormatError, match="its sections do not belong to its coefficients"):
+    with pytest.raises(rid.errors.FileFormatError, match="its sections do not belong to its coefficients"):
         rid.load(tmp_path / "sections")
 
 
@@ -199,9 +199,11 @@ def test_bad_input():
         Sections([0.5], 0)
     with pytest.raises(rid.InputError, match="`form` must be one of"):
         rid.identify(oversampled(5), form="section")
-    with pytest.raises(rid.SizeError, match=r"needs \d+ coefficients \(a section of degree 8, repeated\)"):
+    with pytest.raises(rid.errors.SizeError, match=r"needs \d+ coefficients \(a section of degree 8, repeated\)"):
         rid.identify(lines(np.linspace(0.001, 1, 500), rho=1.001), form="sections")
-    with pytest.raises(rid.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency points"):
+    with pytest.raises(
+        rid.errors.SizeError, match=r"500 coefficients in the form of sections and 100000 frequency points"
+    ):
         _ = formulate_in(lines(np.linspace(0.001, 1, 100_000)), Sections([0.5], 500)).rows
 
 

@@ -48,10 +48,10 @@ def test_truncated_or_missing_files_are_named(saved, suffix):
     _, path = saved
     target = path.with_suffix(suffix)
     target.write_bytes(target.read_bytes()[:100])
-    with pytest.raises(rid.FileFormatError, match="result"):
+    with pytest.raises(rid.errors.FileFormatError, match="result"):
         rid.load(path)
     target.unlink()
-    with pytest.raises(rid.FileFormatError, match="missing"):
+    with pytest.raises(rid.errors.FileFormatError, match="missing"):
         rid.load(path)
 
 
@@ -59,7 +59,7 @@ def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
     _, path = saved
     rid.identify(random_problem(9, "parametric", 14)).save(tmp_path / "other")
     path.with_suffix(".npz").write_bytes((tmp_path / "other.npz").read_bytes())
-    with pytest.raises(rid.FileFormatError, match="digest"):
+    with pytest.raises(rid.errors.FileFormatError, match="digest"):
         rid.load(path)
 
 
@@ -76,7 +76,7 @@ def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
 def test_a_pickle_inside_is_refused(saved):
     _, path = saved
     np.savez(path.with_suffix(".npz"), evil=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(rid.FileFormatError):
+    with pytest.raises(rid.errors.FileFormatError):
         rid.load(path)
 
 
@@ -113,7 +113,7 @@ def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
     _, path = saved
     text = path.with_suffix(".json")
     text.write_text(json.dumps(json.loads(text.read_text()) | edit))
-    with contextlib.suppress(rid.FileFormatError):
+    with contextlib.suppress(rid.errors.FileFormatError):
         assert not rid.load(path).verification.passed
 
 
@@ -131,6 +131,6 @@ def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
     text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
     try:
         again = rid.load(path)
-    except rid.FileFormatError:
+    except rid.errors.FileFormatError:
         return
     assert not again.verification.passed

@@ -176,7 +176,7 @@ def test_objective_margin_stays_inside_consistent_bounds():
 
 def test_order_objective_is_refused_before_the_work_where_it_would_take_hours():
     record = rid.TimeRecord(np.ones(150), np.ones(150), dt=0.1, bound=0.1)
-    with pytest.raises(rid.SizeError, match="objective"):
+    with pytest.raises(rid.errors.SizeError, match="objective"):
         rid.identify(rid.MixedProblem(time=record, prior=PRIOR), objective="order")
 
 

@@ -181,7 +181,7 @@ def test_contradictory_or_wrong(constraints, words):
     ],
 )
 def test_bad_arguments(make, words):
-    with pytest.raises((rid.InputError, rid.InputTypeError), match=words):
+    with pytest.raises((rid.InputError, rid.errors.InputTypeError), match=words):
         make()
 
 
@@ -192,7 +192,7 @@ def test_what_is_no_sequence_of_constraints_is_refused(constraints, got):
         lambda: fit_mfd(frf, order=4, constraints=constraints),
         lambda: suggest_order(frf, constraints=constraints),
     ):
-        with pytest.raises(rid.InputTypeError, match=f"`constraints` must be a sequence .* got {got}"):
+        with pytest.raises(rid.errors.InputTypeError, match=f"`constraints` must be a sequence .* got {got}"):
             ask()
 
 

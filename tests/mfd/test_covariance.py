@@ -245,5 +245,5 @@ def test_bad_input():
     assert np.all(np.isfinite(fit_covariance(fit, noise=1.0).hz_std))
     with pytest.raises(rid.InputError, match="noise"):
         fit_covariance(fit, noise=0.0)
-    with pytest.raises(rid.InputTypeError, match="fit"):
+    with pytest.raises(rid.errors.InputTypeError, match="fit"):
         fit_covariance(truth)

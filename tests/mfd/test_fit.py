@@ -130,7 +130,7 @@ DEAD = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 1, 1)) * [[1, 1], [0, 0]])
         ({"order": 900}, rid.InputError, "order"),
         ({"domain": "z"}, rid.InputError, "domain"),
         ({"form": "middle"}, rid.InputError, "form"),
-        ({"start": 3}, rid.InputTypeError, "start"),
+        ({"start": 3}, rid.errors.InputTypeError, "start"),
         ({"start": [1j * OMEGA[40]]}, rid.InputError, "`start` has a pole at a frequency point"),
         ({"start": control.ss([], [], [], 1)}, rid.InputError, "`start` must have at least 1 state"),
         ({"method": None}, rid.InputError, "`method` must be one of"),
@@ -151,7 +151,7 @@ DEAD = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 1, 1)) * [[1, 1], [0, 0]])
             rid.InputError,
             "`weight` leaves no frequency point",
         ),
-        ({"frf": np.ones(3)}, rid.InputTypeError, "frf"),
+        ({"frf": np.ones(3)}, rid.errors.InputTypeError, "frf"),
     ],
 )
 def test_bad_input(changes, error, words):
@@ -231,5 +231,5 @@ def test_poles_are_a_start(form, every):
         assert other.cost == pytest.approx(best.cost, rel=1e-4)
     with pytest.raises(rid.InputError, match="`start`"):
         fit_mfd(frf, order=8, start=system.poles, rigid_body=rid.RigidBody(1))
-    with pytest.raises(rid.InputTypeError, match="`start`"):
+    with pytest.raises(rid.errors.InputTypeError, match="`start`"):
         fit_mfd(frf, order=8, start="somewhere")

@@ -165,7 +165,7 @@ def test_bad_input():
     model = control.ss([[-0.5]], [[1.0]], [[1.0]], 0, True)
     with pytest.raises(rid.InputError, match="sample time"):
         modal_form(model)
-    with pytest.raises(rid.InputTypeError, match="model"):
+    with pytest.raises(rid.errors.InputTypeError, match="model"):
         mode_table(np.eye(2))
-    with pytest.raises(rid.InputTypeError, match="covariance"):
+    with pytest.raises(rid.errors.InputTypeError, match="covariance"):
         mode_table(control.ss([[-0.5]], [[1.0]], [[1.0]], 0, 0), 3)

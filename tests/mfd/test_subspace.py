@@ -180,7 +180,7 @@ def test_measured_mirror_is_followed_on_other_realisations():
     def spectra(name):
         try:
             signals = [np.load(datasets.find(f"fsm_cubespec/{s}_300mV_{name}.npy")) for s in "uy"]
-        except rid.DatasetNotFoundError as missing:
+        except rid.errors.DatasetNotFoundError as missing:
             pytest.skip(str(missing))
         return [np.fft.rfft(s.reshape(8192, 3, -1, s.shape[-1]).mean(axis=3), axis=0)[1:3840] for s in signals]
 
@@ -315,13 +315,13 @@ def good():
         ({"frf_values": np.ones((20, 0, 1))}, rid.InputError, "`frf_values` must have shape"),
         ({"frf_values": np.full((20, 1, 1), np.nan)}, rid.InputError, "`frf_values` must be finite"),
         ({"frf_values": np.zeros((20, 1, 1))}, rid.InputError, "all zero"),
-        ({"frf_values": None}, rid.InputTypeError, "`frf_values` is required"),
+        ({"frf_values": None}, rid.errors.InputTypeError, "`frf_values` is required"),
         ({"points": np.geomspace(1, 100, 20)}, rid.InputError, "`points` must be 1j\\*omega"),
         ({"domain": "z"}, rid.InputError, "`points` must be exp"),
         ({"domain": "w"}, rid.InputError, "`domain` must be"),
         ({"points": np.zeros(20)}, rid.InputError, "`points` has no frequency"),
         ({"order": 0}, rid.InputError, "`order` must be at least 1"),
-        ({"order": 2.0}, rid.InputTypeError, "`order` must be an integer"),
+        ({"order": 2.0}, rid.errors.InputTypeError, "`order` must be an integer"),
         ({"order": 20}, rid.InputError, "`order` = 20 is too large for 20 different frequency points"),
         (
             {"points": 1j * np.repeat([1.0, 2.0], 10)},
@@ -333,7 +333,7 @@ def good():
         ({"weight": np.ones(7)}, rid.InputError, "`weight` must have shape"),
         ({"weight": -np.ones(20)}, rid.InputError, "`weight` must be >= 0"),
         ({"weight": np.zeros(20)}, rid.InputError, "`weight` must be >= 0 and not all zero"),
-        ({"weight": np.ones(20) * 1j}, rid.InputTypeError, "`weight` must be real"),
+        ({"weight": np.ones(20) * 1j}, rid.errors.InputTypeError, "`weight` must be real"),
         (
             {"weight": np.r_[np.ones(2), np.zeros(18)]},
             rid.InputError,

@@ -213,9 +213,9 @@ def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
 
 def test_misuse_is_named():
     result = rid.identify(structure(0))
-    with pytest.raises(rid.InputTypeError, match="identify"):
+    with pytest.raises(rid.errors.InputTypeError, match="identify"):
         rid.reduce_within_bounds(rid.flexible_structure().truth)
-    with pytest.raises(rid.InputTypeError, match=r"RigidBody\(1\)"):
+    with pytest.raises(rid.errors.InputTypeError, match=r"RigidBody\(1\)"):
         rid.reduce_within_bounds(result, rigid_body=1)
     with pytest.raises(rid.InputError, match="2 modes"):
         rid.reduce_within_bounds(result, rigid_body=rid.RigidBody(2))

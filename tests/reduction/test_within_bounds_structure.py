@@ -66,5 +66,5 @@ def test_integrators_survive_the_reduction():
 
 
 def test_reduce_within_bounds_wants_an_identification():
-    with pytest.raises(rid.InputTypeError, match="identify"):
+    with pytest.raises(rid.errors.InputTypeError, match="identify"):
         rid.reduce_within_bounds(rid.flexible_structure().truth)

@@ -139,20 +139,20 @@ def test_misuse_is_named(fit, data, sweep, tmp_path):
     path = tmp_path / "a.html"
     with pytest.raises(rid.InputError, match="`data` must be the response that was fitted"):
         write_report(fit, path, data=other)
-    with pytest.raises(rid.InputTypeError, match="`data` must be a FrequencyResponse"):
+    with pytest.raises(rid.errors.InputTypeError, match="`data` must be a FrequencyResponse"):
         plot.bode(fit, data=data.values)
-    with pytest.raises(rid.InputTypeError, match="`reduction` doesn't belong to a MatrixFraction"):
+    with pytest.raises(rid.errors.InputTypeError, match="`reduction` doesn't belong to a MatrixFraction"):
         write_report(fit, path, reduction=fit)
-    with pytest.raises(rid.InputTypeError, match="`order_sweep` must be an OrderSweep"):
+    with pytest.raises(rid.errors.InputTypeError, match="`order_sweep` must be an OrderSweep"):
         write_report(fit, path, order_sweep=3)
-    with pytest.raises(rid.InputTypeError, match="`result` must be of class OrderSweep; got dict"):
+    with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class OrderSweep; got dict"):
         plot.stabilisation({8: fit})
-    with pytest.raises(rid.InputTypeError, match="`result` must be of class MatrixFraction; got StateSpace"):
+    with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class MatrixFraction; got StateSpace"):
         plot.convergence(control.ss(-1, 1, 1, 0))
-    with pytest.raises(rid.InputTypeError, match="MatrixFraction or FrequencyResponse; got StateSpace"):
+    with pytest.raises(rid.errors.InputTypeError, match="MatrixFraction or FrequencyResponse; got StateSpace"):
         write_report(fit.model, path)
     record = rid.TimeRecord(np.eye(1, 4)[0], [1.5, 0.2, 0.1, 0.05], dt=0.1, bound=0.2)
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
-    with pytest.raises(rid.InputTypeError, match="`order_sweep` doesn't belong to a Identification"):
+    with pytest.raises(rid.errors.InputTypeError, match="`order_sweep` doesn't belong to a Identification"):
         write_report(result, path, order_sweep=sweep)
     assert not path.exists()

@@ -103,13 +103,13 @@ def test_misuse_is_named(error: rid.WorstCaseError, tmp_path: Path) -> None:
     other = identified(np.full(7, 0.1))
     with pytest.raises(rid.InputError, match="`worst_case` is about another identification"):
         write_report(other, tmp_path / "a.html", worst_case=error)
-    with pytest.raises(rid.InputTypeError, match="`worst_case` must be a WorstCaseError"):
+    with pytest.raises(rid.errors.InputTypeError, match="`worst_case` must be a WorstCaseError"):
         write_report(other, tmp_path / "a.html", worst_case=other)  # type: ignore[arg-type]
     omega = np.linspace(1, 9, 60)
     fit = rid.fit_mfd(rid.FrequencyResponse(omega, 1 / (16 - omega**2 + 0.2j * omega)), order=2)
-    with pytest.raises(rid.InputTypeError, match="`worst_case` doesn't belong to a MatrixFraction"):
+    with pytest.raises(rid.errors.InputTypeError, match="`worst_case` doesn't belong to a MatrixFraction"):
         write_report(fit, tmp_path / "a.html", worst_case=error)
-    with pytest.raises(rid.InputTypeError, match="`result` must be of class WorstCaseError; got Identification"):
+    with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class WorstCaseError; got Identification"):
         plot.nyquist(other)
     assert list(tmp_path.iterdir()) == []
 

@@ -38,7 +38,7 @@ def test_several_panels_take_as_many_axes(consistent: rid.Identification) -> Non
             np.testing.assert_array_equal(line.get_ydata(), expected.get_ydata())
     with pytest.raises(rid.InputError, match="each of the 2 panels of this figure; got 1"):
         rid.plot.bode(consistent, ax=axes[0])
-    with pytest.raises(rid.InputTypeError, match="`ax` must be matplotlib axes, or a sequence of them; got str"):
+    with pytest.raises(rid.errors.InputTypeError, match="`ax` must be matplotlib axes, or a sequence of them; got str"):
         rid.plot.bode(consistent, ax="here")
 
 
@@ -66,14 +66,16 @@ def test_a_model_with_several_entries_and_without_a_mode() -> None:
 
 
 def test_an_option_of_another_kind_of_result_is_refused(consistent: rid.Identification) -> None:
-    with pytest.raises(rid.InputTypeError, match="`records` doesn't belong to a Identification; leave it out"):
+    with pytest.raises(rid.errors.InputTypeError, match="`records` doesn't belong to a Identification; leave it out"):
         rid.plot.bode(consistent, records=consistent.problem.time[0])
-    with pytest.raises(rid.InputTypeError, match="`result` must be of class Identification or MatrixFraction; got int"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match="`result` must be of class Identification or MatrixFraction; got int"
+    ):
         rid.plot.poles(1)
 
 
 def test_results_draw_themselves(
-    consistent: rid.Identification, error: rid.WorstCaseError, fit: rid.MatrixFraction, sweep: rid.OrderSweep
+    consistent: rid.Identification, error: rid.WorstCaseError, fit: rid.MatrixFraction, sweep: rid.mfd.OrderSweep
 ) -> None:
     labels = {
         consistent: "torsion [rad] / current [A]",

@@ -164,7 +164,7 @@ def test_misuse_is_named(band: WorstCaseOverPoles, tmp_path: Path) -> None:
     with pytest.raises(rid.InputError, match="`over_poles` is about another identification"):
         write_report(identified(np.full(7, 0.1)), tmp_path / "a.html", over_poles=band)
     with pytest.raises(
-        rid.InputTypeError, match="`over_poles` must be a WorstCaseOverPoles, from worst_case_over_poles"
+        rid.errors.InputTypeError, match="`over_poles` must be a WorstCaseOverPoles, from worst_case_over_poles"
     ):
         write_report(band.identification, tmp_path / "a.html", over_poles=1)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []

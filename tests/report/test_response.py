@@ -144,9 +144,9 @@ def test_any_response_can_be_drawn(lines, values):
 def test_misuse_is_named(frf, records, tmp_path):
     path = tmp_path / "a.html"
     for wrong, error, sentence in (
-        (3, rid.InputTypeError, "`records` must be a TimeRecord or a sequence of them; got int"),
-        ([], rid.InputTypeError, "`records` must be a TimeRecord"),
-        ([frf], rid.InputTypeError, "`records` must be a TimeRecord"),
+        (3, rid.errors.InputTypeError, "`records` must be a TimeRecord or a sequence of them; got int"),
+        ([], rid.errors.InputTypeError, "`records` must be a TimeRecord"),
+        ([frf], rid.errors.InputTypeError, "`records` must be a TimeRecord"),
         (TimeRecord(np.ones(4), np.ones(4), dt=DT), rid.InputError, "must have the 2 outputs and 2 inputs"),
         (dataclasses.replace(records[0], dt=0.02), rid.InputError, "dt = 0.01 s; got 0.02 s"),
         (
@@ -159,9 +159,11 @@ def test_misuse_is_named(frf, records, tmp_path):
             plot.bode(frf, records=wrong)
         with pytest.raises(error, match=re.escape(sentence)):
             write_report(frf, path, records=wrong)
-    with pytest.raises(rid.InputTypeError, match=r"`result` must be of class .*FrequencyResponse or StateSpace; got"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match=r"`result` must be of class .*FrequencyResponse or StateSpace; got"
+    ):
         plot.bode(records[0])
-    with pytest.raises(rid.InputTypeError, match="`data` doesn't belong to a FrequencyResponse"):
+    with pytest.raises(rid.errors.InputTypeError, match="`data` doesn't belong to a FrequencyResponse"):
         write_report(frf, path, data=frf)
     with pytest.raises(rid.InputError, match=r"continuous time; got 0\.01 s"):
         plot.bode(dataclasses.replace(frf, dt=None), records=records)

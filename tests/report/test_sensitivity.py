@@ -84,6 +84,6 @@ def test_a_computed_table_belongs_to_its_problem(tmp_path: Path) -> None:
     assert wide.margin_lower > 1.01 * result.margin
     with pytest.raises(rid.InputError, match="`sensitivity` is about another problem"):
         rid.write_report(wide, tmp_path / "no.html", sensitivity=found)
-    with pytest.raises(rid.InputTypeError, match="`sensitivity` must be a Sensitivity"):
+    with pytest.raises(rid.errors.InputTypeError, match="`sensitivity` must be a Sensitivity"):
         rid.write_report(result, tmp_path / "no.html", sensitivity=1)  # type: ignore[arg-type]
     assert not (tmp_path / "no.html").exists()

@@ -102,7 +102,9 @@ def test_matplotlib_draws_these_numbers(step: ResponseTube) -> None:
         assert all(np.any(np.all(np.isclose(corners, [x, end], atol=1e-12), axis=1)) for end in ends)
     assert any(np.array_equal(line.get_ydata(), step.attained.T.ravel()) for line in ax.lines)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "x [mm]")
-    with pytest.raises(rid.InputTypeError, match="`result` must be of class Identification or ResponseTube; got"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match="`result` must be of class Identification or ResponseTube; got"
+    ):
         plot.time_response(step.model)  # type: ignore[arg-type]
 
 
@@ -152,11 +154,11 @@ def test_text_of_strangers_is_escaped() -> None:
 def test_misuse_is_named(step: ResponseTube, tmp_path: Path) -> None:
     with pytest.raises(rid.InputError, match="`tube` is about another identification"):
         rid.write_report(identified(STEP), tmp_path / "a.html", tube=step)
-    with pytest.raises(rid.InputTypeError, match="`tube` must be a ResponseTube, from response_tube"):
+    with pytest.raises(rid.errors.InputTypeError, match="`tube` must be a ResponseTube, from response_tube"):
         rid.write_report(step.identification, tmp_path / "a.html", tube=1)  # type: ignore[arg-type]
     omega = np.linspace(1, 9, 60)
     fit = rid.fit_mfd(rid.FrequencyResponse(omega, 1 / (16 - omega**2 + 0.2j * omega)), order=2)
     for name in ("tube", "over_poles", "sensitivity"):
-        with pytest.raises(rid.InputTypeError, match=f"`{name}` doesn't belong to a MatrixFraction"):
+        with pytest.raises(rid.errors.InputTypeError, match=f"`{name}` doesn't belong to a MatrixFraction"):
             rid.write_report(fit, tmp_path / "a.html", **{name: step})
     assert list(tmp_path.iterdir()) == []

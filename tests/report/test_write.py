@@ -33,20 +33,20 @@ def test_a_failing_write_leaves_the_old_file(simple: rid.Identification, tmp_pat
 def test_misuse_is_named(simple: rid.Identification, consistent: rid.Identification, tmp_path: Any) -> None:
     import control
 
-    with pytest.raises(rid.InputTypeError, match="`models` must map names"):
+    with pytest.raises(rid.errors.InputTypeError, match="`models` must map names"):
         plot.poles(simple, models=[consistent.model])  # type: ignore[arg-type]
-    with pytest.raises(rid.InputTypeError, match="names"):
+    with pytest.raises(rid.errors.InputTypeError, match="names"):
         plot.poles(simple, models={1: consistent.model})  # type: ignore[dict-item]
-    with pytest.raises(rid.InputTypeError, match=r"models\['a'\].*StateSpace"):
+    with pytest.raises(rid.errors.InputTypeError, match=r"models\['a'\].*StateSpace"):
         plot.residuals(simple, models={"a": control.tf(1, [1, 0.5], 0.1)})
     with pytest.raises(rid.InputError, match="1 output and 1 input"):
         plot.time_response(simple, models={"a": control.ss(0.5, [[1, 1]], 1, 0, 0.1)})
     with pytest.raises(rid.InputError, match=r"dt = 0.1 s.*control\.sample_system"):
         plot.bode(simple, models={"a": control.ss(-1.0, 1, 1, 0)})
-    with pytest.raises(rid.InputTypeError, match="`title` must be text"):
+    with pytest.raises(rid.errors.InputTypeError, match="`title` must be text"):
         write_report(simple, tmp_path / "a.html", title=3)  # type: ignore[arg-type]
     with pytest.raises(
-        rid.InputTypeError,
+        rid.errors.InputTypeError,
         match="`identification` must be of class Identification, Matrix",
     ):
         write_report(simple.model, tmp_path / "a.html")

@@ -30,7 +30,7 @@ class Truth:
 
     numerator: np.ndarray
     denominator: np.ndarray
-    basis: rid.ParametricBasis | None
+    basis: rid.bases.ParametricBasis | None
     weights: np.ndarray | None
 
     def response(self, angle):
