@@ -5,7 +5,7 @@ from robustid.data.bound import Bound
 from robustid.data.error_sets import bound_ratio, stacked, tilted
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
-from robustid.data.estimate.rest import NoiseFloor, bounds_from_noise_floor
+from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io import datasets

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Frozen, Savable, as_array, as_count, as_positive, freeze
-from robustid.data.crest import low_crest_phases, random_phases, synthesise
-from robustid.data.estimate.excited_lines import chosen_lines, given_lines
+from robustid.data.multisines import chosen_lines, given_lines, low_crest_phases, random_phases, synthesise
 from robustid.errors import InputError
 
 

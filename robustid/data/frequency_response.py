@@ -304,7 +304,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         >>> import robustid as rid
         >>> frf = rid.FrequencyResponse([10.0], [1 - 0.1j], dt=0.01)
         >>> frf = frf.with_ellipses([[[4e-4, 0.0], [0.0, 1e-4]]], deviations=3)
-        >>> frf.inner_radius.round(9).item(), frf.outer_radius.round(9).item()
+        >>> frf.bound.inner_radius.round(9).item(), frf.bound.outer_radius.round(9).item()
         (0.03, 0.06)
         """
         if self.values.shape[1:] != (1, 1):

@@ -44,12 +44,13 @@ def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = Non
     ----------
     record : TimeRecord
         In periodic steady state: the mean of input, output and reference over the record (whole periods) is removed, which
-        touches line 0 only. From rest: what is fitted to the output before `until`, while the input is still zero, is
-        removed from the whole output. From an unknown state (and without a bound): a fit to all samples of every signal.
+        touches line 0 only. From zero initial conditions: what is fitted to the output before `until`, while the input is
+        still zero, is removed from the whole output. From an unknown state (and without a bound): a fit to all samples of
+        every signal.
     kind : {"mean", "linear"}
         A straight line can't be told from the response over a period: "linear" is refused for periodic records.
     until : float, s
-        From rest only: the input is zero before it.
+        From zero initial conditions only: the input is zero before it.
 
     Returns
     -------
@@ -217,7 +218,9 @@ def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:
     """How many samples from the start on the trend is fitted to."""
     if record.initial != "rest":
         if until is not None:
-            raise InputError(f'`until` is for records from rest; this one is initial="{record.initial}"')
+            raise InputError(
+                f'`until` is for records from zero initial conditions; this one is initial="{record.initial}"'
+            )
         if record.initial == "periodic" and kind == "linear":
             raise InputError(
                 '`kind` = "linear": a drift can\'t be told from the response in a periodic record; use "mean"'
@@ -225,18 +228,20 @@ def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:
         if record.initial == "free" and record.bound is not None:
             raise InputError(
                 "`record` has a bound and an unknown initial state: what its transient leaves in a fit is not bounded;"
-                " detrend first and bound then, or fit before the input starts in a record from rest"
+                " detrend first and bound then, or fit before the input starts, from zero initial conditions"
             )
         return record.u.shape[0]
     if until is None:
-        raise InputError("`until` is needed for a record from rest: the time in s before which its input is zero")
-    rest = record.window(0.0, as_float("until", until), past="unknown")
-    if np.any(rest.u):
-        first = int(np.flatnonzero(np.any(rest.u, axis=1))[0])
+        raise InputError(
+            "`until` is needed for a record from zero initial conditions: the time in s before which its input is zero"
+        )
+    still = record.window(0.0, as_float("until", until), past="unknown")
+    if np.any(still.u):
+        first = int(np.flatnonzero(np.any(still.u, axis=1))[0])
         raise InputError(f"`until` = {until:g} s: the input acts from {first * record.dt:g} s on")
-    if len(rest.u) < 2:
-        raise InputError(f"`until` = {until:g} s holds {len(rest.u)} sample; give at least two")
-    return len(rest.u)
+    if len(still.u) < 2:
+        raise InputError(f"`until` = {until:g} s holds {len(still.u)} sample; give at least two")
+    return len(still.u)
 
 
 def _line(samples: int, fitted: int, count: int) -> tuple[np.ndarray, np.ndarray]:

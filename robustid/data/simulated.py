@@ -69,7 +69,7 @@ def flexible_structure(
     lines : int
         Number of frequencies, equally spaced from 1 to 21 Hz (11: every 2 Hz).
     samples : int
-        Length of the step response, unit step from rest.
+        Length of the step response, unit step from zero initial conditions.
     bound : float
         Bound on the errors in mm/N (frequency: uniform in the disc) and mm (time: uniform in the interval).
     dt : float
@@ -92,7 +92,7 @@ def flexible_structure(
     Notes
     -----
     Frequencies, data and the light damping follow the experiment of `inanc2001`; the damping of the first
-    mode and the gains are chosen here. Assumes a unit step applied at rest.
+    mode and the gains are chosen here. Assumes zero initial conditions.
 
     Examples
     --------

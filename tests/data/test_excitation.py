@@ -9,7 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.data import load_excitation
-from robustid.data.crest import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
+from robustid.data.multisines import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 DT = 0.01

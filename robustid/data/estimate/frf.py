@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from robustid.data.bound import Bound, as_probability
-from robustid.data.estimate.frf_bounds import Estimate, bound
 from robustid.data.estimate.local import local
 from robustid.data.estimate.periodic import periodic
+from robustid.data.estimate.pooling import Estimate, bound
 from robustid.data.estimate.welch import welch
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.prepare import record_problems

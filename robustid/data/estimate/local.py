@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import as_array
-from robustid.data.estimate.frf_bounds import Estimate
+from robustid.data.estimate.pooling import Estimate
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.data.estimate.frf_bounds import Estimate
 from robustid.data.estimate.local import checked_lines, divided, excited_lines
+from robustid.data.estimate.pooling import Estimate
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
 

@@ -18,7 +18,7 @@ from robustid.errors import InputError, InputTypeError
 # Lines around the one in question, and windows, whose largest noise is taken: with the factor 1.5 one line of normal noise
 # goes beyond it with probability 8e-5.
 _POOL = 100
-_AT_REST = 0.05  # part of the experiment's input that may be left at rest: noise of its measurement
+_STILL = 0.05  # part of the experiment's input that may be left without excitation: noise of its measurement
 _ON_LINE = 1e-6
 
 
@@ -37,7 +37,7 @@ class NoiseFloor(Frozen):
     factor : float
     dt : float, s
     input_size : (nu,) array
-        Largest deviation of the input from its mean: how much at rest it was.
+        Largest deviation of the input from its mean: how still it was.
     outputs : tuple of Signal
     """
 
@@ -63,7 +63,7 @@ class NoiseFloor(Frozen):
         return max(0.0, 1 - len(self.outputs) * samples / (len(self.deviation) + samples))
 
     def bound_record(self, record: TimeRecord) -> TimeRecord:
-        """The record with the sensors' offset at rest removed, and `level` as the bound of every used sample.
+        """The record with the sensors' offset without excitation removed, and `level` as the bound of every used sample.
 
         ``|y[k] - mean - (response)[k]| <= factor * max |deviation|``, output by output; unused samples (``bound=inf``) stay so.
 
@@ -89,10 +89,10 @@ class NoiseFloor(Frozen):
     def bound_response(
         self, frf: FrequencyResponse, record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None
     ) -> FrequencyResponse:
-        """The response with the noise at rest, divided by the input of the experiments, as its bound.
+        """The response with the noise floor, divided by the input of the experiments, as its bound.
 
         ``|e_ij| <= sum_l N_i |U^-1|_lj``, ``e = Y_noise U^-1``: N_i (F,) is the factor times the largest DFT amplitude of output i
-        at rest, in windows as long as the experiment (as long as several of its periods, where the rest is shorter),
+        without excitation, in windows as long as the experiment (as several of its periods, where the record is shorter),
         over the 100 values nearest to the line; U (nu, nu) holds the inputs of nu experiments side by side.
 
         Parameters
@@ -110,7 +110,7 @@ class NoiseFloor(Frozen):
         Raises
         ------
         InputError
-            A rest record shorter than one period, an input that was not at rest, lines off the DFT grid, other channels.
+            A noise-floor record shorter than one period, an input that moved in it, points off the DFT grid, other signals.
 
         Notes
         -----
@@ -127,7 +127,8 @@ class NoiseFloor(Frozen):
         periods = min(samples, len(self.deviation)) // period
         if periods == 0:
             raise InputError(
-                f"the rest record has {len(self.deviation)} samples, fewer than one period of {period}; record a longer rest"
+                f"the noise-floor record has {len(self.deviation)} samples, fewer than one period of {period}; record"
+                " longer without excitation"
             )
         peak, pool = _largest_nearby(dft(self._whole(periods * period)[None], periods * period), index * periods)
         spectra = dft(np.stack([r.u for r in records]), period)[:, :, index]
@@ -168,27 +169,29 @@ class NoiseFloor(Frozen):
         if not isinstance(record, TimeRecord):
             raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
         if abs(record.dt - self.dt) > 1e-9 * self.dt:
-            raise InputError(f"`record` has dt = {record.dt:g} s, the rest record {self.dt:g} s; they must agree")
+            raise InputError(
+                f"`record` has dt = {record.dt:g} s, the noise-floor record {self.dt:g} s; they must agree"
+            )
         if record.y.shape[1] != len(self.outputs) or record.u.shape[1] != self.input_size.size:
             raise InputError(
-                f"`record` has {record.y.shape[1]} outputs and {record.u.shape[1]} inputs, the rest record"
+                f"`record` has {record.y.shape[1]} outputs and {record.u.shape[1]} inputs, the noise-floor record"
                 f" {len(self.outputs)} and {self.input_size.size}"
             )
         moved = np.abs(record.u).max(axis=0)
-        if np.any((self.input_size > _AT_REST * moved) & (moved > 0)):
+        if np.any((self.input_size > _STILL * moved) & (moved > 0)):
             raise InputError(
-                f"the input of the rest record moves by up to {self.input_size.max():g}, where that of `record` reaches"
-                f' {moved.max():g}: it was not at rest. Take a stretch without excitation: .window(start, stop, past="unknown")'
+                f"the input of the noise-floor record moves by up to {self.input_size.max():g}, where that of `record` reaches"
+                f' {moved.max():g}: it was not still. Take a stretch without excitation: .window(start, stop, past="unknown")'
             )
 
 
-def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFloor:
+def bounds_from_noise_floor(record: TimeRecord, *, factor: float = 1.5) -> NoiseFloor:
     """Noise levels of the outputs from a record without excitation, as bounds for records and frequency responses.
 
     Parameters
     ----------
-    rest : TimeRecord
-        The input at zero (or constant), the machine at rest: a record of its own, or a stretch of one,
+    record : TimeRecord
+        The noise-floor record, with the input at zero (or constant): a record of its own, or a stretch of one,
         ``record.window(start, stop, past="unknown")``. Only its used samples count.
     factor : float
         Safety factor over the largest noise that was seen, at least 1. For white normal noise and as many samples again 1 holds
@@ -209,7 +212,7 @@ def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFl
     -----
     Such a bound says what was seen, with a margin; it is not a proof. Without assuming a distribution, exchangeable noise
     stays within the largest of T samples for N further ones with probability T/(T + N) (`NoiseFloor.probability`).
-    Drift, friction and what the excitation itself disturbs are not seen at rest. As in `inanc2001`, section III, where
+    Drift, friction and what the excitation itself disturbs are not seen in it. As in `inanc2001`, section III, where
     the output without driving signal gave the noise levels in time and frequency.
 
     Examples
@@ -224,24 +227,24 @@ def bounds_from_noise_floor(rest: TimeRecord, *, factor: float = 1.5) -> NoiseFl
     >>> frf.bound.kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     ('noise_floor', True)
     """
-    if not isinstance(rest, TimeRecord):
-        raise InputTypeError(f"`rest` must be a TimeRecord; got {type(rest).__name__}")
+    if not isinstance(record, TimeRecord):
+        raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
     factor = as_float("factor", factor)
     if factor < 1:
         raise InputError(f"`factor` must be at least 1, which is the largest noise that was seen; got {factor:g}")
-    used = np.all(rest.used, axis=1)
-    u, y = rest.u[used], rest.y[used]
+    used = np.all(record.used, axis=1)
+    u, y = record.u[used], record.y[used]
     if len(y) < 2:
-        raise InputError(f"`rest` has {len(y)} used sample; noise needs at least two, and better hundreds")
+        raise InputError(f"`record` has {len(y)} used sample; noise needs at least two, and better hundreds")
     deviation = y - y.mean(axis=0)
     level = factor * np.abs(deviation).max(axis=0)
     if not np.all(level > 0):
-        name = rest.outputs[int(np.argmin(level))].name
+        name = record.outputs[int(np.argmin(level))].name
         raise InputError(
-            f"`rest`: output {name} is exactly constant: it bounds nothing; give the bound by `with_bound`"
+            f"`record`: output {name} is exactly constant: it bounds nothing; give the bound by `with_bound`"
         )
     return NoiseFloor(
-        deviation, y.mean(axis=0), level, factor, rest.dt, np.abs(u - u.mean(axis=0)).max(axis=0), rest.outputs
+        deviation, y.mean(axis=0), level, factor, record.dt, np.abs(u - u.mean(axis=0)).max(axis=0), record.outputs
     )
 
 
@@ -250,7 +253,7 @@ def _largest_nearby(spectra: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray,
     size = np.abs(spectra[0, :, 1:-1]).max(axis=0)  # without the mean, and without the last, which may be real
     width = min(-(-_POOL // spectra.shape[1]), len(size))
     if width == 0:
-        raise InputError("the rest record has too few samples for a DFT; record a longer rest")
+        raise InputError("the noise-floor record has too few samples for a DFT; record longer without excitation")
     start = np.clip(lines - 1 - width // 2, 0, len(size) - width)
     nearby = np.lib.stride_tricks.sliding_window_view(size, width, axis=0)[start]
     return nearby.max(axis=2), width * spectra.shape[1]

@@ -176,12 +176,12 @@ def test_a_line_is_taken_from_every_signal_of_a_record_from_an_unknown_state():
 @pytest.mark.parametrize(
     ("options", "how", "sentence"),
     [
-        ({}, {}, "`until` is needed for a record from rest"),
+        ({}, {}, "`until` is needed for a record from zero initial conditions"),
         ({}, {"until": 0.03}, "`until` = 0.03 s: the input acts from 0.02 s on"),
         ({}, {"until": 0.01}, "holds 1 sample; give at least two"),
         ({}, {"kind": "cubic"}, '`kind` must be "mean" or "linear"'),
         ({"initial": "periodic"}, {"kind": "linear"}, "a drift can't be told from the response"),
-        ({"initial": "periodic"}, {"until": 0.02}, "`until` is for records from rest"),
+        ({"initial": "periodic"}, {"until": 0.02}, "`until` is for records from zero initial conditions"),
         ({"initial": "free", "bound": 1.0}, {}, "a bound and an unknown initial state"),
         ({"bound": [np.inf, 1, 1, 1]}, {"until": 0.02}, "has unused samples"),
     ],

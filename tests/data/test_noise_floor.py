@@ -173,7 +173,7 @@ NOISE = np.random.default_rng(2).standard_normal(200)
 @pytest.mark.parametrize(
     ("rest", "options", "error", "sentence"),
     [
-        (np.ones(4), {}, rid.errors.InputTypeError, "`rest` must be a TimeRecord"),
+        (np.ones(4), {}, rid.errors.InputTypeError, "`record` must be a TimeRecord"),
         (at_rest(NOISE), {"factor": 0.9}, rid.InputError, "`factor` must be at least 1"),
         (at_rest(np.ones(9)), {}, rid.InputError, "output y is exactly constant"),
         (at_rest(NOISE, bound=np.where(np.arange(200) == 5, 1.0, np.inf)), {}, rid.InputError, "has 1 used sample"),
@@ -190,15 +190,15 @@ def test_bounds_from_rest_refuses(rest, options, error, sentence):
         (at_rest(NOISE[:60]), FRF, periodic(U, U), PERIOD, "has 60 samples, fewer than one period of 64"),
         (at_rest(NOISE), FRF, periodic(U, U), 50, "`period` = 50 must divide the 128 samples"),
         (at_rest(NOISE), FRF, periodic(U, U), 32, "lines between the DFT lines of `period` = 32"),
-        (at_rest(NOISE), FRF, rid.TimeRecord(U, U, dt=0.02), PERIOD, "dt = 0.02 s, the rest record 0.01 s"),
+        (at_rest(NOISE), FRF, rid.TimeRecord(U, U, dt=0.02), PERIOD, "dt = 0.02 s, the noise-floor record 0.01 s"),
         (
             at_rest(NOISE[:, None] * [1, 1]),
             FRF,
             periodic(U, U),
             PERIOD,
-            "1 outputs and 1 inputs, the rest record 2 and 1",
+            "1 outputs and 1 inputs, the noise-floor record 2 and 1",
         ),
-        (rid.TimeRecord(U[:100], NOISE[:100], dt=DT), FRF, periodic(U, U), PERIOD, "it was not at rest"),
+        (rid.TimeRecord(U[:100], NOISE[:100], dt=DT), FRF, periodic(U, U), PERIOD, "it was not still"),
     ],
 )
 def test_bound_response_refuses(rest, frf, record, period, sentence):
