@@ -214,5 +214,5 @@ def test_hdf5_by_h5py_has_its_axes_as_stored_and_units_as_attributes(tmp_path):
         load(tmp_path / "turned.h5")
     with h5py.File(tmp_path / "turned.h5", "w") as file:
         file["u"], file["y"] = u.T, y.T
-    with pytest.raises(InputError, match="fewer samples than channels"):
+    with pytest.raises(InputError, match="fewer samples than signals"):
         load(tmp_path / "turned.h5", dt=1)
