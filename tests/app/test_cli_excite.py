@@ -6,6 +6,9 @@ import pytest
 import robustid as rid
 from support import command_line
 
+pytestmark = pytest.mark.quick
+
+
 COMMAND = ["--band", "1:20", "--dt", "0.01", "--period", "1"]
 
 

@@ -160,7 +160,10 @@ def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
         ),
         (["hertz.npz", "--order", "8", "--dt", "0.01"], "lies above the Nyquist frequency of 50 Hz"),
         (["frf.csv", "--order", "8", "--band", "5"], "LOW:HIGH"),
-        (["frf.csv", "--order", "8", "--band", "5000:6000"], "no line lies between 5000 and 6000 Hz (--band)"),
+        (
+            ["frf.csv", "--order", "8", "--band", "5000:6000"],
+            "no frequency point lies between 5000 and 6000 Hz (--band)",
+        ),
         (["frf.csv", "--order", "8", "--form", "middle"], "--form must be"),
         (["frf.csv", "--order", "8", "--domain", "z"], "--domain must be"),
         (["frf.csv", "--order", "8", "--method", "foo"], "--method must be one of"),

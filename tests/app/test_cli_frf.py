@@ -9,6 +9,9 @@ import robustid as rid
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from support import command_line
 
+pytestmark = pytest.mark.quick
+
+
 DT, PERIOD = 0.01, 100
 GAIN = np.array([[2.0, 0.5], [0.0, -1.0]])
 

@@ -11,6 +11,8 @@ from robustid.app.cli.main import COMMANDS, main
 from robustid.app.cli.outputs import new_folder
 from support.command_line import COMMAND, SHORT
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_teaches(run, command):

@@ -8,6 +8,8 @@ import robustid as rid
 from robustid.data.io import load_model, save_model
 from support.two_mode_models import two_modes
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def model(tmp_path, monkeypatch):

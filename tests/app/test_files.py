@@ -8,6 +8,8 @@ import scipy.sparse
 import robustid as rid
 from support.problems import random_problem
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def result():

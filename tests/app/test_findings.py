@@ -3,12 +3,15 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 import robustid as rid
 from robustid.app import findings
 from robustid.identification import model_residuals
 from support.bounds import rebound
 from support.matrix_lines import measured
+
+pytestmark = pytest.mark.quick
 
 
 def test_samples_outside_are_named_with_their_entry():

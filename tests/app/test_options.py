@@ -12,6 +12,9 @@ from robustid.app.cli.fit import fit
 from robustid.app.cli.reduce import reduce
 from robustid.app.options import PARTS, Identify, Modes, WorstCase
 
+pytestmark = pytest.mark.quick
+
+
 ALL = [(kind, field, option) for kind in PARTS.values() for field, option in options(kind)]
 
 

@@ -9,6 +9,8 @@ import robustid as rid
 from robustid.app.options import Modes
 from robustid.app.proposal import propose
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize(
     ("missing", "words"), [({"dt": None}, "`dt`"), ({"bound": None}, "bound on every sample"), ({}, "both missing")]

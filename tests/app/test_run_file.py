@@ -13,6 +13,9 @@ from robustid.app.run_file import RunFile, read_run_file
 from robustid.app.toml import write_toml
 from support.run_files import CLASS, DATA, ask
 
+pytestmark = pytest.mark.quick
+
+
 plain = st.one_of(
     st.text(st.characters(exclude_categories=["Cs"])),
     st.booleans(),

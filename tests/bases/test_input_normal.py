@@ -5,6 +5,8 @@ import pytest
 
 from robustid.bases import input_normal_pair, solve_stein
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("layout", ["spread", "clustered", "near the ends"])
 def test_input_normal_pair_of_160_states_is_orthonormal(layout):

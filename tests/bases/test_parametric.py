@@ -7,6 +7,8 @@ import pytest
 import robustid as rid
 from robustid.bases import as_basis
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
 @pytest.mark.parametrize("repeat", [1, 2, 3])

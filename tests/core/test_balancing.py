@@ -1,9 +1,12 @@
 """The square-root method for any factors: Gramians diagonal and equal, projections that belong together."""
 
 import numpy as np
+import pytest
 import scipy.linalg
 
 from robustid.core import balancing
+
+pytestmark = pytest.mark.quick
 
 
 def test_balanced_coordinates_of_any_factors():

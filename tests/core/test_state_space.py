@@ -6,6 +6,8 @@ import pytest
 
 from robustid.core import Response, StateMatrices, response_at, responses, scaled_states, series_at, simulate
 
+pytestmark = pytest.mark.quick
+
 
 def random_system(seed, states, outputs=2, inputs=3, radius=0.95):
     rng = np.random.default_rng(seed)

@@ -11,6 +11,9 @@ import robustid as rid
 from robustid.data.io import flat_fields, from_fields
 from support.mimo_data import KINDS, complex_normal, response, same
 
+pytestmark = pytest.mark.quick
+
+
 BOUND = rid.Bound([0.1, 0.2, np.inf])
 
 

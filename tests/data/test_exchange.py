@@ -9,6 +9,9 @@ from robustid.data import load
 from robustid.errors import FileFormatError, InputError
 from support.exchange_files import HZ, INPUTS, OUTPUTS, RNG, G, S, function, matrix, signal, touchstone, write
 
+pytestmark = pytest.mark.quick
+
+
 skrf = pytest.importorskip("skrf")
 
 

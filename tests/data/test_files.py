@@ -16,6 +16,9 @@ from robustid.data import FrequencyResponse, load, save
 from robustid.errors import InputError, InputTypeError
 from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_record, write_matlab73
 
+pytestmark = pytest.mark.quick
+
+
 # --- what save writes
 
 

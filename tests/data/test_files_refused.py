@@ -13,6 +13,8 @@ from robustid.data import TimeRecord, load, save
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from support.data_files import HZ, U, Y, full_frf, full_record, write_matlab73
 
+pytestmark = pytest.mark.quick
+
 
 def text(content):
     return lambda path: path.write_text(content)

@@ -11,6 +11,9 @@ import pytest
 from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, RobustIdError
 
+pytestmark = pytest.mark.quick
+
+
 OMEGA = np.array([1.0, 2.0, 5.0])
 
 

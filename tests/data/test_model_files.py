@@ -8,6 +8,9 @@ import scipy.io
 from robustid.data.io import load_model, save_model
 from robustid.errors import FileFormatError
 
+pytestmark = pytest.mark.quick
+
+
 A, B, C = np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1))
 
 

@@ -10,6 +10,9 @@ from robustid.errors import FileFormatError, InputError
 from support.data_files import full_frf, full_record
 from support.matlab_files import FRD, RNG, G, W, write5, write73
 
+pytestmark = pytest.mark.quick
+
+
 RECORD = {
     "OutputData": RNG.standard_normal((20, 2)),
     "InputData": RNG.standard_normal((20, 1)),

@@ -15,6 +15,9 @@ from robustid.data import load, save
 from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
 
+pytestmark = pytest.mark.quick
+
+
 DT = 0.01
 
 

@@ -11,6 +11,9 @@ from robustid.data import load
 from robustid.data.io.roles import axis_role
 from robustid.errors import InputError
 
+pytestmark = pytest.mark.quick
+
+
 VALUE = 1.5 + 0.25j
 OMEGA = 2 * np.pi * 40  # rad/s
 

@@ -11,6 +11,8 @@ from robustid.guarantees import magnitude_weight
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
 from support.weights import largest_on, pair
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def rng():

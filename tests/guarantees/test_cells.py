@@ -6,6 +6,8 @@ import pytest
 from robustid.guarantees.cells import enclose
 from support.weights import random_model, values_of
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def rng():

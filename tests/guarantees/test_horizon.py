@@ -6,6 +6,8 @@ import pytest
 import robustid as rid
 from robustid.guarantees.horizon import tail_bounds
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("start", [1, 7])
 def test_tails_of_impulse_responses(start):

@@ -8,6 +8,8 @@ import robustid as rid
 from robustid.guarantees import entry_weights, magnitude_weight, robust_stability_margin, uncertainty_weight
 from support.weights import check_densely, largest_on, mode, modulus, random_model, values_of
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def rng():

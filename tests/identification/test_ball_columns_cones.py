@@ -14,6 +14,8 @@ from robustid.identification.solver import cones as discs
 from robustid.identification.solver.cones import longest_step
 from support.paths import arrow, dense_scaling, times, triple
 
+pytestmark = pytest.mark.quick
+
 
 def hankel_basis(n):
     """H_j, (n, n, n), straight from the definition."""

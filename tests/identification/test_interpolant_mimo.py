@@ -13,6 +13,9 @@ from robustid.identification.entries import Entries
 from robustid.identification.formulation.sarason import PairMap
 from support.matrix_plants import random_matrix_problem, response
 
+pytestmark = pytest.mark.quick
+
+
 SHAPES = (2, 2), (2, 3), (3, 2), (1, 3), (3, 1)
 ANGLES = np.linspace(0, np.pi, 41)
 

@@ -5,6 +5,9 @@ import pytest
 
 import robustid as rid
 
+pytestmark = pytest.mark.quick
+
+
 PRIOR = rid.Prior(gain_bound=1.0, decay_rate=1.1)
 FRF = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
 RECORD = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)

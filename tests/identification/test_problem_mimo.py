@@ -5,6 +5,9 @@ import pytest
 
 import robustid as rid
 
+pytestmark = pytest.mark.quick
+
+
 PRIOR = rid.Prior(gain_bound=1.0, decay_rate=1.1)
 RNG = np.random.default_rng(0)
 FRF = rid.FrequencyResponse([1.0, 2.0], np.ones((2, 2, 2)), bound=0.1, dt=0.1)

@@ -8,6 +8,9 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import validate
 
+pytestmark = pytest.mark.quick
+
+
 DT = 0.01
 
 

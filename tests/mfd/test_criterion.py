@@ -7,6 +7,8 @@ from robustid.errors import InputError
 from robustid.mfd import Weight
 from support.mfd_systems import gaussian
 
+pytestmark = pytest.mark.quick
+
 
 def vec(matrix):
     return matrix.T.ravel()

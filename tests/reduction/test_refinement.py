@@ -25,6 +25,9 @@ from robustid.reduction.sample_map import sample_map
 from robustid.reduction.starts import sanathanan_koerner, statespace
 from support.paper_plant import mixed, structure
 
+pytestmark = pytest.mark.quick
+
+
 POLES = np.array([0.8 + 0.5j, 0.8 - 0.5j, 0.3, 0.44 + 0.89j, 0.44 - 0.89j])
 
 

@@ -9,6 +9,8 @@ import robustid as rid
 from robustid.report.charts import lighter
 from robustid.report.sections.frequency import frequency_charts
 
+pytestmark = pytest.mark.quick
+
 
 def test_lighter_charts_keep_every_peak_and_notch(matrix_result: rid.Identification) -> None:
     full = frequency_charts(matrix_result)

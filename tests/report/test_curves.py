@@ -9,6 +9,8 @@ from robustid.report.charts import frequency_axis
 from robustid.report.curves import log_axis, measured_phase, rounded, thinned
 from support.frf_records import HZ
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("turns", [1.5, 5.0])
 def test_phase_is_continuous_within_two_turns_and_noise_turns_nothing(turns):

@@ -16,6 +16,8 @@ from support.fits import HZ, OMEGA, SYSTEM, measured
 from support.mfd_systems import random_modal_system
 from support.report_pages import layers
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("form", ["right", "left"])
 def test_samples_model_and_residual_of_every_entry(form, fit, left, data):

@@ -12,6 +12,8 @@ from robustid.report.sections.residuals import residual_chart
 from support.matrix_pages import DT, HZ, measured, problem, response_of, with_values
 from support.report_pages import layers
 
+pytestmark = pytest.mark.quick
+
 
 def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consistent: rid.Identification) -> None:
     truth = rid.flexible_structure().truth

@@ -22,6 +22,9 @@ from robustid.report.words import number
 from support.matrix_pages import response_of
 from support.report_pages import Page, identified, layers, named, with_circle
 
+pytestmark = pytest.mark.quick
+
+
 HZ = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
 
 

@@ -6,10 +6,14 @@ import json
 import re
 from typing import Any
 
+import pytest
+
 import robustid as rid
 from robustid.report import render_report
 from robustid.report.html import as_json
 from support.report_pages import NASTY, Page, problem
+
+pytestmark = pytest.mark.quick
 
 
 def test_text_of_strangers_is_escaped() -> None:

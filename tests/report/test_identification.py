@@ -18,6 +18,8 @@ from robustid.report.sections.time import time_chart
 from robustid.report.words import number
 from support.report_pages import NASTY, Page, printed, problem
 
+pytestmark = pytest.mark.quick
+
 
 def test_page_of_a_consistent_result(consistent: rid.Identification, reduction: Any) -> None:
     page = Page(render_report(consistent, reduction=reduction, title="Torsion test 7"))

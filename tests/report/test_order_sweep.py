@@ -5,9 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from robustid.report.sections.order_sweep import order_chart, order_words, stabilisation_chart
 from support.fits import HZ, SMALL
+
+pytestmark = pytest.mark.quick
 
 
 def test_order_charts(sweep):

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 import robustid as rid
 from robustid.report.words import HZ
 
+pytestmark = pytest.mark.quick
+
 
 def test_the_names_are_found_by_completion() -> None:
     assert dir(rid.plot) == sorted(rid.plot.__all__)

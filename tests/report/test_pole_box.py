@@ -17,6 +17,9 @@ from robustid.report.sections.pole_box import box_table, pole_box_chart
 from robustid.report.words import at_most
 from support.report_pages import NASTY, Page, identified, named
 
+pytestmark = pytest.mark.quick
+
+
 HZ = np.array([4.0, 8.0, 17.6, 30.0])
 
 

@@ -12,6 +12,8 @@ from robustid.report.words import number
 from support.matrix_pages import DT, HZ, measured, plant, problem
 from support.report_pages import layers
 
+pytestmark = pytest.mark.quick
+
 
 def test_pole_table_against_the_plant() -> None:
     plant = rid.flexible_structure().truth

@@ -14,6 +14,8 @@ from robustid.report.sections.reduction import hankel_chart, margin_chart
 from support.paper_plant import structure
 from support.report_pages import Page, layers
 
+pytestmark = pytest.mark.quick
+
 
 def test_hankel_chart_marks_the_order(consistent: rid.Identification, reduction: Any) -> None:
     from robustid.reduction import hankel_singular_values

@@ -21,6 +21,8 @@ from support.frf_records import DT
 from support.matrix_pages import measured, with_values
 from support.report_pages import NASTY, Page, layers, printed
 
+pytestmark = pytest.mark.quick
+
 
 def test_the_kind_of_bound_is_said_in_words():
     base = FrequencyResponse([1.0, 2.0], [1.0, 2.0])

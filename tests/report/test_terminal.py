@@ -5,11 +5,15 @@ from __future__ import annotations
 import io
 from typing import Any
 
+import pytest
+
 import robustid as rid
 from robustid.report import render_summary
 from robustid.report.sections.identification import margin_interval
 from robustid.report.words import number
 from support.report_pages import printed, problem
+
+pytestmark = pytest.mark.quick
 
 
 def test_summary_is_readable_in_sixty_columns(consistent: rid.Identification, inconsistent: rid.Identification) -> None:

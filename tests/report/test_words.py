@@ -9,6 +9,8 @@ import pytest
 
 from robustid.report.words import at_least, at_most, number
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize(
     ("value", "text"), [(0.0, "0"), (-1.5, "−1.5"), (1e-7, "1×10⁻⁷"), (123456.0, "1.235×10⁵"), (-np.inf, "−∞")]

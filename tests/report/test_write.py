@@ -9,6 +9,8 @@ import pytest
 import robustid as rid
 from robustid.report import plot, write_report
 
+pytestmark = pytest.mark.quick
+
 
 def test_a_failing_write_leaves_the_old_file(simple: rid.Identification, tmp_path: Any, monkeypatch: Any) -> None:
     path = tmp_path / "report.html"
