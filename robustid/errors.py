@@ -43,7 +43,7 @@ class InconsistentDataError(RobustIdError, RuntimeError):
 
 
 class Status(enum.Enum):
-    """What an identification found; the value is the user's sentence."""
+    """Outcome of an identification; the value is the user's sentence."""
 
     CONSISTENT = "consistent: a system of the class keeps every sample within its bound"
     INCONSISTENT = "inconsistent: proved that no system of the class keeps every sample within its bound"

@@ -27,13 +27,13 @@ class ClassCandidate(Frozen):
     pairs, repeat : int
         Number of modes and multiplicity of each.
     problem : MixedProblem or None
-        Ready for `identify`; None where no gain bound makes the data consistent. Repeated pairs that cover a box have wider
-        bounds of the samples, and intervals for the coefficients of the terms beyond `repeat`.
+        Ready for `identify`; None where no gain bound makes the data consistent. Repeated pairs that cover a pole-uncertainty
+        box have wider bounds of the samples, and intervals for the coefficients of the terms beyond `repeat`.
     modes : KautzSuggestion or None
-        Poles that come from the data with the box that the error covers; None for poles that were given.
+        Poles that come from the data with the pole-uncertainty box that the error covers; None for poles that were given.
     cell : PoleCell or None
-        Repeated pairs that cover a box: ``cell.remainder(omega*dt).sum(axis=1)`` is what the systems of the box can differ from
-        those of `problem`, on top of their worst case. Single pairs: see `worst_case_over_poles`.
+        Repeated pairs that cover a pole-uncertainty box: ``cell.remainder(omega*dt).sum(axis=1)`` is what the systems of the box
+        can differ from those of `problem`, on top of their worst case. Single pairs: see `worst_case_over_poles`.
     margin : float
     upper : (F,) array
         Proved bound of |F - model|.
@@ -111,7 +111,7 @@ class ClassSuggestion(Frozen):
     candidates : tuple of ClassCandidate
         Smallest mean error first; those without an error last.
     next_line : float or None, rad/s
-        Where the bound of the best one is largest: a line there shrinks it most. None where none has an error.
+        Where the bound of the best one is largest: a frequency point there shrinks it most. None where none has an error.
     """
 
     omega: np.ndarray
@@ -152,7 +152,9 @@ class ClassSuggestion(Frozen):
             ]
             if (open_at := self.omega[np.isinf(best.error)]).size:
                 where = ", ".join(f"{w / (2 * np.pi):.5g}" for w in open_at)
-                lines.append(f"There is no bound at {where} Hz: the poles that the lines leave there are too many.")
+                lines.append(
+                    f"There is no bound at {where} Hz: the poles that the frequency points leave there are too many."
+                )
         elif best.pairs:
             lines.append("The errors hold for the poles that were given, as prior knowledge.")
         lines.append(f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there")

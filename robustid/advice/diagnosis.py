@@ -81,7 +81,8 @@ class Diagnosis(Frozen):
         )
         if not consistent:
             lines.append(
-                "Poles that were moved to suit the data are no prior knowledge: improve_kautz says which intervals the lines leave"
+                "Poles that were moved to suit the data are no prior knowledge: improve_kautz says which intervals the frequency"
+                " points leave"
                 " to them."
             )
         return "\n".join(lines)
@@ -91,9 +92,9 @@ def diagnose(identification: Identification) -> Diagnosis:
     """Name the active constraints of a result, what inflation of the bounds makes the data consistent, and what else would.
 
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
-    k a^k, which absorb errors of the poles to first order), one more pair where the frequency lines show what the others lack most,
-    the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out. Inconsistent
-    data with up to 100 coefficients: also the poles of the pairs moved (`improve_kautz`).
+    k a^k, which absorb errors of the poles to first order), one more pair where the frequency points show what the others lack
+    most, the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out.
+    Inconsistent data with up to 100 coefficients: also the poles of the pairs moved (`improve_kautz`).
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
 
 
 def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
-    """The pair that the frequency lines ask for most, beside those that are there."""
+    """The pair that the frequency points ask for most, beside those that are there."""
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines:
         return None

@@ -37,7 +37,7 @@ class KautzSuggestion(Frozen):
     level : (M,) array
         1 where the bounds allow the fit; else twice the factor on the bounds that the best local fit needs.
     undetermined : (M,) array of bool
-        The set reaches an end of the box that was searched, or the damping interval spans a factor of two or more.
+        The set reaches an end of the range that was searched, or the damping interval spans a factor of two or more.
     basis : ParametricBasis or None
         ``kautz(omega, damping, dt=..., repeat=..., delay=...)``; None where no mode was found.
     delay : int, samples
@@ -69,7 +69,7 @@ class KautzSuggestion(Frozen):
             if self.level[k] > 1:
                 text += f", with bounds times {self.level[k]:.3g}"
             if self.undetermined[k]:
-                text += "; the lines hardly determine its damping"
+                text += "; the frequency points hardly determine its damping"
                 text += ": measure more of them around it" if self.level[k] == 1 else " once the bounds are so wide"
             lines.append(text)
         return "\n".join([*lines, self.reason])
@@ -92,8 +92,8 @@ def suggest_kautz(
     Parameters
     ----------
     frf : FrequencyResponse
-        Lines that are missing are left out; the modes are common to all entries. Without `bound`, 5 % of the magnitude takes
-        its place; of an ellipse, the disc around it; of a joint bound, that of each entry alone.
+        Frequency points that are missing are left out; the modes are common to all entries. Without `bound`, 5 % of the
+        magnitude takes its place; of an ellipse, the disc around it; of a joint bound, that of each entry alone.
     dt : float, s
         Sample time of the basis; default that of `frf`.
     modes : int
@@ -111,13 +111,13 @@ def suggest_kautz(
     Raises
     ------
     InputError
-        No sample time, too few lines for the modes asked.
+        No sample time, too few frequency points for the modes asked.
     InputTypeError
         Something that isn't a FrequencyResponse.
 
     Notes
     -----
-    The interval of a mode comes from a local fit: lines within five half-widths (12 at least, 60 at most), this mode, a
+    The interval of a mode comes from a local fit: frequency points within five half-widths (12 at least, 60 at most), this mode, a
     smooth remainder, double pairs for the modes nearby so that errors of their poles don't matter to first order, the others
     subtracted. A pole is left out only where weights w, summing to one, are found for which even the weighted
     least-squares fit has ``sum_k w_k |e_k/bound_k|^2 > level^2``, so that no fit of this kind keeps to the bounds (Lawson's
@@ -143,14 +143,14 @@ def suggest_kautz(
     fixed_delay = None if delay is None else as_count("delay", delay)
     if wanted is not None and wanted > fit.room:
         raise InputError(
-            f"`modes` = {wanted}: {fit.angle.size} lines can't tell more than {fit.room} modes from a smooth remainder; ask for"
-            " fewer modes, or give more lines"
+            f"`modes` = {wanted}: {fit.angle.size} frequency points can't tell more than {fit.room} modes from a smooth"
+            " remainder; ask for fewer modes, or give more frequency points"
         )
     poles, reason = find_poles(fit, wanted)
     poles = poles[np.argsort(poles[:, 0])]
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(among_lines(poles, fit))
     if len(kept) < len(poles):
-        reason += f"; {len(poles) - len(kept)} of them outside the lines or well damped: left out"
+        reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped: left out"
     step = fit.dt
     omega, damping = np.exp(poles[kept]).T / np.array([[step], [1.0]])
     chosen = fixed_delay if fixed_delay is not None else smallest_rest(fit, poles[kept])
@@ -170,7 +170,7 @@ def suggest_kautz(
 
 
 def further_mode(frf: FrequencyResponse, omega: np.ndarray, damping: np.ndarray) -> tuple[float, float]:
-    """Natural frequency and damping of the mode among the lines that a fit with these modes and a smooth remainder lacks most."""
+    """Natural frequency and damping of the mode, in the measured range, that a fit with these and a smooth remainder lacks most."""
     from scipy.optimize import least_squares
 
     data = _checked(frf, None)
@@ -205,17 +205,17 @@ def _checked(frf: Any, dt: Any) -> LineData:
             f"`dt` = {step:g} s allows frequencies up to {np.pi / step:g} rad/s; got {frf.omega.max():g} rad/s"
         )
     if not np.any(np.abs(frf.values[~frf.missing]) > 0):
-        raise InputError("`frf` is zero at all lines; check the output")
+        raise InputError("`frf` is zero at all frequency points; check the output")
     data = line_data([frf], step)
     if data.room < 1:
         raise InputError(
-            f"`frf` has {angle.size} lines; at least 4 are needed to find one mode beside a smooth remainder"
+            f"`frf` has {angle.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
         )
     return data
 
 
 def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
-    """The lines of all, in order, without entries that are zero throughout."""
+    """Frequency points of all, in order, without entries that are zero throughout."""
     angle = np.concatenate([f.omega for f in frfs]) * dt
     order = np.argsort(angle, kind="stable")
     measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]

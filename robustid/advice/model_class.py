@@ -38,7 +38,7 @@ def suggest_class(
 
     Every candidate parametric part gets the consistent (K, rho) with the smallest slope bound (`suggest_prior`, K twice the
     smallest that the data allow), is identified, and its worst case is bounded at the modes and at 7 frequencies over the
-    range of the lines; with the best part two further (K, rho) are tried. Seconds to minutes.
+    range of the frequency points; with the best part two further (K, rho) are tried. Seconds to minutes.
 
     Parameters
     ----------
@@ -58,16 +58,16 @@ def suggest_class(
     Raises
     ------
     InputError
-        No frequency response to take the modes from; a time record with other than zero initial conditions (the box does not cover
-        what it does to the initial state); data without bounds, or MIMO data.
+        No frequency response to take the modes from; a time record with other than zero initial conditions (the pole-uncertainty
+        box does not cover what it does to the initial state); data without bounds, or MIMO data.
 
     Notes
     -----
     Never is a band at poles from the data compared: narrow bands at wrong poles pass every test of the data. Single pairs
-    (``repeat = 1``) are covered by `worst_case_over_poles`. A repeated pair at the middle a0 of the box covers it by the
-    expansion of 1/(1 - a z^-1) about a0: coefficients of the first `repeat` terms free, those up to the third in intervals,
-    the remainder added to the bounds (`PoleCell`). Left out without an error: modes that the bounds of the lines contradict, and
-    further modes whose poles the lines do not determine.
+    (``repeat = 1``) are covered by `worst_case_over_poles`. A repeated pair at the middle a0 of the pole-uncertainty box covers
+    it by the expansion of 1/(1 - a z^-1) about a0: coefficients of the first `repeat` terms free, those up to the third in
+    intervals, the remainder added to the bounds (`PoleCell`). Left out without an error: modes that the bounds of the frequency
+    points contradict, and further modes whose poles the frequency points do not determine.
     Source: class of `inanc2001` section II.
 
     Examples
@@ -175,7 +175,7 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.n
             continue
         try:
             other = suggest_kautz(frf, modes=count, delay=found.delay)
-        except InputError:  # more modes than the lines can tell
+        except InputError:  # more modes than the frequency points can tell
             continue
         parts += _box_parts(data, other, _why_not(other, found))
     return parts, found.omega
@@ -184,14 +184,14 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.n
 def _why_not(other: KautzSuggestion, found: KautzSuggestion) -> str:
     """Reason for leaving out other numbers of modes than those found; empty where they are worth a try."""
     if other.omega.size < found.omega.size and np.any(other.level > 1) and np.all(found.level <= 1):
-        return f"the lines contradict so few modes: bounds times {other.level.max() / 2:.3g}"
+        return f"the frequency points contradict so few modes: bounds times {other.level.max() / 2:.3g}"
     if other.undetermined.sum() > found.undetermined.sum():
-        return "the lines do not determine the poles of so many modes"
+        return "the frequency points do not determine the poles of so many modes"
     return ""
 
 
 def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_Part]:
-    """The modes with every multiplicity, each covering the box."""
+    """The modes with every multiplicity, each covering the pole-uncertainty box."""
     pairs = modes.omega.size
     if note:
         return [_Part(pairs, 1, modes, None, (), note)]

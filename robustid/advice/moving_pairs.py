@@ -76,8 +76,8 @@ class MovingPairs(Frozen):
 def units(problem: MixedProblem, poles: np.ndarray) -> np.ndarray:
     """Steps over which the samples are approximately linear in the logs of frequency and damping, (M, 2).
 
-    In frequency the distance of the pole from the nearest line on the circle, for records of N samples 1/N rad or the half-width:
-    a damping far below what the data resolve must not make the steps tiny. In damping a factor e.
+    In frequency the distance of the pole from the nearest frequency point on the circle, for records of N samples 1/N rad or the
+    half-width: a damping far below what the data resolve must not make the steps tiny. In damping a factor e.
     """
     turn, damping = np.exp(poles[:, 0]) * problem.dt, np.exp(poles[:, 1])
     half = damping * turn

@@ -79,20 +79,20 @@ def suggest_next(
     What this does not say. The guarantee is for the model that is identified anew: a model that is kept can turn out as wrong as
     today's bound says. It is for the candidate's own frequency; neighbours gain too, by an amount that depends on the outcome. And
     the largest error over all frequencies falls only to that of the worst frequency that is not measured. A guaranteed removal of 0
-    means that eps is as large as what is not known: a better sensor or more averaging pays, another line does not.
+    means that eps is as large as what is not known: a better sensor or more averaging pays, another frequency point does not.
 
     Parameters
     ----------
     identification : Identification or WorstCaseError
         A WorstCaseError brings its frequencies and its model; without `candidates` nothing is solved anew for frequencies.
     candidates : (F,) array, rad/s, optional
-        Frequencies. Default: those of the WorstCaseError; for an Identification, the middles of the widest gaps between lines (and
-        below and above them), and the frequencies of the parametric poles. Where there is a record with zero initial
-        conditions, "more time samples" is a candidate too, unless `candidates` are given: the longest record continued to twice
-        its length, its last input held, at the sample where the prediction is worst.
+        Frequencies. Default: those of the WorstCaseError; for an Identification, the middles of the widest gaps between
+        frequency points (and below and above them), and the frequencies of the parametric poles. Where there is a record with
+        zero initial conditions, "more time samples" is a candidate too, unless `candidates` are given: the longest record
+        continued to twice its length, its last input held, at the sample where the prediction is worst.
     bound : float, optional
-        eps. Default: the median bound of the lines; without lines the median of the time bounds, each divided by the largest input
-        of its record. A time sample always takes the median bound of its record.
+        eps. Default: the median bound of the frequency points; without any the median of the time bounds, each
+        divided by the largest input of its record. A time sample always takes the median bound of its record.
     count : int
         Length of the list at most.
 
@@ -148,7 +148,7 @@ def suggest_next(
 
 
 def _usual_bound(problem: MixedProblem) -> float:
-    """Median bound of the lines, or of the time samples as a gain."""
+    """Median bound of the frequency points, or of the time samples as a gain."""
     lines = [frf.bound.outer_radius[:, 0, 0] for frf in problem.frequency]
     if lines:
         return float(np.median(np.concatenate(lines)))
@@ -164,7 +164,7 @@ def _drive(record: TimeRecord) -> float:
 
 
 def _between(problem: MixedProblem) -> np.ndarray:
-    """Middles of the widest gaps, relative to their frequency, of the lines, 0 and pi/dt; and the parametric poles."""
+    """Middles of the widest gaps, relative to their frequency, of the frequency points, 0 and pi/dt; and the parametric poles."""
     top, basis = np.pi / problem.dt, problem.parametric
     integrator = basis is not None and basis.has_integrator
     lines = problem.angles / problem.dt if problem.angles.size else np.linspace(0, top, _FREQUENCIES + 1)

@@ -12,7 +12,7 @@ _log = logging.getLogger("robustid")
 
 SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth remainder
 _MOST_MODES = 12
-_MOST_LINES = 1000  # for the search; the interval of a mode uses the lines around it
+_MOST_LINES = 1000  # for the search; the interval of a mode uses the frequency points around it
 # A further mode must remove this part of the sum of squares at the start, or this part of what is left.
 _WORTH, _WORTH_LEFT = 0.003, 0.75
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
@@ -22,7 +22,7 @@ _DELAYS = range(4)  # samples
 
 @dataclasses.dataclass(frozen=True)
 class LineData:
-    """Angles of the lines, values, bounds, sample time; of several entries (F, E), a bound infinite where one was not measured."""
+    """Angles of the frequency points, values, bounds, sample time; for several entries (F, E), a bound infinite if not measured."""
 
     angle: np.ndarray
     value: np.ndarray
@@ -30,7 +30,7 @@ class LineData:
     dt: float
 
     def select(self, index: Any) -> LineData:
-        """Some of the lines."""
+        """Some of the frequency points."""
         return LineData(self.angle[index], self.value[index], self.bound[index], self.dt)
 
     @property
@@ -43,7 +43,7 @@ class LineData:
 
     @property
     def room(self) -> int:
-        """Number of modes (four numbers each) that the lines can tell from a smooth remainder, one spare equation left."""
+        """Number of modes (four numbers each) that the frequency points tell from a smooth remainder, one spare equation left."""
         return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
 
     def scaled(self, columns: np.ndarray) -> np.ndarray:
@@ -65,7 +65,7 @@ def pole_pair(angle: np.ndarray, pole: np.ndarray, power: int = 1) -> np.ndarray
 
 
 def smooth_terms(angle: np.ndarray) -> np.ndarray:
-    """1, z^-1, z^-2 at the lines, (F, 3)."""
+    """1, z^-1, z^-2 at the frequency points, (F, 3)."""
     return np.exp(-1j * angle[:, None] * np.arange(SMOOTH))
 
 
@@ -104,7 +104,7 @@ def find_poles(data: LineData, wanted: int | None) -> tuple[np.ndarray, str]:
         _log.debug("%d modes: largest |residual|/bound %.3g", len(poles), largest)
         fits = f"the largest residual of the fit is {largest:.3g} times its bound"
         if wanted is None and largest <= 1:
-            return poles, f"{_count(poles)} and a smooth remainder keep all lines within their bounds: {fits}"
+            return poles, f"{_count(poles)} and a smooth remainder keep all frequency points in bounds: {fits}"
         if len(poles) >= most:
             why = "as many as were asked for" if len(poles) == wanted else "as many as are looked for"
             return poles, f"{_count(poles)}, {why}; {fits}"
@@ -126,7 +126,7 @@ def _count(poles: np.ndarray) -> str:
 def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
     """The pole on a grid whose pair removes most of the residual."""
     lines = data.angle.size
-    # Between the lines too: the resonance of a light mode usually lies there.
+    # Between the frequency points too: the resonance of a light mode usually lies there.
     place = np.interp(np.linspace(0, lines - 1, min(8 * lines, 400)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
@@ -164,13 +164,13 @@ def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
 
 
 def among_lines(poles: np.ndarray, data: LineData) -> np.ndarray:
-    """Which poles are resonances that the lines show, not background that the fit puts outside them."""
+    """Which poles are resonances that the frequency points show, not background that the fit puts outside them."""
     turn, zeta = np.exp(poles).T
     return (turn > data.angle[0]) & (turn < data.angle[-1]) & (zeta < 0.99 * DAMPING[1])
 
 
 def nearest(angle: np.ndarray, centre: float, reach: float, fewest: int) -> np.ndarray:
-    """Indices of the lines within `reach` of `centre`, and of the nearest ones up to `fewest`."""
+    """Indices of the frequency points within `reach` of `centre`, and of the nearest ones up to `fewest`."""
     distance = np.abs(angle - centre)
     count = max(fewest, int(np.sum(distance <= reach)))
     return np.sort(np.argsort(distance, kind="stable")[:count])

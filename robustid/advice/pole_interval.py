@@ -1,4 +1,4 @@
-"""The poles that measured lines leave: a local minimax fit, and how far it allows a pole to move."""
+"""Poles that measured frequency points leave: a local minimax fit, and how far it allows a pole to move."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest, pole_pair, ratios, smooth_terms
 
 _RAYS = 16
-_LOCAL = (12, 60)  # fewest and most lines of the local fit
+_LOCAL = (12, 60)  # fewest and most frequency points of the local fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +41,7 @@ class _Local:
 
 
 def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, tuple[float, float]]:
-    """The lines around one mode, without the modes far away; and the range of angles that they span."""
+    """The frequency points around one mode, without the modes far away; and the range of angles that they span."""
     turn, zeta = np.exp(poles[which])
     near = nearest(data.angle, turn, 5 * zeta * turn, _LOCAL[0])
     span = (float(data.angle[near[0]]), float(data.angle[near[-1]]))
@@ -49,7 +49,7 @@ def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, t
     others = [i for i in range(len(poles)) if i != which]
     width = span[1] - span[0]
     close = [i for i in others if span[0] - width / 2 <= np.exp(poles[i, 0]) <= span[1] + width / 2]
-    # Equations less unknowns: near modes are dropped to single pairs where the lines are too few for double ones.
+    # Equations less unknowns: near modes are dropped to single pairs where the frequency points are too few for double ones.
     power = 2 if 2 * near.size > 4 + 4 * len(close) + SMOOTH else 1
     columns = design(data, poles)
     norms = np.linalg.norm(columns, axis=0)
@@ -65,7 +65,7 @@ def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, t
 
 
 def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.ndarray, float, bool]:
-    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the box was reached."""
+    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the end of the search was reached."""
     fits = [_local_fit(one, poles, which) for one in data.each]
     local, span = [local for local, _ in fits], fits[0][1]
     centre = poles[which]
@@ -88,7 +88,7 @@ def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.nda
 def _reach(
     fits: list[_Local], centre: np.ndarray, ray: np.ndarray, level: float, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """The last pole along a ray, inside the box, that isn't refuted; rounded outwards."""
+    """The last pole along a ray, inside the range of the search, that isn't refuted; rounded outwards."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(ray > 0, (high - centre) / ray, np.where(ray < 0, (low - centre) / ray, np.inf))
     end = float(np.min(room))

@@ -64,7 +64,8 @@ class KautzImprovement(Frozen):
         Derivative of the margin to the log of frequency and of damping, from the multipliers of its certificate: what an error of
         a pole costs. Where the margin has a kink, that of one side or between the two.
     box : KautzSuggestion or None
-        The intervals that the lines leave to the moved poles; None where no pole was moved, or there are too few lines.
+        The intervals that the frequency points leave to the moved poles; None where no pole was moved, or there are too few
+        frequency points.
     trials : tuple of PoleTrial
         All, in their order.
     reason : str
@@ -155,8 +156,8 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     ``ds/dtheta_i = -Re <l, dP/dtheta_i p>``, with the multipliers l of the certificate. Every margin is proved from both sides.
     It ends at a local minimum: poles that are off by a tenth may need a better start.
 
-    Poles that were fitted to the data at hand are not prior knowledge. The data leave them a `box`, often much wider than the
-    steps made here, and a guarantee must cover it (`worst_case_over_poles`).
+    Poles that were fitted to the data at hand are not prior knowledge. The data leave them a pole-uncertainty box, `box`, often
+    much wider than the steps made here, and a guarantee must cover it (`worst_case_over_poles`).
 
     Source: trust region for minimax problems, `madsen1975`; class of `inanc2001`.
 
@@ -323,12 +324,12 @@ def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str
         " must cover all poles that the data leave (worst_case_over_poles)"
     )
     if box is None:
-        return said + "; the frequency lines are too few to say which, so take intervals from elsewhere"
-    return f"{said}. By a local fit of the lines these are:\n{box.summary()}"
+        return said + "; the frequency points are too few to say which, so take intervals from elsewhere"
+    return f"{said}. By a local fit of the frequency points these are:\n{box.summary()}"
 
 
 def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzSuggestion | None:
-    """Pole-uncertainty box that the frequency lines leave, in the order of the pairs."""
+    """Pole-uncertainty box that the frequency points leave, in the order of the pairs."""
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines:
         return None
@@ -347,5 +348,5 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzS
         undetermined=np.array(reached) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
         basis=problem.parametric,
         delay=pairs.pairs[0].delay,
-        reason="the intervals of poles with which a local fit keeps all lines within their bounds",
+        reason="the intervals of poles with which a local fit keeps all frequency points within their bounds",
     )

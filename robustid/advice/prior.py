@@ -85,7 +85,7 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     """Recommend gain bound and decay rate: twice the smallest K that the data allow, at the knee of K against rho.
 
     The smallest K grows with rho, while ``|dG/dz| <= K rho/(rho^2 - 1)`` on the unit circle (Schwarz-Pick) bounds how much G can
-    change between the lines. The knee is the rho with the smallest such slope: below it the decay is given away, beyond
+    change between the frequency points. The knee is the rho with the smallest such slope: below it the decay is given away, beyond
     it K grows faster than the decay pays.
 
     Parameters
@@ -93,9 +93,9 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     problem : MixedProblem
         Measurements and parametric part. Its prior is a placeholder: neither K nor rho of it are used.
     decay_rates : (R,) array, optional
-        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the lines in rad (or
-        one over the number of time samples) over three, to half the highest line in rad, 0.3 at the most: a non-parametric part
-        that decays faster than that is next to a constant, a stronger assumption than a default should make.
+        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the frequency points in rad
+        (or one over the number of time samples) over three, to half the highest frequency point in rad, 0.3 at the most: a
+        non-parametric part that decays faster than that is next to a constant, a stronger assumption than a default should make.
     criterion : {"slope", "error"}
         What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band relative
         to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case
@@ -273,7 +273,7 @@ def _recommend(
         ceiling = _CEILINGS[-1] * largest
         return None, (
             f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
-            " each other (repeated lines, overlapping records) or the parametric part"
+            " each other (repeated frequency points, overlapping records) or the parametric part"
             + (" is wrong" if problem.parameter_bounds is None else " or an interval of its coefficients is wrong")
             + "; check them, or widen the bounds"
         )

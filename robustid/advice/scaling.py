@@ -18,8 +18,8 @@ def suggest_scaling(data: Any, *, by: str = "signals") -> np.ndarray:
 
     .. math:: S_{ij} = s_i / t_j, \quad \min_{s, t} \sum_{ij} (\log m_{ij} - \log s_i + \log t_j)^2
 
-    with m_ij the median of the response of entry (i, j) over the lines that have it. The gain bound K of a prior with this
-    scaling is without unit: 1 is as large as the response itself.
+    with m_ij the median of the response of entry (i, j) over the frequency points that have it. The gain bound K of a prior with
+    this scaling is without unit: 1 is as large as the response itself.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def _sizes(items: list[Any]) -> np.ndarray:
         if not measured.all():
             place = tuple(int(k) for k in np.argwhere(~measured)[0])
             raise InputError(
-                f"`data`: entry {place} of the matrix is not measured at any line; give the scaling by hand"
+                f"`data`: entry {place} of the matrix is not measured at any frequency point; give the scaling by hand"
             )
         sizes = np.nanmedian(values, axis=0)
     elif records:

@@ -1,4 +1,4 @@
-"""sensitivity(): the guaranteed error under other assumptions and with fewer lines."""
+"""sensitivity(): the guaranteed error under other assumptions and with fewer frequency points."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ class Sensitivity(Frozen):
 
 
 def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
-    """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer lines.
+    """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer frequency points.
 
     Parameters
     ----------
     problem : MixedProblem
     omega : (F,) array, rad/s, optional
-        Where the error is evaluated; default 7 frequencies over the range of the lines.
+        Where the error is evaluated; default 7 frequencies over the range of the frequency points.
 
     Returns
     -------
@@ -159,14 +159,14 @@ def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]
         if problem.frequency and min(f.omega.size for f in problem.frequency) >= 4 * step:
             thinned = tuple(f.select(slice(0, None, step)) for f in problem.frequency)
             yield (
-                f"every {'second' if step == 2 else 'fourth'} line",
+                f"every {'second' if step == 2 else 'fourth'} frequency point",
                 "lines",
                 dataclasses.replace(problem, frequency=thinned),
             )
 
 
 def default_points(problem: MixedProblem) -> np.ndarray:
-    """Frequencies over the range of the lines, in rad/s."""
+    """Frequencies over the range of the frequency points, in rad/s."""
     top = np.pi / problem.dt
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 100, top / 2)

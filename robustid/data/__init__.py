@@ -1,4 +1,4 @@
-"""What was measured: records and responses with bounds on their errors; files, data sets, estimation."""
+"""Measurements: records and responses with bounds on their errors; files, data sets, estimation."""
 
 from robustid.core import save
 from robustid.data.bound import Bound

@@ -95,7 +95,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         )
 
     def _check_joint(self) -> None:
-        """What belongs together."""
+        """Refuse joint bounds whose parts do not belong together."""
         joint, there = self.joint, self.ellipsoid is not None
         if joint not in JOINT:
             raise InputError(f"`joint` must be one of {JOINT}; got {joint!r}")
@@ -124,7 +124,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         return (value if isinstance(value, cls) else cls(value)).fitted(shape, axis)
 
     def fitted(self, shape: tuple[int, ...], axis: str = "F") -> Self:
-        """The same bound with arrays of the shape of the values that it bounds."""
+        """Return the bound with arrays of the shape of the values that it bounds."""
         if axis != "F" and (self.tilt is not None or self.joint != "entry"):
             raise InputError(
                 "`bound` of a record is an interval for every sample; leave out `tilt`, `joint` and `ellipsoid`"
@@ -254,7 +254,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         )
 
     def entries(self, *index: Any) -> Self:
-        """What the bound leaves to some entries, each alone: indices of the axes after the first, which keep them."""
+        """Bound that is left to some entries, each alone: indices of the axes after the first, which keep them."""
         place = (slice(None), *index)
         tilt = None if self.tilt is None else self.tilt[place]
         return self._with(radius=self.radius[place], tilt=tilt, joint="entry", ellipsoid=None)
@@ -291,7 +291,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
 
     @property
     def shape_words(self) -> str:
-        """What errors share, as a sentence; empty where each entry has a bound of its own."""
+        """Sentence that says which errors share a bound; empty where each entry has a bound of its own."""
         return {
             "entry": "",
             "column": "The entries of a column share one bound: the errors of all outputs to one input, each divided by its"
@@ -326,7 +326,7 @@ def _broadcast(radius: NDArray[np.float64], shape: tuple[int, ...], axis: str) -
 def _projection(
     ellipsoid: NDArray[np.complex128], radius: Any, shape: tuple[int, ...], axis: str
 ) -> NDArray[np.float64]:
-    """What an ellipsoid leaves to every entry alone; a radius that was given must be the same."""
+    """Radius that an ellipsoid leaves to every entry alone; a radius that was given must be the same."""
     points, ny, nu = shape
     projection = np.sqrt(np.einsum("fii->fi", ellipsoid).real).reshape(points, nu, ny).transpose(0, 2, 1)
     if radius is None:

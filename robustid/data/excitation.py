@@ -1,4 +1,4 @@
-"""What to play next: multisines with chosen lines and small crest factor, orthogonal over the inputs."""
+"""Excitations to play: multisines with chosen spectral lines and small crest factor, orthogonal over the inputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Excitation(Frozen, Savable):
     dt : float
         Sample time in s.
     lines : (F,) array of int
-        Excited DFT lines k, at ``k/(N*dt)`` Hz: what `estimate_frf` takes as its `lines`.
+        Excited spectral lines k of the DFT, at ``k/(N*dt)`` Hz: what `estimate_frf` takes as its `lines`.
     periods : int
         How often `signal` and the saved file repeat the period.
     seed : int
@@ -35,7 +35,7 @@ class Excitation(Frozen, Savable):
     --------
     >>> from robustid.data import multisine
     >>> multisine(band_hz=(1, 50), period=1000, dt=0.001, inputs=2)
-    <Excitation: 2 experiments, 2 inputs, 50 lines from 1 to 50 Hz, 1 x 1000 samples, dt=0.001 s>
+    <Excitation: 2 experiments, 2 inputs, 50 spectral lines from 1 to 50 Hz, 1 x 1000 samples, dt=0.001 s>
     """
 
     u: np.ndarray
@@ -62,7 +62,7 @@ class Excitation(Frozen, Savable):
 
     def __repr__(self) -> str:
         experiments, period, inputs = self.u.shape
-        band = f"{self.lines.size} lines from {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
+        band = f"{self.lines.size} spectral lines from {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
         return (
             f"<Excitation: {experiments} experiments, {inputs} inputs, {band}, {self.periods} x {period} samples,"
             f" dt={self.dt:.6g} s>"
@@ -89,7 +89,7 @@ class Excitation(Frozen, Savable):
         return np.abs(self.u).max(axis=1) / self.rms
 
     def signal(self, experiment: int) -> np.ndarray:
-        """What to play in one experiment: (periods*period, nu)."""
+        """Input signals of one experiment: (periods*period, nu)."""
         if not 0 <= as_count("experiment", experiment) < len(self.u):
             raise InputError(f"`experiment` must be from 0 to {len(self.u) - 1}; got {experiment}")
         return np.tile(self.u[experiment], (self.periods, 1))
@@ -112,7 +112,7 @@ def multisine(
     minimise_crest: bool = True,
     seed: int = 0,
 ) -> Excitation:
-    """Design random-phase multisines: chosen lines only, small crest factor, orthogonal over the inputs.
+    """Design random-phase multisines: chosen spectral lines only, small crest factor, orthogonal over the inputs.
 
     ``u_i(n) = sum_k A_ik cos(2 pi k n/period + phi_ik + theta_ie)`` in experiment e = 1..nu, with random phases phi and
     ``exp(j theta)`` a Hadamard matrix (nu = 1, 2, 4, 8, ...) or the DFT matrix: at every line the nu x nu matrix of
@@ -121,15 +121,15 @@ def multisine(
     Parameters
     ----------
     period : int
-        Samples of one period; the lines are 1/(period*dt) Hz apart.
+        Samples of one period; the spectral lines are 1/(period*dt) Hz apart.
     dt : float
         Sample time in s.
     band_hz : (low, high), optional
         Lines between these frequencies in Hz, edges included. This or `lines`.
     lines : sequence of int, optional
-        DFT lines, ascending, between 0 and period/2, both excluded.
+        Spectral lines of the DFT, ascending, between 0 and period/2, both excluded.
     spacing : {"all", "odd", "random-odd", "log"}
-        Of the lines in the band: all; the odd ones, so that even nonlinear distortion falls between them; the odd ones
+        Spectral lines in the band: all; the odd ones, so that even nonlinear distortion falls between them; the odd ones
         with one in every four left out at random, where odd distortion shows; or the nearest to equal spacing on a
         logarithmic axis.
     lines_per_decade : int
@@ -147,9 +147,9 @@ def multisine(
     rms : float or (nu,) array, optional
         Root mean square of every input, in place of `amplitude`.
     minimise_crest : bool
-        False keeps the phases purely random (nearly Gaussian signals, crest factors of 3 to 4).
+        False keeps the phases purely random (almost Gaussian signals, crest factors of 3 to 4).
     seed : int
-        Of the phases and of the lines left out. More realisations with the same seed keep the first ones, up to scale.
+        Seed of the phases and of the lines left out. More realisations with the same seed keep the first ones, up to scale.
 
     Returns
     -------
@@ -226,11 +226,11 @@ def _spectrum(spectrum: Any | Callable[[np.ndarray], Any], freq_hz: np.ndarray, 
     values = as_array("spectrum", spectrum(freq_hz) if callable(spectrum) else spectrum)
     if values.shape not in ((freq_hz.size,), (freq_hz.size, nu)):
         raise InputError(
-            f"`spectrum` must have shape (F,) or (F, inputs) with F = {freq_hz.size} lines; got {values.shape}"
+            f"`spectrum` must have shape (F,) or (F, inputs) with F = {freq_hz.size} spectral lines; got {values.shape}"
         )
     if np.any(values <= 0):
         raise InputError(
-            f"`spectrum` must be positive; got {values.min():g}. Leave lines without excitation out of `lines`"
+            f"`spectrum` must be positive; got {values.min():g}. Leave spectral lines without excitation out of `lines`"
         )
     values = values.reshape(freq_hz.size, -1)
     return np.broadcast_to(values / values.max(axis=0), (freq_hz.size, nu))

@@ -77,7 +77,7 @@ class FrequencyPoints(Frozen, Savable):
         return self.bound.ratio(error)
 
     def with_bound(self, bound: Any, note: str = "") -> Self:
-        """The same samples with a `Bound`, or a radius of your own for every value, of the same tilt, in the place of any other.
+        """Return the samples with a `Bound`, or a radius of your own for every value, of the same tilt, in the place of any other.
 
         What was not measured stays so.
         """

@@ -172,7 +172,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return self._with(values=self.values * turn, bound=None if self.bound is None else self.bound.turned(turn))
 
     def tangential(self, *, right: Any = None, left: Any = None, bound: Any = None) -> TangentialResponse:
-        """What sensors `left` see when inputs move in directions `right`: ``left @ values @ right``.
+        """Responses that sensors `left` see when inputs move in directions `right`: ``left @ values @ right``.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return made if bound is None else made.with_bound(bound)
 
     def with_column_bound(self, radius: Any, note: str = "") -> FrequencyResponse:
-        """The same samples, the errors of each column together in a ball: ``||e[:, j]||_2 <= radius[j]``.
+        """Return the samples, the errors of each column together in a ball: ``||e[:, j]||_2 <= radius[j]``.
 
         One experiment with one input leaves such errors on all outputs. For other weights than equal ones use `with_bound` and a
         `Bound` with ``joint="column"``. Missing entries stay missing; they are left out of the norm.
@@ -244,7 +244,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return self.with_bound(Bound(np.broadcast_to(each, self.values.shape), joint="column"), note)
 
     def with_ellipsoid(self, deviations: float, covariance: Any = None, note: str = "") -> FrequencyResponse:
-        """The same samples, all errors of a frequency point together in ``vec(e)^H C^-1 vec(e) <= deviations^2``.
+        """Return the samples, all errors of a frequency point together in ``vec(e)^H C^-1 vec(e) <= deviations^2``.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return self.with_bound(bound, note or self.note)
 
     def with_ellipses(self, covariance: Any, deviations: float, note: str = "") -> FrequencyResponse:
-        """The same samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
+        """Return the samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
 
         Parameters
         ----------
@@ -316,7 +316,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return self.with_bound(Bound(radius, tilt=tilt, kind="confidence"), note or self.note)
 
     def with_joint_bound(self, probability: float = 0.95) -> FrequencyResponse:
-        """The same samples with the confidence bound that holds for all points and entries at once with this probability.
+        """Return the samples with the confidence bound that holds for all points and entries at once with this probability.
 
         From `covariance` and its `dof` (normal errors of known covariance where that is None), see `estimate_frf`.
 

@@ -28,7 +28,7 @@ def chosen_lines(
     if spacing not in SPACINGS:
         raise InputError(f"`spacing` must be one of {', '.join(SPACINGS)}; got {spacing!r}")
     if (band_hz is None) == (lines is None):
-        raise InputError("`band_hz` and `lines` both say which lines are excited; give one of them")
+        raise InputError("`band_hz` and `lines` both say which spectral lines are excited; give one of them")
     if lines is not None:
         if spacing != "all":
             raise InputError(f"`spacing` = {spacing!r} chooses lines in a band; give `band_hz`, or leave `spacing` out")

@@ -44,7 +44,7 @@ def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = Non
     ----------
     record : TimeRecord
         In periodic steady state: the mean of input, output and reference over the record (whole periods) is removed, which
-        touches line 0 only. From zero initial conditions: what is fitted to the output before `until`, while the input is
+        touches spectral line 0 only. From zero initial conditions: what is fitted to the output before `until`, while the input is
         still zero, is removed from the whole output. From an unknown state (and without a bound): a fit to all samples of
         every signal.
     kind : {"mean", "linear"}
@@ -124,7 +124,7 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
 
     Notes
     -----
-    Meant for `estimate_frf`: the response at a line is that of the fast record, G(exp(j omega dt)). As time data of an
+    Meant for `estimate_frf`: the response at a frequency point is that of the fast record, G(exp(j omega dt)). As time data of an
     identification a decimated record is approximate, since the filtered input is no staircase between its samples.
     A Kaiser window gives 80 dB: what aliases is below 1e-4 of what was filtered out.
 
@@ -175,7 +175,7 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
 
 
 def record_problems(record: TimeRecord) -> tuple[str, ...]:
-    """What is wrong with a record, one sentence each: constant channels, outputs that stay at their extreme value.
+    """Faults of a record, one sentence each: constant signals, outputs that stay at their extreme value.
 
     Examples
     --------

@@ -65,7 +65,7 @@ def flexible_structure(
     Parameters
     ----------
     seed : int
-        Of the measurement errors. The same seed gives the same errors of step and lines, whatever `extra_hz`.
+        Of the measurement errors. The same seed gives the same errors of step and frequency points, whatever `extra_hz`.
     lines : int
         Number of frequencies, equally spaced from 1 to 21 Hz (11: every 2 Hz).
     samples : int

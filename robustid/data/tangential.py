@@ -154,7 +154,7 @@ def as_right(value: Any, points: int, inputs: int | None) -> np.ndarray:
 
 
 def as_left(value: Any, points: int, outputs: int | None) -> np.ndarray:
-    """What is seen of the outputs, (F, l, ny), checked; the identity of that size where nothing is given."""
+    """Combinations of the outputs that are seen, (F, l, ny), checked; the identity of that size where nothing is given."""
     array = np.eye(outputs or 1, dtype=complex) if value is None else as_array("left", value, dtype=complex)
     array = array[None, :] if array.ndim == 1 else array
     _check("left", array, "(ny,), (l, ny) or (F, l, ny)", points, outputs, 2)

@@ -260,7 +260,7 @@ class TimeRecord(Frozen, Savable):
         return dataclasses.replace(late, u=early.u, reference=early.reference)
 
     def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
-        """The same samples with a `Bound`, or a half-width of your own, in the place of any other."""
+        """Return the samples with a `Bound`, or a half-width of your own, in the place of any other."""
         return dataclasses.replace(self, bound=bound, note=note)
 
 

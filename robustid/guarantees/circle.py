@@ -31,7 +31,7 @@ class CircleBound(Frozen):
     Attributes
     ----------
     edges : (C+1,) array, rad/s
-        From 0, or from the first line where the plant has an integrator, to pi/dt.
+        From 0, or from the first frequency point where the plant has an integrator, to pi/dt.
     bound : (C,) array
     lower : float
         Error of a consistent system at one of the edges, attained.
@@ -88,7 +88,7 @@ class ModelError:
     model : control.StateSpace
     parameters : ParameterIntervals
     lowest : float, rad/s
-        Where the circle begins if the plant has an integrator and there are no lines.
+        Where the circle begins if the plant has an integrator and there are no frequency points.
     """
 
     identification: Identification
@@ -103,7 +103,7 @@ class ModelError:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Ends of the circle, rad/s: from 0, or from the first line where the plant has an integrator."""
+        """Ends of the circle, rad/s: from 0, or from the first frequency point where the plant has an integrator."""
         problem = self.identification.problem
         top, basis = np.pi / problem.dt, problem.parametric
         if basis is None or not basis.has_integrator:

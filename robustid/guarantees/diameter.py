@@ -44,7 +44,7 @@ class Diameter(Frozen):
 
     @property
     def largest(self) -> float:
-        """Guaranteed bound over the whole circle (|omega| >= the first line where there is an integrator); it may take minutes."""
+        """Guaranteed bound over the circle (with an integrator: |omega| >= the first frequency point); it may take minutes."""
         return 2 * self.error.hinf
 
     def verify(self) -> bool:

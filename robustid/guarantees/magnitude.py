@@ -15,7 +15,7 @@ import numpy as np
 _REACH = np.log(1e6)
 _STEPS = 40
 _CLOSE = 4e-3  # in log |W|^2: bisection ends here
-# Below the first line the weight has no bound to follow; it stays within this factor of the first one.
+# Below the first frequency point the weight has no bound to follow; it stays within this factor of the first one.
 _FREE = 100.0
 _ZERO = 1e-9  # what a linear program calls zero
 _POINTS = 240

@@ -37,7 +37,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     model : control.StateSpace
     omega : (F,) array, rad/s
     upper : (F, 1, 1) array
-        Proved bound of |F - model|; inf where the box is too wide for a bound.
+        Proved bound of |F - model|; inf where the pole-uncertainty box is too wide for a bound.
     magnitude : (F, 2) array
         Proved range of |F|.
     box : PoleCell
@@ -118,7 +118,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     @property
     def next_line(self) -> float:
-        """Frequency with the largest bound, rad/s: a line there shrinks it most."""
+        """Frequency with the largest bound, rad/s: a frequency point there shrinks it most."""
         return float(self.omega[int(np.argmax(self.upper[:, 0, 0]))])
 
     @property
@@ -190,7 +190,7 @@ def worst_case_over_poles(
     Parameters
     ----------
     identification : Identification
-        Of a problem whose parametric part is one `kautz` pair per mode, poles in the box.
+        Of a problem whose parametric part is one `kautz` pair per mode, poles in the pole-uncertainty box.
     omega_interval, damping_interval : (M, 2) arrays
         Ends per mode, rad/s and 1; `KautzSuggestion.omega_interval` and `.damping_interval`.
     delay : int, samples
@@ -210,7 +210,7 @@ def worst_case_over_poles(
         Intervals that are empty, not of the number of modes or do not hold the poles of the identification, pairs of another delay,
         time records with other than zero initial conditions.
     InconsistentDataError
-        No system with poles in the box fits the data: all cells are refuted.
+        No system with poles in the pole-uncertainty box fits the data: all cells are refuted.
 
     Notes
     -----
@@ -258,7 +258,7 @@ def worst_case_over_poles(
 
 
 def default_frequencies(problem: MixedProblem, whole: PoleCell) -> np.ndarray:
-    """Over the range of the lines, and at the modes."""
+    """Over the range of the frequency points, and at the modes."""
     top = np.pi / problem.dt
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)

@@ -18,7 +18,8 @@ from robustid.identification import Identification, MixedProblem
 
 AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 _REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
-_DISTANT = 3.0  # lines whose bound would grow by more than this factor are left out: they say next to nothing
+# Frequency points whose bound would grow by more than this factor are left out: they say next to nothing.
+_DISTANT = 3.0
 _ROUNDING = 1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4
 _WIDER = 1 + 1e-9  # the same for products
 
@@ -186,7 +187,7 @@ def _covered(whole: np.ndarray, parts: list[np.ndarray]) -> bool:
 
 
 def box_of(identification: Identification, omega: Any, damping: Any, delay: int) -> PoleCell:
-    """The box as one cell, with the amplitudes that are assumed: those of the model times `AMPLITUDE`.
+    """Pole-uncertainty box as one cell, with the amplitudes that are assumed: those of the model times `AMPLITUDE`.
 
     Raises
     ------
@@ -201,8 +202,8 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
         if record.initial != "rest":
             raise InputError(
                 f'`identification` has a time record with initial="{record.initial}": what poles in a pole-uncertainty'
-                " box do to its initial state is not bounded here; use lines (`estimate_frf`) or a record with zero initial"
-                " conditions"
+                " box do to its initial state is not bounded here; use a frequency response (`estimate_frf`) or a record"
+                " with zero initial conditions"
             )
     logs = np.log(poles) / problem.dt
     for name, ends, own in (
@@ -214,7 +215,8 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
             mode = int(np.argmax(outside))
             raise InputError(
                 f"`{name}` must hold the poles of `identification`, in their order: their amplitudes set those that are allowed"
-                f" in the box. Mode {mode + 1} has {own[mode]:.9g}, got {ends[mode].tolist()}. Identify with poles in the box first"
+                f" in the pole-uncertainty box. Mode {mode + 1} has {own[mode]:.9g}, got {ends[mode].tolist()}. Identify"
+                " with poles in it first"
             )
     weights = identification.parameters.reshape(poles.size, 2)
     impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
@@ -230,7 +232,9 @@ def _modes(identification: Identification, delay: int) -> np.ndarray:
     problem = identification.problem
     basis = problem.parametric
     if basis is None:
-        raise InputError("`identification` has no parametric part, hence no poles that could lie in a box")
+        raise InputError(
+            "`identification` has no parametric part, hence no poles that could lie in a pole-uncertainty box"
+        )
     poles = basis.poles[np.imag(basis.poles) > 0]
     logs = np.log(poles)
     if 2 * poles.size == basis.size and poles.size:
@@ -260,7 +264,7 @@ def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[np.ndar
 
 
 def line_tilt(frf: FrequencyResponse) -> np.ndarray:
-    """|kappa| of every line: an ellipse's rows are weighted by up to 1 + |kappa|."""
+    """|kappa| of every frequency point: an ellipse's rows are weighted by up to 1 + |kappa|."""
     return np.zeros(frf.omega.size) if frf.bound.tilt is None else np.abs(frf.bound.tilt[:, 0, 0])
 
 

@@ -183,8 +183,8 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     InconsistentDataError
         The old data fit no system of the class already.
     InputError, InputTypeError
-        Other objects, no bounds, another dt, MIMO data, other units, a record with other than zero initial conditions, a line
-        on an integrator.
+        Other objects, no bounds, another dt, MIMO data, other units, a record with other than zero initial conditions, a
+        frequency point on an integrator.
 
     Notes
     -----
@@ -230,7 +230,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Place:
-    """One new sample y, and the value at it as a functional of the set: x, p weigh the coefficients, complex for lines."""
+    """One new sample y, and the value at it as a functional of the set: x, p weigh the coefficients, complex in frequency."""
 
     number: int
     y: complex
@@ -365,7 +365,7 @@ def _check(item: Any, problem: MixedProblem) -> None:
         hint = (
             "identify with the old and the new data together"
             if item.initial == "free"
-            else "use `estimate_frf` and its lines"
+            else "use `estimate_frf` and its frequency response"
         )
         raise InputError(
             f"`new_data` must have zero initial conditions; got a record with initial={item.initial!r}: {hint}"
@@ -373,5 +373,5 @@ def _check(item: Any, problem: MixedProblem) -> None:
     basis = problem.parametric
     if isinstance(item, FrequencyResponse) and basis is not None and basis.has_integrator and item.omega[0] == 0:
         raise InputError(
-            "`new_data` has a line at omega = 0, where the integrator of the parametric part is infinite; leave it out"
+            "`new_data` has a frequency point at omega = 0, where the integrator of the parametric part is infinite; leave it out"
         )

@@ -1,4 +1,4 @@
-"""Numbers and text of worst-case errors, at fixed poles and over a box, with all that their proofs need; and the way back."""
+"""Worst-case errors, at fixed poles and over a pole-uncertainty box, as numbers and text with all that their proofs need."""
 
 from __future__ import annotations
 
@@ -115,10 +115,10 @@ def _pack_ends(cell: PoleCell) -> Arrays:
 
 
 def _cell(box: PoleCell, arrays: Arrays) -> PoleCell:
-    """A part of the box: amplitudes and delay are those of the whole."""
+    """Part of the pole-uncertainty box: amplitudes and delay are those of the whole."""
     cell = dataclasses.replace(box, omega=arrays["omega"], damping=arrays["damping"])
     if {cell.omega.shape, cell.damping.shape} != {box.omega.shape}:
-        raise ValueError("its cells have not the modes of the box")
+        raise ValueError("its cells have not the modes of the pole-uncertainty box")
     return cell
 
 

@@ -150,7 +150,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @property
     def hinf(self) -> float:
-        """Guaranteed bound of the H-infinity norm of F - model (over |omega| >= the first line where there is an integrator)."""
+        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point)."""
         return self.circle.largest
 
     @property

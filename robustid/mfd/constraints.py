@@ -108,7 +108,7 @@ class Zero(Frozen):
         return problem.with_conditions(Condition(self.point / problem.scale, ((left, np.eye(nu)),)))
 
     def transposed(self) -> Zero:
-        """The same; the direction changes its side."""
+        """Return the constraint itself; the direction changes its side."""
         return self
 
 
@@ -138,7 +138,7 @@ class RollOff(Frozen):
         return dataclasses.replace(problem, roll_off=self.degree)
 
     def transposed(self) -> RollOff:
-        """The same."""
+        """Return the constraint itself."""
         return self
 
 

@@ -24,7 +24,7 @@ def test_larger_classes_and_fewer_lines_have_wider_bands():
     assert rows["gain bound x 0.5"].median < stated.median < rows["gain bound x 2"].median
     slower, faster = (row for name, row in rows.items() if name.startswith("decay rate"))
     assert slower.median > stated.median > faster.median
-    assert rows["every second line"].worst >= stated.worst
+    assert rows["every second frequency point"].worst >= stated.worst
     assert "as stated" in found.summary()
     abscissa, median = found.curve("gain")
     np.testing.assert_allclose(abscissa, [0.1, 0.2, 0.4])

@@ -112,7 +112,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run):
     forge(files / "bounds-poles", lambda a: {"box/damping": a["box/damping"] * [0.99, 1.01]})
     code, out, _ = run("verify", "bounds-poles.json")
     assert code == 1
-    assert "FAILED     cells of poles: they leave out a part of the box" in out
+    assert "FAILED     cells of poles: they leave out a part of the pole-uncertainty box" in out
 
 
 def test_consistency_and_refutation_are_verified(files, run):

@@ -150,7 +150,7 @@ def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
             rid.InputError,
             "too few for a delay and 3 poles",
         ),
-        (rid.FrequencyResponse([1.0, 2.0], [0.0, 0.0]), {}, rid.InputError, "`frf` is zero at every line"),
+        (rid.FrequencyResponse([1.0, 2.0], [0.0, 0.0]), {}, rid.InputError, "`frf` is zero at every frequency point"),
         (
             rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
             {"longest": 7.0},

@@ -356,7 +356,7 @@ def test_other_arrays_are_refused(tmp_path):
         (
             {"spectrum": [1, 2]},
             InputError,
-            r"`spectrum` must have shape \(F,\) or \(F, inputs\) with F = 31 lines; got \(2,\)",
+            r"`spectrum` must have shape \(F,\) or \(F, inputs\) with F = 31 spectral lines; got \(2,\)",
         ),
         ({"spectrum": np.zeros(31)}, InputError, "`spectrum` must be positive; got 0"),
         ({"spectrum": lambda hz: hz * np.nan}, InputError, "`spectrum` must be finite"),

@@ -189,7 +189,7 @@ def test_bounds_from_rest_refuses(rest, options, error, sentence):
     [
         (at_rest(NOISE[:60]), FRF, periodic(U, U), PERIOD, "has 60 samples, fewer than one period of 64"),
         (at_rest(NOISE), FRF, periodic(U, U), 50, "`period` = 50 must divide the 128 samples"),
-        (at_rest(NOISE), FRF, periodic(U, U), 32, "lines between the DFT lines of `period` = 32"),
+        (at_rest(NOISE), FRF, periodic(U, U), 32, "frequency points between the spectral lines of `period` = 32"),
         (at_rest(NOISE), FRF, rid.TimeRecord(U, U, dt=0.02), PERIOD, "dt = 0.02 s, the noise-floor record 0.01 s"),
         (
             at_rest(NOISE[:, None] * [1, 1]),

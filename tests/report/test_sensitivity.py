@@ -22,7 +22,7 @@ def table(margin: float = 1.3) -> Sensitivity:
         Variation("gain bound x 0.5", "gain", 0.5, 1.1, 8, 1.7, nan, nan),
         Variation("gain bound x 2", "gain", 2.0, 1.1, 8, 0.4, 0.03, 0.08),
         Variation("decay rate 1.05 (was 1.1)", "decay", 1.0, 1.05, 8, nan, nan, nan),
-        Variation("every second line", "lines", 1.0, 1.1, 4, 0.3, 0.05, 0.1),
+        Variation("every second frequency point", "lines", 1.0, 1.1, 4, 0.3, 0.05, 0.1),
     ]
     return Sensitivity(np.array([10.0, 20.0]), tuple(rows))
 
@@ -49,7 +49,8 @@ def test_page_names_what_moves_most_and_what_is_refuted(simple: rid.Identificati
     found = table(simple.margin)
     page = Page(render_report(simple, sensitivity=found))
     wanted = [
-        "moves most with the number of frequency points: with every second line the median half-width is 5 % of the response"
+        "moves most with the number of frequency points: with every second frequency point the"
+        " median half-width is 5 % of the response"
         " instead of 2 %",
         "at 2 frequencies from 1.592 to 3.183 Hz",
         "1.7: refuted",

@@ -18,8 +18,8 @@ from robustid.errors import InputError
 
 _WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
 _GIVEN = (
-    "poles      --poles covers the box around poles that the frequency response suggests; these poles were given otherwise:"
-    " call worst_case_over_poles with the intervals that you know"
+    "poles      --poles covers the pole-uncertainty box around poles that the frequency response suggests; these poles"
+    " were given otherwise: call worst_case_over_poles with the intervals that you know"
 )
 _BOXES = "bounding the error over the pole-uncertainty box"
 _BOUNDING, _BETWEEN = "bounding the error at every frequency", "bounding the error between the frequencies"
@@ -122,7 +122,7 @@ def _certified(console: Any, result: Any) -> bool:
 
 
 def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
-    """The band that covers the box which the data leave to the poles that they suggest; None for other poles."""
+    """The band that covers the pole-uncertainty box which the data leave to the poles that they suggest; None for other poles."""
     from robustid.advice import suggest_kautz
     from robustid.guarantees import worst_case_over_poles
 

@@ -72,7 +72,7 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def words_of(command: Callable[..., None], **others: str) -> dict[str, str]:
-    """What stands in sentences for Python's arguments: the options of a command, and others in words."""
+    """Words that stand in sentences for Python's arguments: the options of a command, and others in words."""
     own = {name: f"--{name.replace('_', '-')}" for name in inspect.signature(command).parameters if name not in _BESIDE}
     return FLAGS | own | others
 

@@ -86,9 +86,9 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
 
 def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
     """Print what a band over poles claims; the names of what does not hold."""
-    say(console, "claimed    of all poles in a box:", band.summary())
+    say(console, "claimed    of all poles in a pole-uncertainty box:", band.summary())
     if not band.covered:
-        return ["cells of poles: they leave out a part of the box"]
+        return ["cells of poles: they leave out a part of the pole-uncertainty box"]
     failed = _claim_failures(console, band, exact)
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
 

@@ -13,7 +13,7 @@ from robustid.data.estimate.pole_fit import PoleFit, Refined
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 
-# In units of pi over the highest omega, the sample time of a record that just holds this line.
+# In units of pi over the highest omega, the sample time of a record that just holds this frequency point.
 _STEP = 0.5
 _LONGEST = 20
 _HIGHEST = 16  # order tried
@@ -70,8 +70,8 @@ def estimate_delay(
     order : int, optional
         Number of poles. Default: the shortest description (MDL) among 1 to 16.
     longest : float, s, optional
-        End of the search, which starts at 0. Default: 20 pi over the highest omega (20 samples where the lines reach the
-        Nyquist frequency), or pi over the distance of the lines if that is less.
+        End of the search, which starts at 0. Default: 20 pi over the highest omega (20 samples where the frequency points reach the
+        Nyquist frequency), or pi over the distance of the frequency points if that is less.
     feedthrough : bool
         Whether the rational part has a constant: where the output answers at once, such as an acceleration to a force.
 
@@ -82,8 +82,8 @@ def estimate_delay(
     Raises
     ------
     InputError, InputTypeError
-        Too few lines for the order, a search beyond 2 pi over the distance of the lines (where delays can't be told apart),
-        something that isn't a FrequencyResponse.
+        Too few frequency points for the order, a search beyond 2 pi over the distance of the frequency points (where delays
+        can't be told apart), something that isn't a FrequencyResponse.
 
     Notes
     -----
@@ -92,8 +92,9 @@ def estimate_delay(
     the true order take over the delay: the smallest order that explains the response counts. Modes that are missing
     (`order` too small, or above the band) bend the estimate. Where the output is a displacement (two poles more than zeros)
     a small shift is almost another set of residues: the cost is flat like a fourth power, and the delay less sharp. Measured
-    there with noise of 2 % of the response's rms at every line (weak lines drown in it): 13 of 20 delays within 0.1 sample, one
-    1.6 off, two errors beyond three times `deviation`. With 1 % noise relative to every line all of 60 were within 0.1.
+    there with noise of 2 % of the response's rms at every frequency point (weak ones drown in it): 13 of 20 delays
+    within 0.1 sample, one 1.6 off, two errors beyond three times `deviation`. With 1 % noise relative to every frequency point
+    all of 60 were within 0.1.
 
     The sample that a sampled plant without feed-through always has belongs to the hold, not to the delay. Sampled:
     1/(z - p) with a delay of d + f samples is z^-d (B0 + B1/z)/(z - p), B0 = (p^(1-f) - 1)/(p - 1), B1 = 1 - B0 (the modified
@@ -119,7 +120,7 @@ def estimate_delay(
         order = as_count("order", order, least=1)
     if fit.unknowns(order or 1) >= 2 * fit.samples:
         raise InputError(
-            f"`frf` has {frf.omega.size} lines, too few for a delay and {order or 1} poles; give more lines"
+            f"`frf` has {frf.omega.size} frequency points, too few for a delay and {order or 1} poles; give more frequency points"
         )
     if order is not None:
         return _result(fit, order, *_at_order(fit, order, searched))
@@ -137,14 +138,14 @@ def estimate_delay(
 def _search_grid(frf: FrequencyResponse, longest: float | None) -> np.ndarray:
     highest = frf.omega[-1]
     if frf.omega.size < 2 or highest == frf.omega[0]:
-        raise InputError(f"`frf` has {frf.omega.size} lines; a delay needs several frequencies")
+        raise InputError(f"`frf` has {frf.omega.size} frequency points; a delay needs several frequencies")
     spacing = float(np.median(np.diff(np.unique(frf.omega))))
     if longest is None:
         longest = min(_LONGEST * np.pi / highest, np.pi / spacing)
     longest = as_positive("longest", longest)
     if longest >= 2 * np.pi / spacing:
         raise InputError(
-            f"`longest` = {longest:g} s: lines {spacing / (2 * np.pi):g} Hz apart can't tell delays from those"
+            f"`longest` = {longest:g} s: frequency points {spacing / (2 * np.pi):g} Hz apart can't tell delays from those"
             f" {2 * np.pi / spacing:g} s longer; search below that"
         )
     return np.linspace(0.0, longest, 2 + int(longest * highest / np.pi / _STEP))
@@ -195,7 +196,7 @@ def with_delay(model: Any, seconds: float) -> DelayedModel:
     """Put a delay at the inputs of a discrete model: whole samples exactly, a fraction by an all-pass filter.
 
     Whole samples are poles at zero. With a fraction Thiran's filter of order N = 1 to 8 does the delay D (in samples,
-    N - 1/2 <= D < N + 1/2 where D is above 1/2) and poles at zero the rest:
+    N - 1/2 <= D < N + 1/2 where D is above 1/2) and poles at zero the remainder:
 
     ``A(z) = z^N a(1/z)/a(z)``,  ``a_k = (-1)^k C(N, k) prod_{i=0..N} (D - N + i)/(D - N + k + i)``
 

@@ -1,4 +1,4 @@
-"""estimate_frf(): frequency responses from records, with a statistical bound that holds for all lines jointly."""
+"""estimate_frf(): frequency responses from records, with a statistical bound that holds for all spectral lines jointly."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def estimate_frf(
     lines: Any = None,
     probability: float = 0.95,
 ) -> FrequencyResponse:
-    """Frequency response of any number of channels from measured records, with covariance and a joint bound.
+    """Frequency response of any number of inputs and outputs from measured records, with covariance and a joint bound.
 
-    Periodic excitation: ``G = Y U^{-1}`` at every line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by side, averaged
-    over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational with one
-    denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared.
+    Periodic excitation: ``G = Y U^{-1}`` at every spectral line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by
+    side, averaged over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational
+    with one denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared.
 
     Parameters
     ----------
     record : TimeRecord or sequence of TimeRecord
-        One experiment, or several with the same `dt`, channels and length. Periodic with nu inputs: each nu records in
+        One experiment, or several with the same `dt`, signals and length. Periodic with nu inputs: each nu records in
         a row make a block (independent inputs, such as an orthogonal multisine); further blocks are further
-        realisations. Where every record has a `reference` (as many channels as inputs), it is taken as the excitation, and the
+        realisations. Where every record has a `reference` (as many signals as inputs), it is taken as the excitation, and the
         response is that from u to y in closed loop: the quotient of the responses to the reference.
     method : {"periodic", "local", "welch"}, optional
         Default: "periodic" where `period` is given or the records say ``initial="periodic"``, else "local". "welch" (Hann windows)
@@ -50,11 +50,11 @@ def estimate_frf(
         Period in samples; every record must be a whole number of periods. Default: each record is one period,
         and then several blocks are needed.
     lines : sequence of int, optional
-        DFT lines k, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local, welch: of a
-        segment). Default: those, 0 and Nyquist left out (offsets are no response), where every channel of the excitation reaches
-        a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
+        Spectral lines k of the DFT, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local,
+        welch: of a segment). Default: those, 0 and Nyquist left out (offsets are no response), where every signal of the
+        excitation reaches a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
     probability : float
-        Of the bound, jointly for all lines and entries; between 0 and 1.
+        Probability of the bound, jointly for all spectral lines and entries; between 0 and 1.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def estimate_frf(
     ------
     InputError
         No whole number of periods, fewer than two periods (or blocks) in total, experiments that are not
-        independent at a line, too few samples, another method.
+        independent at a spectral line, too few samples, another method.
     InputTypeError
         Something that isn't a TimeRecord.
 
@@ -148,7 +148,7 @@ def _check_signals(records: list[TimeRecord]) -> None:
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
             raise InputError(
                 f"`record`: output {channel.name} is constant ({records[0].y[0, k]:.6g}): a sensor that is not connected, or"
-                " saturated; leave that channel out"
+                " saturated; leave that signal out"
             )
     for number, record in enumerate(records):
         for sentence in record_problems(record):
@@ -157,7 +157,7 @@ def _check_signals(records: list[TimeRecord]) -> None:
 
 
 def checked_records(record: Any) -> list[TimeRecord]:
-    """Experiments with the same channels, sample time and length."""
+    """Experiments with the same signals, sample time and length."""
     records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
     if not records or not all(isinstance(r, TimeRecord) for r in records):
         raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")

@@ -1,4 +1,4 @@
-"""Local rational method: the response at a line from a few lines around it, transient and resonance included."""
+"""Local rational method: the response at a spectral line from a few lines around it, transient and resonance included."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def local(records: list[TimeRecord], lines: Any) -> Estimate:
         dof=len(records) * (2 * half + 1) - unknowns,
         coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
-        source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} lines"
+        source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({(2 * half + 1) / (samples * first.dt):.3g} Hz)",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
     )
@@ -167,14 +167,16 @@ def _smooth(power: np.ndarray, half: int) -> np.ndarray:
 
 
 def excited_lines(x: np.ndarray, half: int, last: int) -> np.ndarray:
-    """Lines where every channel of the excitation is there, 5000 at most."""
+    """Spectral lines where every signal of the excitation is there, 5000 at most."""
     amplitude = np.sqrt(_smooth(np.max(np.abs(x) ** 2, axis=0), half))
     amplitude[0] = 0
     amplitude[last + 1 :] = 0
     largest = amplitude.max(axis=0)
     index = np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
     if index.size == 0:
-        raise InputError("`record`: no line is excited in every input; check the input signals, or give `lines`")
+        raise InputError(
+            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
+        )
     return index[:: -(-index.size // _MOST)]
 
 

@@ -24,7 +24,7 @@ _ON_LINE = 1e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoiseFloor(Frozen):
-    """What the outputs did without excitation, ready to bound what they did with it; from `bounds_from_noise_floor`.
+    """Outputs without excitation, ready to bound the noise of records with it; from `bounds_from_noise_floor`.
 
     Attributes
     ----------
@@ -98,14 +98,14 @@ class NoiseFloor(Frozen):
         Parameters
         ----------
         frf : FrequencyResponse
-            Estimated from `record` with the same `period`; its lines are DFT lines of a period.
+            Estimated from `record` with the same `period`; its frequency points are spectral lines of a period.
         record, period
             As for `estimate_frf`. Several blocks of experiments: the mean of their bounds, since errors may add up.
 
         Returns
         -------
         FrequencyResponse
-            With a bound of kind "noise_floor", and the note with the probability that normal noise stays inside on all lines.
+            With a bound of kind "noise_floor", and the note with the probability that normal noise stays inside on all of them.
 
         Raises
         ------
@@ -141,9 +141,9 @@ class NoiseFloor(Frozen):
         bound = Bound(self.factor * peak[:, :, None] * gain[:, None, :], kind="noise_floor")
         beyond = np.exp(-np.log1p(self.factor**2 / np.arange(1, pool + 1)).sum())
         note = (
-            f"{bound.words()}: {self.factor:g} times the largest of {pool} DFT values without excitation around each line, in"
-            f" windows of {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
-            f" {index.size} lines with probability {max(0.0, 1 - peak.size * beyond):.3g}"
+            f"{bound.words()}: {self.factor:g} times the largest of {pool} DFT values without excitation around each spectral line,"
+            f" in windows of {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
+            f" {index.size} spectral lines with probability {max(0.0, 1 - peak.size * beyond):.3g}"
         )
         return frf.with_bound(bound, note)
 
@@ -160,7 +160,8 @@ class NoiseFloor(Frozen):
         index = np.round(exact).astype(int)
         if np.abs(exact - index).max() > _ON_LINE * max(1, index.max()):
             raise InputError(
-                f"`frf` has lines between the DFT lines of `period` = {period} samples (every {1 / (period * self.dt):g} Hz);"
+                f"`frf` has frequency points between the spectral lines of `period` = {period} samples (every"
+                f" {1 / (period * self.dt):g} Hz);"
                 " give the period it was estimated with"
             )
         return index
@@ -219,10 +220,10 @@ def bounds_from_noise_floor(record: TimeRecord, *, factor: float = 1.5) -> Noise
     --------
     >>> import numpy as np, robustid as rid
     >>> rng = np.random.default_rng(0)
-    >>> rest = rid.TimeRecord(np.zeros(400), 0.1 * rng.standard_normal(400), dt=0.01)
+    >>> silent = rid.TimeRecord(np.zeros(400), 0.1 * rng.standard_normal(400), dt=0.01)
     >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 4)
     >>> record = rid.TimeRecord(u, 2 * u + 0.1 * rng.standard_normal(200), dt=0.01, initial="periodic")
-    >>> noise = rid.bounds_from_noise_floor(rest)
+    >>> noise = rid.bounds_from_noise_floor(silent)
     >>> frf = noise.bound_response(rid.estimate_frf(record, period=50), record, period=50)
     >>> frf.bound.kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     ('noise_floor', True)

@@ -1,4 +1,4 @@
-"""Frequency responses at the excited lines of periodic experiments."""
+"""Frequency responses at the excited spectral lines of periodic experiments."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
             _log.warning(
                 "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
             )
-    # (F, blocks, periods, channels, experiments)
+    # (F, blocks, periods, signals, experiments)
     u, y, *r = (by_block(part[:, skipped:, index], nu) for part in spectra.values())
     return _estimate(records, index, period, u, y, r[0] if r else None, _skipped(skipped, steady))
 
@@ -126,7 +126,7 @@ def _scatter(errors: np.ndarray, divisor: int) -> np.ndarray:
 
 
 def _distorted(total: np.ndarray, noise: np.ndarray, rounding: np.ndarray, d1: int, d2: int) -> bool:
-    """Whether the scatter between blocks is more than noise: mean of the logarithm of the ratio, in groups of lines."""
+    """Test of whether the scatter between blocks is more than noise: mean of the logarithm of the ratio, in groups of lines."""
     from scipy.special import polygamma, psi
 
     log = np.log((total + rounding**2) / (noise + rounding**2)).reshape(len(total), -1)
@@ -176,7 +176,9 @@ def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
     largest = amplitude.max(axis=0)
     index = np.flatnonzero(np.all(amplitude >= EXCITED * largest, axis=1) & np.all(largest > 0))
     if index.size == 0:
-        raise InputError("`record`: no line is excited in every input; check the input signals, or give `lines`")
+        raise InputError(
+            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
+        )
     return index
 
 
@@ -196,7 +198,7 @@ def inverse_spectra(u: np.ndarray, index: np.ndarray, period: int, dt: float, na
             " out"
         )
     raise InputError(
-        f"`record`: {'an input' if name == 'u' else 'a reference'} is zero at a line that is asked for; correct `lines` or"
+        f"`record`: {'an input' if name == 'u' else 'a reference'} is zero at a spectral line that is asked for; correct `lines` or"
         " leave the input out"
     )
 
@@ -249,7 +251,7 @@ def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool
         ratio = np.where(alive, away, 1) / np.where(alive, scatter + floor[:, 0], 1)
         mean, variance = psi(1) - psi(m - 1) + np.log(m - 1), polygamma(1, 1) + polygamma(1, m - 1)
         log = np.log(np.maximum(ratio, np.finfo(float).tiny)) - mean
-        each = np.where(alive, log, 0).sum(axis=(0, 2))  # (K,): all records and channels
+        each = np.where(alive, log, 0).sum(axis=(0, 2))  # (K,): all records and signals
         width = min(_TRANSIENT_BAND, each.size)
         local = np.convolve(each, np.ones(width), mode="valid").max() / np.sqrt(variance * channels * width)
         whole = each.sum() / np.sqrt(variance * channels * each.size)

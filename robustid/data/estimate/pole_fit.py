@@ -31,7 +31,7 @@ class PoleFit:
     """A delayed sum of partial fractions r_i/(x - a_i) [+ d] against the entries of a response, weighted.
 
     x = 1j omega over the largest omega, or exp(1j omega dt) with a zero-order hold. Poles are complex numbers with
-    Im >= 0: one of a pair, or real. Real rows hold the real parts of all lines, then the imaginary parts.
+    Im >= 0: one of a pair, or real. Real rows hold the real parts of all frequency points, then the imaginary parts.
     """
 
     def __init__(self, frf: FrequencyResponse, *, feedthrough: bool) -> None:
@@ -39,7 +39,7 @@ class PoleFit:
         self.x = 1j * frf.omega / frf.omega[-1] if frf.dt is None else np.exp(1j * frf.omega * frf.dt)
         self.values = frf.values.swapaxes(1, 2).reshape(self.omega.size, -1)  # vec: columns stacked
         if not np.any(self.values):
-            raise InputError("`frf` is zero at every line: it has no delay")
+            raise InputError("`frf` is zero at every frequency point: it has no delay")
         size = np.maximum(np.abs(self.values), _SMALLEST * np.abs(self.values).max())
         if frf.covariance is not None:
             deviation = np.sqrt(np.maximum(np.einsum("fii->fi", frf.covariance).real, 0))

@@ -1,4 +1,4 @@
-"""From covariances to bounds that hold for all lines and entries at once; pooling of what neighbouring lines show."""
+"""From covariances to bounds that hold for all spectral lines and entries at once; pooling over neighbouring lines."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _NEAR_LINES = 16  # within so many lines of the transform
 
 
 class Estimate(NamedTuple):
-    """What a method makes of the records, before any bound."""
+    """Result of a method from the records, before any bound."""
 
-    index: np.ndarray  # (F,) line of the transform
+    index: np.ndarray  # (F,) spectral line of the transform
     step: float  # distance of the lines of the transform, rad/s
     values: np.ndarray  # (F, ny, nu)
     covariance: np.ndarray  # (F, ny nu, ny nu) of the values

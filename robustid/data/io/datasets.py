@@ -109,7 +109,7 @@ def fetch(name: str) -> Path:
 
 
 def describe(name: str) -> str:
-    """What a data set is, where it comes from, under which licence, and what to cite.
+    """Description of a data set: what it is, where it comes from, under which licence, and what to cite.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def describe(name: str) -> str:
 
 
 def load(name: str, **options: Any) -> Any:
-    """Load published data with the channels and the sample time that their documentation gives.
+    """Load published data with the signals and the sample time that their documentation gives.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _records(files: list[str], options: dict[str, Any]) -> Any:
 
 
 def _mirror(files: list[str], options: dict[str, Any]) -> Any:
-    """Arrays of (samples a period, channels, realisations, periods)."""
+    """Arrays of (samples a period, signals, realisations, periods)."""
     _no_options(files, options)
     u, y = (np.load(fetch(file), allow_pickle=False) for file in files)
     return [

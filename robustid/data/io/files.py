@@ -106,7 +106,7 @@ def _assigned(
 
 
 class Origin(NamedTuple):
-    """What a file says by itself: its kind, whether the unit of its frequencies is known, and its sample time."""
+    """Facts that a file states itself: its kind, whether the unit of its frequencies is known, and its sample time."""
 
     kind: str | None
     unit_known: bool

@@ -76,7 +76,7 @@ def _from_matlab73(name: str, item: Any, file: Any, table: Table) -> None:
 
 
 def _from_hdf5(name: str, item: Any, _: Any, table: Table) -> None:
-    """Of a file that MATLAB didn't write: axes as they are stored, the unit from an attribute `units`."""
+    """Read an item of a file that MATLAB didn't write: axes as they are stored, the unit from an attribute `units`."""
     import h5py
 
     _attributes(f"{name}.", item, table)

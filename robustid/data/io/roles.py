@@ -1,4 +1,4 @@
-"""Which array of a file plays which role: names given or usual, several channels, units, the time axis."""
+"""Which array of a file plays which role: names given or usual, several signals, units, the time axis."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def axis_role(name: str) -> str | None:
 
 
 def _rank(role: str, name: str) -> tuple[int, bool]:
-    """Of several columns that could play a role, the one with the most usual name."""
+    """Order among columns that could play a role: the most usual name first."""
     base = units.axis_label(name)[0]
     usual = [*dict.fromkeys(units.axis_label(known)[0] for known in NAMES[role])]
     return usual.index(base.lower()) if base.lower() in usual else len(usual), base != base.lower()
@@ -364,7 +364,7 @@ def time_step(lookup: Lookup, samples: int) -> float:
 
 
 def _seconds(lookup: Lookup, name: str) -> float:
-    """Of one unit of a time column; a name without a unit is in seconds."""
+    """Factor from the unit of a time column to s; a name without a unit is in seconds."""
     name = lookup.name(name)
     unit = units.axis_label(name)[1]
     scale = units.factor(units.TIME, unit)

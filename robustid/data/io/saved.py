@@ -1,4 +1,4 @@
-"""What `save` writes and `load` gives back exactly."""
+"""Format of the files that `save` writes and `load` gives back exactly."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _ROWS = 20_000
 
 
 def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> dict[str, Any]:
-    """What a response or record consists of, by the names that files keep: the parts of its bound beside everything else."""
+    """Parts of a response or record, by the names that files keep: the parts of its bound beside everything else."""
     bound = Bound(np.inf) if data.bound is None else data.bound
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(data):
@@ -137,7 +137,7 @@ def _column_names(name: str, shape: tuple[int, ...], part: str) -> Iterator[str]
 
 
 def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
-    """What `save` wrote, with the arguments given to `load` in place of what is stored."""
+    """Object that `save` wrote, with the arguments given to `load` in place of what is stored."""
     meta: dict[str, Any] = table.meta
     if kind not in (None, meta["kind"]):
         raise InputError(f"`kind` = {kind!r}, but the file holds {meta['kind']} data; leave `kind` out")

@@ -49,7 +49,7 @@ class _Part:
         return next((t[0] for f in fields if len(t := self.table.texts.get(self.prefix + f, [])) == 1), "")
 
     def channels(self, side: str, count: int) -> list[tuple[str, str]] | None:
-        """Names and units; None where no channel has a name."""
+        """Names and units; None where no signal has a name."""
         names, units = (self.table.texts.get(f"{self.prefix}{side}{field}", []) for field in ("Name", "Unit"))
         if len(names) != count or not all(names):
             return None
@@ -101,7 +101,7 @@ def _response(table: Table, part: _Part, frequency_unit: str | None) -> Table:
 
 
 def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:
-    """Of one unit of the frequencies in rad/s."""
+    """Factor from the unit of the frequencies to rad/s."""
     unit = part.word("FrequencyUnit", "Units")
     turns, per = {"rad": 1.0, "cycles": 2 * np.pi}.get(unit.lower().removesuffix("/timeunit")), part.time_unit()
     if unit.lower() == "rpm":
@@ -128,7 +128,7 @@ def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:
 
 
 def _covariance(part: _Part, data: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Of real and imaginary part per entry, (ny, nu, F, 2, 2), to E|e|^2 on the diagonal; nothing is said of the rest."""
+    """Covariance with E|e|^2 on the diagonal, from that of real and imaginary part, (ny, nu, F, 2, 2); zero between entries."""
     if data.shape != (*shape, 2, 2):
         raise InputError(f"`{part.prefix}CovarianceData` must have the shape {(*shape, 2, 2)}; got {data.shape}")
     power = np.trace(data, axis1=3, axis2=4)  # (ny, nu, F)

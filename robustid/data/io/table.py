@@ -1,4 +1,4 @@
-"""What the readers of all formats give: named arrays, and guards against files that claim to be enormous."""
+"""Result of the readers of all formats: named arrays, and guards against files that claim to be enormous."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from robustid.data.io.table import Table
 from robustid.errors import FileFormatError
 
 _MARK = "# robustid "
-_LONGEST = 2**24  # characters in a line: the header of a covariance of 10 x 10 channels has 2e6
+_LONGEST = 2**24  # characters in a line: the header of a covariance of a 10 x 10 response has 2e6
 _BLOCK = 20_000  # lines
 
 

@@ -1,4 +1,4 @@
-"""What the name of a column says about the unit of an axis, and what it doesn't say."""
+"""Units of axes, as far as the names of columns say them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def in_brackets(name: str) -> tuple[str, str]:
 
 
 def axis_label(name: str) -> tuple[str, str]:
-    """The same for the name of an axis, whose unit may also be its last word: ``"time_ms"``, ``"freq_hz"``."""
+    """Base and unit for the name of an axis, whose unit may also be its last word: ``"time_ms"``, ``"freq_hz"``."""
     base, unit = in_brackets(name)
     if not unit and (match := _SUFFIX.fullmatch(base)):
         return match[1] or "", match[2]
