@@ -54,7 +54,7 @@ def chosen_lines(
         chosen = np.delete(chosen, out + rng.integers(_GROUP, size=out.size))
     if not chosen.size:
         raise InputError(
-            f"`band_hz` = ({edges[0]:g}, {edges[1]:g}) holds no {'odd ' * ('odd' in spacing)}line: they are multiples of"
+            f"`band_hz` = ({edges[0]:g}, {edges[1]:g}) holds no {'odd ' * ('odd' in spacing)}spectral line: they are multiples of"
             f" {step:g} Hz, 1/(period*dt); take a wider band or a longer `period`"
         )
     return chosen

@@ -143,7 +143,12 @@ def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
     [
         (np.ones(3), {}, rid.errors.InputTypeError, "`frf` must be a FrequencyResponse; got ndarray"),
         (rid.TimeRecord([1.0], [1.0], dt=1.0), {}, rid.errors.InputTypeError, "call estimate_frf first"),
-        (rid.FrequencyResponse([1.0], [1.0]), {}, rid.InputError, "1 lines; a delay needs several frequencies"),
+        (
+            rid.FrequencyResponse([1.0], [1.0]),
+            {},
+            rid.InputError,
+            "1 frequency points; a delay needs several frequencies",
+        ),
         (
             rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
             {"order": 3},
