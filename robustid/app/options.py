@@ -189,7 +189,7 @@ class FrequencyPoints:
 
     band_hz: tuple[float, float] | None = key(
         several(_frequencies, 2),
-        help="Use only the points between two frequencies.",
+        help="Use only the points between two frequencies in Hz.",
         unit="Hz",
         flag="--band",
         text=low_high,
@@ -328,7 +328,11 @@ class WorstCase:
         flag="--circle",
     )
     over_poles: bool = key(
-        flag, False, help="Cover the pole-uncertainty box that the data leave too; may take minutes.", flag="--poles"
+        flag,
+        False,
+        help="Cover the pole-uncertainty box that the data leave too, where the poles were taken from them (`robustid bounds`"
+        " writes it to NAME-poles); may take minutes.",
+        flag="--poles",
     )
 
 

@@ -317,7 +317,7 @@ class Identification(Frozen, Drawable, Savable):
             place = f"{at / (2 * np.pi):.5g} Hz" if residual.kind == "frequency" else f"{at:.5g} s"
             name = entry_name(problem, residual.entry)
             where = f"{residual.kind} experiment {residual.index + 1}{f' ({name})' if name else ''} at {place}"
-            lines.append(f"limited by {where}: {100 * share:.0f} % of the proof")
+            lines.append(f"active     {where}: {100 * share:.0f} % of the proof")
         lines += [
             f"interval   the coefficient of {name} is at the end {end:.6g} of its interval"
             for name, end in self.active_intervals

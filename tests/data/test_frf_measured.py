@@ -50,7 +50,7 @@ def test_mirror():
     # Of one period, from the mean of 2 blocks of 2 periods; of the difference of two blocks.
     assert 0.004 < np.median(2 * frf.noise / gain) < 0.006
     assert np.median(2**0.5 * frf.distortion / gain) == pytest.approx(0.058, abs=0.002)
-    assert "pooled over 10 neighbouring lines" in frf.note
+    assert "pooled over 10 neighbouring spectral lines" in frf.note
     # Two realisations alone would leave one degree of freedom, and bounds that say nothing.
     assert np.median(frf.bound / gain) < 0.25
 

@@ -57,7 +57,7 @@ def test_noise_free_single_channel_is_exact():
     assert np.all(frf.bound < 1e-12)
     assert (frf.dt, str(frf.inputs[0])) == (DT, "force [N]")
     assert frf.note == (
-        "confidence bound, 95 % jointly over 5 frequency points, scatter over 4 periods, pooled over 4 neighbouring lines"
+        "confidence bound, 95 % jointly over 5 frequency points, scatter over 4 periods, pooled over 4 neighbouring spectral lines"
     )
 
 
@@ -78,7 +78,9 @@ def test_further_realisations_are_averaged_and_need_no_second_period():
     records = [steady_record(model, np.column_stack([multisine(rng), multisine(rng)]), 1) for _ in range(8)]
     frf = estimate_frf(records)
     np.testing.assert_allclose(frf.values, truth(model, frf.omega), atol=1e-12)
-    assert frf.note.endswith("scatter over 4 blocks of experiments (1 periods each), pooled over 4 neighbouring lines")
+    assert frf.note.endswith(
+        "scatter over 4 blocks of experiments (1 periods each), pooled over 4 neighbouring spectral lines"
+    )
 
 
 def test_plain_formula_at_one_line():

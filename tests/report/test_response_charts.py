@@ -110,7 +110,7 @@ def test_spectra_are_amplitudes_with_the_lines_marked(frf, play, records):
     flat = np.sqrt(2 * np.mean(play.rms[:, 0] ** 2) / play.lines.size)
     np.testing.assert_allclose(drawn["spectral lines of the response"].y, flat, rtol=1e-5)
     assert (
-        layers(charts[2])["between these lines"].y.max()
+        layers(charts[2])["between these spectral lines"].y.max()
         < 0.1 * layers(charts[2])["spectral lines of the response"].y.max()
     )
     sine = np.cos(HZ * 10 * DT * np.arange(200))

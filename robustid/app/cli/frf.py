@@ -46,8 +46,8 @@ def frf(
 ) -> None:
     """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all spectral lines at once.
 
-    Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear. Periods with
-    a transient are left out, unless --initial periodic says that there is none.
+    Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear.
+    Periods with a transient are left out, unless --initial periodic says that there is none.
 
     [bold]Example[/bold]: robustid frf run1.csv run2.csv --period 1 --time-field u=current --time-field y=angle -o frf.npz
     --report frf.html

@@ -149,6 +149,6 @@ def finish(
             file.write(page)
     console.print(summary)
     if diagnosis:
-        terminal.say(console, "\n" + diagnosis)
+        console.print("\n" + terminal.plain(diagnosis), highlight=False)  # wrapped at words
     terminal.say_written(console, *outputs.result_files(output), report)
     terminal.repeat_warnings(console, result)

@@ -1,4 +1,4 @@
-"""From covariances to bounds that hold for all spectral lines and entries at once; pooling over neighbouring lines."""
+"""From covariances to bounds that hold for all spectral lines and entries at once; pooling over neighbouring ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
 
 
 def pool(estimate: Estimate) -> tuple[Estimate, np.ndarray]:
-    """Covariances averaged over neighbouring lines where few residuals would leave them hardly known; own variances too.
+    """Covariances averaged over neighbouring spectral lines where few residuals would leave them hardly known; own variances too.
 
     Relative to the response, and absolute, whichever is larger: what a distortion in front of the dynamics does is smooth
     relative to the response, noise behind them in absolute terms.
@@ -59,7 +59,7 @@ def pool(estimate: Estimate) -> tuple[Estimate, np.ndarray]:
     least = int(near.sum(axis=1).min())
     if least == 1:
         return estimate, own
-    source = f"{estimate.source}, pooled over {count} neighbouring lines"
+    source = f"{estimate.source}, pooled over {count} neighbouring spectral lines"
     return estimate._replace(covariance=covariance, dof=estimate.dof * least, source=source), own
 
 

@@ -175,8 +175,9 @@ def _experiment(identification: Identification, residual: Any, data: Any) -> Exp
     if joint != "entry":
         radius += " for one alone"
     if isinstance(data, TimeRecord):
-        symbol, name = "s", f"time record, {started(data)}"
+        symbol, name = "s", "time record"
         of = f"{data.outputs[0]}, input {data.inputs[0]}" if alone else where(identification, residual)
+        of += f", {started(data)}"
     else:
         if residual.tilt is not None:
             size = np.abs(residual.tilt)

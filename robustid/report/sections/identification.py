@@ -110,7 +110,7 @@ def identification_summary(identification: Identification, reduction: Reduction 
 
 
 def _overview(identification: Identification, reduction: Reduction | None) -> list[tuple[str, str]]:
-    rows = [("Margin", margin_interval(identification)), ("", margin_words(identification))]
+    rows = [("Consistency margin", margin_interval(identification)), ("", margin_words(identification))]
     measured = experiments(identification)
     rows += [
         (row.name, f"{row.of}: {row.samples} samples, {row.span}, {row.bound} (source: {row.source})")

@@ -75,7 +75,7 @@ def _overview(view: ResponseView, chart: Chart) -> list[Block]:
     words = {
         "singular": f"Of the matrix at every frequency point{where}, in the units of its entries. A peak of the largest one is a"
         " mode; where the second one peaks too, there are two. None is farther from its true value than the bound.",
-        "coherence": "The part of the power of each output that the inputs explain linearly; the rest is noise, distortion, or"
+        "coherence": "The part of the power of each output that the inputs explain linearly; the remainder is noise, distortion, or"
         " another cause.",
     }
     return [Heading(chart.panels[0].title), Text(words[chart.name], "soft"), Drawing(chart)]

@@ -174,7 +174,7 @@ def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, 
     inside = (found.freq_hz >= low) & (found.freq_hz <= high)
     cells, layers = cells_per_entry(view.nu + view.ny), []
     groups = (
-        ("between these lines", inside & ~found.excited, FAINT, "solid", ""),
+        ("between these spectral lines", inside & ~found.excited, FAINT, "solid", ""),
         ("spectral lines of the response", inside & found.excited, NOMINAL, "", "circle"),
     )
     for title, mask, colour, dash, marker in groups:
