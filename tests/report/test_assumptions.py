@@ -95,8 +95,8 @@ def test_experiments_are_listed_together_where_they_are_alike() -> None:
     assert [(row.of, row.samples) for row in rows] == [
         ("each of 3 entries: y1 / u1; y2 / u1; y2 / u2", 6),
         ("y1 / u2", 5),
-        ("y1", 10),
-        ("y2", 20),
+        ("y1, from zero initial conditions", 10),
+        ("y2, from zero initial conditions", 20),
     ]
 
 
