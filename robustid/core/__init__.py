@@ -3,6 +3,8 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.files import atomic_write
 from robustid.core.state_space import (
+    Complex,
+    Real,
     Response,
     StateMatrices,
     StateSpace,
@@ -39,6 +41,7 @@ from robustid.core.validation import (
     as_bound,
     as_count,
     as_float,
+    as_kind,
     as_positive,
     as_signals,
     freeze,
@@ -48,7 +51,9 @@ from robustid.core.workers import Workers, worker_pool
 __all__ = [
     "Arrays",
     "Balancing",
+    "Complex",
     "Frozen",
+    "Real",
     "Record",
     "Response",
     "Savable",
@@ -60,6 +65,7 @@ __all__ = [
     "as_bound",
     "as_count",
     "as_float",
+    "as_kind",
     "as_positive",
     "as_signals",
     "atomic_write",

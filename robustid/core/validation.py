@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import operator
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from robustid.errors import InputError, InputTypeError
+
+Kind = TypeVar("Kind")
 
 
 class Signal(NamedTuple):
@@ -125,6 +127,13 @@ def as_count(name: str, value: Any, *, least: int = 0) -> int:
     if number < least:
         raise InputError(f"`{name}` must be at least {least}; got {number}")
     return number
+
+
+def as_kind(name: str, value: Any, kind: type[Kind], described: str) -> Kind:
+    """`value` itself, if it is a `kind`; else a sentence with what it must be."""
+    if not isinstance(value, kind):
+        raise InputTypeError(f"`{name}` must be {described}; got {type(value).__name__}")
+    return value
 
 
 def as_bound(value: Any, shape: tuple[int, ...], axis: str, *, infinite: bool = False) -> np.ndarray | None:

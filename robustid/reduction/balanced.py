@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.linalg
 
-from robustid.core import Frozen, as_count, as_float, balancing, freeze
+from robustid.core import Frozen, Real, as_count, as_float, balancing, freeze
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
@@ -29,6 +29,7 @@ __all__ = [  # with what other rooms take from here
     "hankel_singular_values",
 ]
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
 # Two Hankel singular values count as one in the bound only if they agree to rounding.
@@ -80,12 +81,12 @@ class Reduction(Frozen, Drawable):
     model: control.StateSpace
     _: dataclasses.KW_ONLY
     order: int
-    hankel: np.ndarray
+    hankel: Real
     bound: float
-    bounds: np.ndarray
+    bounds: Real
     status: enum.Enum = ReductionStatus.REDUCED
     margin: float | None = None
-    tried: tuple = ()
+    tried: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
         self._set(hankel=freeze(self.hankel), bounds=freeze(self.bounds))
@@ -260,9 +261,7 @@ class _Balanced:
         return _assemble(self.system, self.kept, small, feedthrough), stable
 
 
-def _in_steady_state(
-    parts: Parts, feedthrough: np.ndarray, into: np.ndarray, onto: np.ndarray, *, discrete: bool
-) -> tuple[Parts, np.ndarray]:
+def _in_steady_state(parts: Parts, feedthrough: Real, into: Real, onto: Real, *, discrete: bool) -> tuple[Parts, Real]:
     """The states that go take their steady state `liu1989`: truncation of G(1/s), with z - 1 for s in discrete time."""
     solved = np.linalg.solve(parts.a - discrete * np.eye(len(parts.a)), np.hstack([into, parts.b]))
     states, drive = np.hsplit(solved, [into.shape[1]])
@@ -278,7 +277,7 @@ def balanced_truncations(model: control.StateSpace) -> Callable[[int], Reduction
     return _Balanced(system, *split(system, "keep")).truncate
 
 
-def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
+def hankel_singular_values(model: control.StateSpace) -> Real:
     """Square roots of the eigenvalues of the product of both Gramians, descending, (n,).
 
     Parameters
@@ -300,10 +299,10 @@ def hankel_singular_values(model: control.StateSpace) -> np.ndarray:
     """
     system = check_model("model", model)
     left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
-    return np.asarray(sla.svdvals(left.T @ right))
+    return np.asarray(_linalg.svdvals(left.T @ right))
 
 
-def _error_bounds(hankel: np.ndarray) -> np.ndarray:
+def _error_bounds(hankel: Real) -> Real:
     """Twice the sum of the distinct truncated values, for every order 0..n."""
     bounds = np.zeros(hankel.size + 1)
     for r in range(hankel.size - 1, -1, -1):
@@ -312,11 +311,11 @@ def _error_bounds(hankel: np.ndarray) -> np.ndarray:
     return bounds
 
 
-def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: np.ndarray) -> control.StateSpace:
+def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
     import control
 
     return control.StateSpace(
-        sla.block_diag(kept.a, small.a),
+        _linalg.block_diag(kept.a, small.a),
         np.vstack([kept.b, small.b]),
         np.hstack([kept.c, small.c]),
         feedthrough,

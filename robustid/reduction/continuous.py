@@ -7,9 +7,9 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.linalg
 
-from robustid.core import Frozen, response_at, scaled_states
+from robustid.core import Frozen, Real, response_at, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Parts, doubtful_distance
@@ -17,6 +17,7 @@ from robustid.reduction.gramians import Parts, doubtful_distance
 if TYPE_CHECKING:
     import control
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _GRID = 400
 _ON_CIRCLE = 1e-9
 _USELESS = 1e-6  # a relative error above this is a failed logarithm, not rounding
@@ -96,7 +97,7 @@ def to_continuous(model: control.StateSpace) -> ContinuousModel:
     dt, error = float(system.dt), np.inf
     log, drive = _inverse_hold(parts.a, parts.b)
     if np.all(np.isfinite(log)) and np.all(np.isfinite(drive)):
-        error = _error(system, _like(system, sla.expm(log), _hold(log) @ drive, parts.c, dt))
+        error = _error(system, _like(system, _linalg.expm(log), _hold(log) @ drive, parts.c, dt))
     if not error <= _USELESS:
         first = np.argsort(np.abs(poles))[:4]
         raise InputError(
@@ -107,7 +108,7 @@ def to_continuous(model: control.StateSpace) -> ContinuousModel:
     return ContinuousModel(_like(system, log / dt, drive / dt, parts.c, 0.0), error=error)
 
 
-def _inverse_hold(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _inverse_hold(a: Real, b: Real) -> tuple[Real, Real]:
     """log(a), and the input matrix whose hold over one sample is b; not finite where that failed."""
     if a.size == 0:
         return a, b
@@ -115,19 +116,19 @@ def _inverse_hold(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
-            log = np.real(sla.logm(a))
-            return log, np.linalg.solve(_hold(log), b)
+            log = np.real(_linalg.logm(a))
+            return log, np.asarray(np.linalg.solve(_hold(log), b), dtype=float)
         except (ValueError, np.linalg.LinAlgError):
             return np.full(a.shape, np.nan), np.full(b.shape, np.nan)
 
 
-def _hold(log: np.ndarray) -> np.ndarray:
+def _hold(log: Real) -> Real:
     """Integral of exp(log t) over 0 <= t <= 1."""
     n = log.shape[0]
-    return sla.expm(np.block([[log, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:]
+    return _linalg.expm(np.block([[log, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:]
 
 
-def _like(model: Any, a: np.ndarray, b: np.ndarray, c: np.ndarray, dt: float) -> control.StateSpace:
+def _like(model: Any, a: Real, b: Real, c: Real, dt: float) -> control.StateSpace:
     import control
 
     return control.StateSpace(a, b, c, model.D, dt, inputs=model.input_labels, outputs=model.output_labels)

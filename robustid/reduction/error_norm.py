@@ -5,16 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
-from scipy.optimize import minimize_scalar
+import scipy.linalg
+import scipy.optimize
+from numpy.typing import ArrayLike
 
-from robustid.core import Response
+from robustid.core import Complex, Real, Response
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import Parts, split
 
 if TYPE_CHECKING:
     import control
+
+_linalg: Any = scipy.linalg  # its types are incomplete
+_optimize: Any = scipy.optimize
 
 _RTOL = 1e-6
 _ROUNDS = 30
@@ -79,7 +83,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
     (a, kept), (b, held) = split(first, "keep"), split(second, "keep")
     if kept.a.shape != held.a.shape:
         return PeakError(np.inf, np.nan)
-    difference = Parts(np.asarray(sla.block_diag(a.a, b.a)), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
+    difference = Parts(_linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
     dt = first.dt if first.nstates else second.dt
     value, angle = _Peak(difference, first.D - second.D, discrete=bool(dt)).search()
     return PeakError(value, angle / float(dt) if dt else angle)
@@ -88,7 +92,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
 class _Peak:
     """Largest singular value of a stable response: lower bound by evaluation, proof of the level by eigenvalues."""
 
-    def __init__(self, parts: Parts, feedthrough: np.ndarray, *, discrete: bool):
+    def __init__(self, parts: Parts, feedthrough: Real, *, discrete: bool):
         self.discrete, self.d = discrete, feedthrough
         self.response = Response((parts.a, parts.b, parts.c, feedthrough))
         self.continuous = _bilinear(parts, feedthrough) if discrete else (*parts, feedthrough)
@@ -115,14 +119,15 @@ class _Peak:
             self._refine(*self._around(crossings))
         return self.value, self.omega
 
-    def _look(self, frequencies: Any) -> np.ndarray:
+    def _look(self, frequencies: ArrayLike) -> Real:
         """Largest singular values at the frequencies; the largest of all is kept."""
-        found = self._at(np.asarray(frequencies, dtype=float))
+        omega = np.asarray(frequencies, dtype=float)
+        found = self._at(omega)
         if found.size and np.max(found) > self.value:
-            self.value, self.omega = float(np.max(found)), float(frequencies[np.argmax(found)])
+            self.value, self.omega = float(np.max(found)), float(omega[np.argmax(found)])
         return found
 
-    def _at(self, omega: np.ndarray) -> np.ndarray:
+    def _at(self, omega: Real) -> Real:
         values = np.repeat(self.d[None].astype(complex), omega.size, axis=0)
         near = np.isfinite(omega)
         values[near] = self.response.at(np.exp(1j * omega[near]) if self.discrete else 1j * omega[near])
@@ -130,19 +135,19 @@ class _Peak:
 
     def _refine(self, low: float, high: float) -> None:
         if high > low:
-            peak: Any = minimize_scalar(
-                lambda w: -self._at(np.array([w]))[0],
-                bounds=(low, high),
-                method="bounded",
-                options={"xatol": 1e-9 * high},
-            )
+
+            def lowered(omega: float) -> float:
+                return -self._at(np.array([omega]))[0]
+
+            options = {"xatol": 1e-9 * high}
+            peak = _optimize.minimize_scalar(lowered, bounds=(low, high), method="bounded", options=options)
             self._look([peak.x])
 
-    def _around(self, crossings: np.ndarray) -> tuple[float, float]:
+    def _around(self, crossings: Real) -> tuple[float, float]:
         k = np.searchsorted(crossings, self.omega)
         return crossings[max(0, k - 1)], crossings[min(crossings.size - 1, k + 1)]
 
-    def _crossings(self, level: float) -> np.ndarray:
+    def _crossings(self, level: float) -> Real:
         """Frequencies where a singular value may be `level`, none of them missing; ascending."""
         if level == 0 or not self.response.poles.size:
             return np.zeros(0)
@@ -151,16 +156,16 @@ class _Peak:
         left = np.linalg.inv(np.eye(d.shape[1]) - d.T @ d)
         a = a + b @ left @ d.T @ c
         right = np.eye(d.shape[0]) + d @ left @ d.T
-        values = np.asarray(sla.eigvals(np.block([[a, b @ left @ b.T], [-c.T @ right @ c, -a.T]])))
+        values: Complex = _linalg.eigvals(np.block([[a, b @ left @ b.T], [-c.T @ right @ c, -a.T]]))
         near = np.abs(np.real(values)) <= _NEAR * np.max(np.abs(values))
         omega = np.unique(np.abs(np.imag(values[near])))
         return 2 * np.arctan(omega) if self.discrete else omega
 
 
-def _bilinear(parts: Parts, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _bilinear(parts: Parts, d: Real) -> tuple[Real, Real, Real, Real]:
     """The continuous system with z = (1 + s)/(1 - s): the response at exp(j angle) is that at j tan(angle/2)."""
     eye = np.eye(parts.a.shape[0])
-    solved = np.linalg.solve(parts.a + eye, np.hstack([parts.a - eye, parts.b]))
+    solved = np.asarray(np.linalg.solve(parts.a + eye, np.hstack([parts.a - eye, parts.b])), dtype=float)
     a, b = np.hsplit(solved, [eye.shape[0]])
     c = np.linalg.solve((parts.a + eye).T, parts.c.T).T
     return a, np.sqrt(2) * b, np.sqrt(2) * c, d - parts.c @ b

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.linalg
+from numpy.typing import NDArray
 
-from robustid.core import scaled_states
+from robustid.core import Complex, Real, scaled_states
 from robustid.errors import InputError
 from robustid.identification import describe_poles
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
 # A double integrator, rounded in any coordinates, moves by about the square root of eps.
@@ -20,15 +22,15 @@ _MOST_DOUBT = 1e-7
 _BLOCK = 96
 
 
-Factors = tuple[np.ndarray, np.ndarray]
+Factors = tuple[Real, Real]
 
 
 class Parts(NamedTuple):
     """A, B and C of a part of a model."""
 
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
+    a: Real
+    b: Real
+    c: Real
 
 
 def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
@@ -47,23 +49,22 @@ def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     def leads(real: float, imag: float = 0.0) -> bool:
         return bool(stable[np.argmin(np.abs(poles - complex(real, imag)))])
 
-    ordered: Any = sla.schur(parts.a, output="real", sort=leads)
-    schur, basis, first = ordered
+    schur, basis, first = _linalg.schur(parts.a, output="real", sort=leads)
     b, c = basis.T @ parts.b, parts.c @ basis
     a, coupling, rest = schur[:first, :first], schur[:first, first:], schur[first:, first:]
-    x = sla.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
+    x = _linalg.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
     kept = Parts(rest, b[first:], c[:, first:] + c[:, :first] @ x)
     return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
 
 
-def is_stable(a: np.ndarray, dt: Any) -> tuple[np.ndarray, np.ndarray]:
+def is_stable(a: Real, dt: Any) -> tuple[Complex, NDArray[np.bool_]]:
     """Poles, and which of them lie inside the stability boundary by more than rounding."""
     poles, doubt = doubtful_distance(a)
     distance = -np.real(poles) if dt == 0 else 1 - np.abs(poles)
     return poles, distance > doubt
 
 
-def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def doubtful_distance(a: Real) -> tuple[Complex, Real]:
     """Poles, and how far rounding may have moved each: the pair of a rigid body far, a simple pole hardly.
 
     First-order perturbation, n eps |A| over the cosine between left and right eigenvector, capped where the
@@ -71,8 +72,7 @@ def doubtful_distance(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     if a.size == 0:
         return np.zeros(0, dtype=complex), np.zeros(0)
-    solved: Any = sla.eig(a, left=True, right=True)
-    poles, left, right = solved
+    poles, left, right = _linalg.eig(a, left=True, right=True)
     cosine = np.abs(np.sum(left.conj() * right, axis=0))
     move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), _MOST_DOUBT)
     return poles, move * np.linalg.norm(a, 2)
@@ -90,14 +90,13 @@ def gramian_factors(parts: Parts, *, discrete: bool) -> Factors:
     return _real_factor(basis @ dual[::-1]), _real_factor(right)
 
 
-def _complex_schur(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _complex_schur(a: Real) -> tuple[Complex, Complex]:
     """Upper triangular T and unitary Q, a = Q T Q^H: from the real form, in a third of the time of a complex iteration.
 
     LAPACK leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down:
     the damping p comes through exactly.
     """
-    ordered: Any = sla.schur(a, output="real")
-    schur, basis = (matrix.astype(complex) for matrix in ordered)
+    schur, basis = (matrix.astype(complex) for matrix in _linalg.schur(a, output="real"))
     first = np.flatnonzero(np.diagonal(schur, -1))
     second = first + 1
     upper, lower = schur[first, second].real, schur[second, first].real
@@ -113,11 +112,11 @@ def _complex_schur(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return schur, basis
 
 
-def _real_factor(factor: np.ndarray) -> np.ndarray:
+def _real_factor(factor: Complex) -> Real:
     return np.asarray(np.linalg.qr(np.hstack([np.real(factor), np.imag(factor)]).T, mode="r")).T
 
 
-def _hammarling_continuous(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _hammarling_continuous(a: Complex, b: Complex) -> Complex:
     """Upper triangular U with A U U^H + U U^H A^H + B B^H = 0, A upper triangular, Re diag(A) < 0."""
     a, b = np.asarray(a), b.astype(complex)
     u = np.zeros_like(a, dtype=complex)
@@ -134,7 +133,7 @@ def _hammarling_continuous(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return u
 
 
-def _hammarling_discrete(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _hammarling_discrete(a: Complex, b: Complex) -> Complex:
     """Upper triangular U with A U U^H A^H - U U^H + B B^H = 0, A upper triangular, |diag(A)| < 1."""
     a, b = np.asarray(a), b.astype(complex)
     u = np.zeros_like(a, dtype=complex)
@@ -153,13 +152,13 @@ def _hammarling_discrete(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return u
 
 
-def _solve_shifted(a: np.ndarray, shift: complex, factor: complex, right: np.ndarray) -> np.ndarray:
+def _solve_shifted(a: Complex, shift: complex, factor: complex, right: Complex) -> Complex:
     """Solve (shift I + factor A) x = right, A upper triangular: by blocks, since a copy of A a column would take the time."""
     x = right
     for end in range(right.size, 0, -_BLOCK):
         rows = slice(max(0, end - _BLOCK), end)
         matrix = factor * a[rows, rows]
         matrix[np.diag_indices_from(matrix)] += shift
-        x[rows] = sla.solve_triangular(matrix, x[rows], check_finite=False)
+        x[rows] = _linalg.solve_triangular(matrix, x[rows], check_finite=False)
         x[: rows.start] -= factor * (a[: rows.start, rows] @ x[rows])
     return x

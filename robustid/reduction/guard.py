@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import responses
+from robustid.core import Complex, Real, responses
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
 
@@ -29,7 +29,7 @@ class Guard:
         lines = np.unique(lines[lines > 0])
         lowest = min(lines.min(initial=np.inf), np.pi / _GRID)
         even = np.linspace(0, np.pi, _GRID)
-        low = np.geomspace(_LOWEST, even[1], _GRID, endpoint=False)
+        low = np.geomspace(_LOWEST, float(even[1]), _GRID, endpoint=False)
         angles = np.unique(np.concatenate([even, low, lines, (lines[1:] + lines[:-1]) / 2, _resonances(model)]))
         self._lowest = lowest if integrators else 0.0
         self._angles = angles[angles >= self._lowest]
@@ -39,7 +39,7 @@ class Guard:
         self._response = responses(model, self._angles)
         self._allowed = self._allowed_at(self._angles, self._response)
 
-    def _allowed_at(self, angles: np.ndarray, here: np.ndarray) -> np.ndarray:
+    def _allowed_at(self, angles: Real, here: Complex) -> Real:
         """(F, ny, nu)."""
         first = np.searchsorted(self._angles, angles * (1 - _NEAR))
         last = np.searchsorted(self._angles, angles * (1 + _NEAR), side="right")
@@ -74,7 +74,7 @@ class Guard:
         return float(ratio.max()), FrequencyResponse(angles[at] / self._dt, values[at], bound=allowed[at], dt=self._dt)
 
 
-def _resonances(model: Any) -> np.ndarray:
+def _resonances(model: Any) -> Real:
     """Angles of the poles, and half a width to either side."""
     poles = model.poles()
     poles = poles[(poles.imag >= 0) & (poles != 0)]

@@ -16,16 +16,17 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.linalg
 
-from robustid.core import as_array, as_positive, balancing, scaled_states
+from robustid.core import Real, as_array, as_positive, balancing, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
-Share = Callable[[np.ndarray], np.ndarray]
+Share = Callable[[Real], Real]
 
 
 def limited(model: Any, stable: Parts, *, band_hz: Any, horizon: Any, weight: Any) -> Factors:
@@ -48,14 +49,14 @@ def _band_share(model: Any, band_hz: Any) -> Share:
         raise InputError(f"`band_hz` must end at or below the Nyquist frequency, {0.5 / step:g} Hz; got {band[1]:g} Hz")
     omega = 2 * np.pi * band
 
-    def share(a: np.ndarray) -> np.ndarray:
+    def share(a: Real) -> Real:
         low, high = (_below(a, edge, step) for edge in omega)
         return high - low + (high - low).T
 
     return share
 
 
-def _below(a: np.ndarray, omega: float, step: float) -> np.ndarray:
+def _below(a: Real, omega: float, step: float) -> Real:
     """S of the frequencies from 0 to omega."""
     eye = np.eye(a.shape[0])
     if omega == 0:
@@ -63,8 +64,8 @@ def _below(a: np.ndarray, omega: float, step: float) -> np.ndarray:
     if np.isinf(omega) or (step and omega * step >= np.pi):
         return eye / 2
     if step:
-        return omega * step / (2 * np.pi) * eye + np.imag(sla.logm(eye - np.exp(-1j * omega * step) * a)) / np.pi
-    return np.imag(sla.logm(1j * omega * eye - a)) / np.pi
+        return omega * step / (2 * np.pi) * eye + np.imag(_linalg.logm(eye - np.exp(-1j * omega * step) * a)) / np.pi
+    return np.imag(_linalg.logm(1j * omega * eye - a)) / np.pi
 
 
 def _horizon_share(model: Any, horizon: Any) -> Share:
@@ -74,8 +75,8 @@ def _horizon_share(model: Any, horizon: Any) -> Share:
     if step and not samples:
         raise InputError(f"`horizon` must hold a sample, {step:g} s, at least; got {seconds:g} s")
 
-    def share(a: np.ndarray) -> np.ndarray:
-        over = np.linalg.matrix_power(a, samples) if step else sla.expm(a * seconds)
+    def share(a: Real) -> Real:
+        over = np.linalg.matrix_power(a, samples) if step else _linalg.expm(a * seconds)
         return np.eye(a.shape[0]) - over @ over.T
 
     return share
@@ -100,9 +101,9 @@ def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
     return left @ _root(share((a / hankel).T)), right @ _root(share(a / hankel[:, None]))
 
 
-def _root(share: np.ndarray) -> np.ndarray:
+def _root(share: Real) -> Real:
     """A factor of a matrix between 0 and I, without what is rounding of the I."""
-    values, vectors = sla.eigh(share)
+    values, vectors = _linalg.eigh(share)
     held = values > share.shape[0] * _EPS
     return vectors[:, held] * np.sqrt(values[held])
 
@@ -123,7 +124,7 @@ def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
     if not np.all(stable):
         raise InputError(f"`weight` must be stable; it has {describe_poles(poles[~stable], weight.dt)}")
     copies = np.eye(1 if weight.ninputs == outputs else outputs)
-    a, b, c, d = (np.kron(copies, matrix) for matrix in (*own, weight.D))
+    a, b, c, d = (np.asarray(np.kron(copies, matrix), dtype=float) for matrix in (*own, weight.D))
     corner = np.zeros((parts.a.shape[0], a.shape[0]))
     both = Parts(
         np.block([[parts.a, corner], [b @ parts.c, a]]),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.solver import Cones, Limits, Program, path, start
 
@@ -11,7 +13,7 @@ _RANK = 1e-12  # directions that the samples see less than this, relatively, are
 _GAP = 1e-4  # relative, of the maximum
 
 
-def orthonormal_columns(stacked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def orthonormal_columns(stacked: Real) -> tuple[Real, Real]:
     """U with orthonormal columns and V such that U = stacked V; columns of any size, of any rank."""
     norms = np.linalg.norm(stacked, axis=0)
     norms[norms == 0] = 1.0
@@ -21,8 +23,8 @@ def orthonormal_columns(stacked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def smallest_maximum(
-    G: np.ndarray, y: np.ndarray, discs: int, first: np.ndarray, reach: np.ndarray, cone: np.ndarray | None = None
-) -> tuple[np.ndarray, float]:
+    G: Complex, y: Complex, discs: int, first: Real, reach: Real, cone: NDArray[np.intp] | None = None
+) -> tuple[Real, float]:
     """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j, and that maximum.
 
     Parameters

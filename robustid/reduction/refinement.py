@@ -7,19 +7,27 @@ orthonormal (Takenaka-Malmquist) however close the poles are to each other or to
 a Schur form, which is the same, and C moves too.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.bases import Sections
+from robustid.core import Complex, Real
 from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.minimax import orthonormal_columns, smallest_maximum
 from robustid.reduction.sample_map import SampleMap, Signals
+
+_linalg: Any = scipy.linalg  # its types are incomplete
+
+Poles = NDArray[Any]  # complex, or real where all of them are
 
 _STEPS = 40  # of one descent
 _NONE = np.zeros(0, complex)
@@ -33,12 +41,12 @@ class Pair(NamedTuple):
     In their normal form `size` (n,) is that of a d that moves the pole of each by about its distance to the circle.
     """
 
-    A: np.ndarray
-    C: np.ndarray
-    size: np.ndarray | None = None
+    A: Real
+    C: Real
+    size: Real | None = None
 
     @property
-    def poles(self) -> np.ndarray:
+    def poles(self) -> Poles:
         """Poles of the functions."""
         return np.linalg.eigvals(self.A) if self.A.size else np.zeros(0, complex)
 
@@ -64,14 +72,14 @@ class Fit:
     """
 
     pair: Pair
-    X: np.ndarray
-    fixed: np.ndarray
+    X: Real
+    fixed: Real
     outputs: Signals
-    error: np.ndarray
-    sizes: np.ndarray
+    error: Complex
+    sizes: Real
 
     @property
-    def poles(self) -> np.ndarray:
+    def poles(self) -> Poles:
         """Poles of the stable part."""
         return self.pair.poles
 
@@ -89,12 +97,12 @@ class Fit:
 class Moves(NamedTuple):
     """Ways in which the functions of a fit can change: derivatives of its residuals times -1, sizes of steps, and the steps."""
 
-    columns: np.ndarray
-    size: np.ndarray
-    step: Callable[[np.ndarray], Pair]
+    columns: Complex
+    size: Real
+    step: Callable[[Real], Pair]
 
 
-def pole_functions(poles: np.ndarray) -> Pair:
+def pole_functions(poles: Poles) -> Pair:
     """The orthonormal functions of these poles (conjugates included), all inside the unit circle, for one head."""
     upper = [complex(a) for a in poles if a.imag >= 0]
     if not upper:
@@ -104,7 +112,7 @@ def pole_functions(poles: np.ndarray) -> Pair:
     return Pair(np.array(sections.section.A), sections.section.c.copy(), np.concatenate(sizes))
 
 
-def normal_functions(pair: Pair, weights: np.ndarray) -> Pair:
+def normal_functions(pair: Pair, weights: Real) -> Pair:
     """The span of the same functions with A'A + C'W^2 C = I, A in real Schur form; of one head those of its poles."""
     if pair.size is not None:
         return pair
@@ -118,12 +126,12 @@ def normal_functions(pair: Pair, weights: np.ndarray) -> Pair:
     values = np.maximum(values, 1e-9 * values[0])  # functions that depend on the others are left as small as they are
     A = (values[:, None] * Vt) @ A @ (Vt.T / values)
     C = C @ (Vt.T / values)
-    schur, basis = scipy.linalg.schur(A, output="real")[:2]
+    schur, basis = _linalg.schur(A, output="real")[:2]
     size = np.sqrt(np.maximum(1 - np.abs(_schur_poles(schur)) ** 2, np.finfo(float).eps))
     return Pair(schur, C @ basis, size)
 
 
-def _schur_poles(schur: np.ndarray) -> np.ndarray:
+def _schur_poles(schur: Real) -> Complex:
     """Eigenvalues in the order of the diagonal of a real Schur form."""
     poles = np.diagonal(schur).astype(complex)
     for k in np.flatnonzero(np.diagonal(schur, -1)):
@@ -134,14 +142,14 @@ def _schur_poles(schur: np.ndarray) -> np.ndarray:
 def inside(pair: Pair, radius: float) -> Pair:
     """The functions with poles beyond `radius` drawn back to it."""
 
-    def drawn(poles: np.ndarray) -> np.ndarray:
+    def drawn(poles: Poles) -> Poles:
         size = np.abs(poles)
         return np.where(size > radius, poles * (radius / np.maximum(size, radius)), poles)
 
     return with_poles(pair, drawn)
 
 
-def with_poles(pair: Pair, mapped: Callable[[np.ndarray], np.ndarray]) -> Pair:
+def with_poles(pair: Pair, mapped: Callable[[Poles], Poles]) -> Pair:
     """The functions with other poles, each in place of one, the eigenvectors as they are."""
     poles = pair.poles
     new = mapped(poles)
@@ -153,7 +161,7 @@ def with_poles(pair: Pair, mapped: Callable[[np.ndarray], np.ndarray]) -> Pair:
     return Pair(np.real(V @ (mapped(values)[:, None] * np.linalg.inv(V))), pair.C)
 
 
-def numerators(samples: SampleMap, pair: Pair) -> np.ndarray:
+def numerators(samples: SampleMap, pair: Pair) -> Complex:
     """The columns of X and of what is fixed, (N, tails n + k)."""
     return np.hstack([samples.columns(pair.A, pair.C), samples.fixed])
 
@@ -165,7 +173,7 @@ def least_squares(samples: SampleMap, pair: Pair) -> Fit:
     return evaluated(samples, pair, V @ (U.T @ samples.real(samples.y)))
 
 
-def evaluated(samples: SampleMap, pair: Pair, v: np.ndarray) -> Fit:
+def evaluated(samples: SampleMap, pair: Pair, v: Real) -> Fit:
     """The model with the numerators v = (X, one tail after the other, fixed)."""
     count = pair.A.shape[0] * samples.tails
     X, fixed = v[:count].reshape(samples.tails, -1).T, v[count:]
@@ -174,10 +182,10 @@ def evaluated(samples: SampleMap, pair: Pair, v: np.ndarray) -> Fit:
     return Fit(pair, X, fixed, outputs, error, samples.sizes(error))
 
 
-def pole_columns(samples: SampleMap, pair: Pair, outputs: Signals) -> np.ndarray:
+def pole_columns(samples: SampleMap, pair: Pair, outputs: Signals) -> Complex:
     """Derivatives of the residuals along d, times -1, one head after the other, (N, heads n)."""
     h, n = pair.C.shape
-    parts = []
+    parts: list[Complex] = []
     for track, out in zip(samples.tracks, outputs, strict=True):
         each = np.zeros((track.y.size, h, n), complex)
         for i, c in enumerate(pair.C):
@@ -189,10 +197,10 @@ def pole_columns(samples: SampleMap, pair: Pair, outputs: Signals) -> np.ndarray
     return np.vstack(parts)
 
 
-def direction_columns(samples: SampleMap, pair: Pair, X: np.ndarray) -> np.ndarray:
+def direction_columns(samples: SampleMap, pair: Pair, X: Real) -> Complex:
     """Derivatives of the residuals along C, times -1, one head after the other, (N, heads n)."""
     h, n = pair.C.shape
-    parts = []
+    parts: list[Complex] = []
     for track in samples.tracks:
         each = np.zeros((track.y.size, h, n), complex)
         for i in range(h):
@@ -203,22 +211,22 @@ def direction_columns(samples: SampleMap, pair: Pair, X: np.ndarray) -> np.ndarr
     return np.vstack(parts)
 
 
-def moved(pair: Pair, d: np.ndarray) -> Pair:
+def moved(pair: Pair, d: Real) -> Pair:
     """The functions of Sigma^-1 N: those of A - d C, d (n, heads)."""
     return Pair(pair.A - d @ pair.C, pair.C)
 
 
-def _size(pair: Pair) -> np.ndarray:
+def _size(pair: Pair) -> Real:
     """Sizes of the moves of a pair in its normal form."""
     return np.zeros(0) if pair.size is None else pair.size
 
 
-def moves(samples: SampleMap, fit: Fit, radius: float, held: np.ndarray) -> Moves:
+def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
     """Ways in which the functions of a fit, in their normal form, can change; poles that are held stay."""
     if samples.heads == 1:
         moving = pole_functions(apart(fit.poles, held))
 
-        def stepped(d: np.ndarray) -> Pair:
+        def stepped(d: Real) -> Pair:
             found = inside(moved(moving, d[:, None]), radius)
             return pole_functions(np.concatenate([held, found.poles])) if held.size else found
 
@@ -230,9 +238,13 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: np.ndarray) -> Move
     turned = direction_columns(samples, pair, v[: n * samples.tails].reshape(samples.tails, -1).T)
     turned_size = (size / samples.weights[:, None]).ravel()
     if held.size:
-        return Moves(turned, turned_size, lambda d: Pair(pair.A, pair.C + d.reshape(h, n)))
 
-    def turned_and_moved(d: np.ndarray) -> Pair:
+        def only_turned(d: Real) -> Pair:
+            return Pair(pair.A, pair.C + d.reshape(h, n))
+
+        return Moves(turned, turned_size, only_turned)
+
+    def turned_and_moved(d: Real) -> Pair:
         first, second = d[: h * n].reshape(h, n), d[h * n :].reshape(h, n)
         return inside(Pair(pair.A - first.T @ pair.C, pair.C + second), radius)
 
@@ -240,7 +252,7 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: np.ndarray) -> Move
     return Moves(columns, np.concatenate([np.outer(samples.weights, size).ravel(), turned_size]), turned_and_moved)
 
 
-def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: np.ndarray = _NONE) -> Fit:
+def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: Poles = _NONE) -> Fit:
     """Levenberg-Marquardt over the functions, the numerators at their best for all (variable projection)."""
     damping = 0.1
     y = samples.real(samples.y)
@@ -269,14 +281,14 @@ def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, 
     return fit
 
 
-def apart(poles: np.ndarray, held: np.ndarray) -> np.ndarray:
+def apart(poles: Poles, held: Poles) -> Poles:
     """The poles without those that are held."""
     for pole in held:
         poles = np.delete(poles, np.argmin(np.abs(poles - pole)))
     return poles
 
 
-def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int, held: np.ndarray = _NONE) -> Fit:
+def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int, held: Poles = _NONE) -> Fit:
     """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay.
 
     Ends where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
@@ -308,7 +320,7 @@ def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: i
     return fit
 
 
-def _stepped(samples: SampleMap, pair: Pair, v: np.ndarray, radius: float, held: np.ndarray) -> Fit:
+def _stepped(samples: SampleMap, pair: Pair, v: Real, radius: float, held: Poles) -> Fit:
     """The model Sigma^-1 N of a step; new numerators where poles are held or drawn back, or the functions in other coordinates."""
     if held.size or np.abs(pair.poles).max() >= radius * (1 - 1e-12):
         return numerators_levelled(samples, least_squares(samples, pair))

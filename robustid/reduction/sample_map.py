@@ -4,6 +4,8 @@ A model is seen from its side with fewer signals: its heads; the others are its 
 the transposed model: its heads are the inputs. Every entry is then c_i (zI - A)^-1 x_j of a head i and a tail j.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -13,12 +15,17 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse, TimeRecord, tilted
 from robustid.identification import MixedProblem, excited_lines
 from robustid.identification.formulation import initial_state, measured_entries
 
-Signals = list[np.ndarray]
+_linalg: Any = scipy.linalg  # its types are incomplete
+
+Samples = NDArray[Any]  # real in time, complex at frequency points and spectral lines
+Signals = list[Samples]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,24 +48,25 @@ class Track:
         Number of the bound of every sample.
     """
 
-    signal: np.ndarray
-    points: np.ndarray | None
-    rows: Callable[[int, int, np.ndarray], np.ndarray]
-    y: np.ndarray
-    free: np.ndarray
-    cone: np.ndarray
+    signal: Samples
+    points: Complex | None
+    rows: Callable[[int, int, Samples], Samples]
+    y: Samples
+    free: Real
+    cone: NDArray[np.intp]
 
-    def behind(self, signals: np.ndarray, pole: complex) -> np.ndarray:
+    def behind(self, signals: Samples, pole: complex) -> Samples:
         """The responses of 1/(z - pole), (L, m)."""
         if self.points is None:
             import scipy.signal
 
-            return np.asarray(scipy.signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0))
+            signal: Any = scipy.signal  # its types are incomplete
+            return signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0)
         return signals / (self.points - pole)[:, None]
 
-    def states(self, A: np.ndarray, c: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    def states(self, A: Real, c: Real, signals: Samples) -> Samples:
         """The responses of the row c (zI - A)^-1 to each signal, (L, m, n): complex Schur form, forward substitution."""
-        T, Q = scipy.linalg.schur(A, output="complex")[:2]
+        T, Q = _linalg.schur(A, output="complex")[:2]
         into = c @ Q
         v = np.empty((*signals.shape, into.size), complex)
         for j in range(into.size):
@@ -66,7 +74,7 @@ class Track:
         v = v @ Q.conj().T
         return v.real if self.points is None else v
 
-    def integrals(self, count: int) -> np.ndarray:
+    def integrals(self, count: int) -> Samples:
         """The signals and their responses of 1/(z - 1), 1/(z - 1)^2, ..., (L, q, 1 + count)."""
         out = [self.signal]
         for _ in range(count):
@@ -101,20 +109,20 @@ class SampleMap:
         return max(self.outputs, self.inputs)
 
     @functools.cached_property
-    def y(self) -> np.ndarray:
+    def y(self) -> Complex:
         """Samples in units of their bounds, (N,) complex."""
         return np.concatenate([track.y for track in self.tracks]).astype(complex)
 
     @functools.cached_property
-    def cone(self) -> np.ndarray:
+    def cone(self) -> NDArray[np.intp]:
         """Number of the bound of every sample, (N,)."""
         starts = np.cumsum([0, *(track.cone.max() + 1 for track in self.tracks)])
         return np.concatenate([start + t.cone for start, t in zip(starts, self.tracks, strict=False)])
 
     @functools.cached_property
-    def fixed(self) -> np.ndarray:
+    def fixed(self) -> Samples:
         """Columns that no pole changes, (N, k): feed-through by entry, integrators by power and entry, free responses."""
-        direct = []
+        direct: Signals = []
         for track in self.tracks:
             parts = track.integrals(self.integrators)
             each = [
@@ -123,10 +131,10 @@ class SampleMap:
                 for input in range(self.inputs)
             ]
             direct.append(np.stack(each, axis=2).reshape(track.y.size, -1))
-        return np.hstack([np.vstack(direct), np.asarray(scipy.linalg.block_diag(*(t.free for t in self.tracks)))])
+        return np.hstack([np.vstack(direct), _linalg.block_diag(*(t.free for t in self.tracks))])
 
     @functools.cached_property
-    def weights(self) -> np.ndarray:
+    def weights(self) -> Real:
         """Size (heads,) of a unit at each head, in units of the bounds."""
         found = np.zeros((self.heads, self.tails))
         for track in self.tracks:
@@ -135,19 +143,19 @@ class SampleMap:
                 found[i, j] = np.hypot(found[i, j], np.linalg.norm(self.read(track, i, j, ones)))
         return found.max(axis=1)
 
-    def read(self, track: Track, head: int, tail: int, out: np.ndarray) -> np.ndarray:
+    def read(self, track: Track, head: int, tail: int, out: Samples) -> Samples:
         """Samples (N, m) of what the entry of a head and a tail puts out, (L, m)."""
         return track.rows(tail, head, out) if self.flipped else track.rows(head, tail, out)
 
-    def into(self, track: Track, head: int) -> np.ndarray:
+    def into(self, track: Track, head: int) -> Samples:
         """The signals that enter the entries of a head, (L, tails)."""
         if self.flipped:
             return np.broadcast_to(track.signal[:, head : head + 1], (track.signal.shape[0], self.tails))
         return track.signal
 
-    def columns(self, A: np.ndarray, C: np.ndarray) -> np.ndarray:
+    def columns(self, A: Real, C: Real) -> Complex:
         """Samples of the entries C (zI - A)^-1 x_j for unit vectors x_j, one tail after the other, (N, tails n)."""
-        parts = []
+        parts: list[Complex] = []
         for track in self.tracks:
             each = np.zeros((track.y.size, self.tails, A.shape[0]), complex)
             for i, c in enumerate(C):
@@ -157,38 +165,39 @@ class SampleMap:
             parts.append(each.reshape(track.y.size, -1))
         return np.vstack(parts)
 
-    def outputs_of(self, A: np.ndarray, C: np.ndarray, X: np.ndarray) -> Signals:
+    def outputs_of(self, A: Real, C: Real, X: Real) -> Signals:
         """Responses of C_k (zI - A)^-1 x_j to the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
 
         With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
         """
-        out = []
+        out: Signals = []
         for track in self.tracks:
             signals = [self.into(track, i) for i in range(self.heads if self.flipped else 1)]
             states = np.array([[track.states(A, c, one) for c in C] for one in signals])
             out.append(np.einsum("iklja,aj->ilkj", states, X))
         return out
 
-    def samples_of(self, outputs: Signals) -> np.ndarray:
+    def samples_of(self, outputs: Signals) -> Samples:
         """The samples of what the entries put out, (N,)."""
-        found = []
+        found: list[Any] = []
         for track, out in zip(self.tracks, outputs, strict=True):
             entries = np.ndindex(self.heads, self.tails)
             found.append(sum(self.read(track, i, j, out[i % len(out), :, i, j, None])[:, 0] for i, j in entries))
         return np.concatenate(found)
 
-    def sizes(self, error: np.ndarray) -> np.ndarray:
+    def sizes(self, error: Samples) -> Real:
         """The norm of the errors under each bound."""
         return np.sqrt(np.bincount(self.cone, np.abs(error) ** 2))
 
-    def real(self, a: np.ndarray) -> np.ndarray:
+    def real(self, a: Samples) -> Real:
         """Real rows of complex ones: real parts of all samples, then imaginary parts of the discs."""
         return np.concatenate([np.real(a), np.imag(a[: self.discs])])
 
     @functools.cached_property
     def band(self) -> tuple[float, float]:
         """Lowest and highest angle in rad that the samples see."""
-        low, high = [], []
+        low: list[float] = []
+        high: list[float] = []
         for track in self.tracks:
             if track.points is None:
                 low.append(np.pi / max(track.signal.shape[0], 2))
@@ -220,7 +229,7 @@ def with_lines(samples: SampleMap, frf: FrequencyResponse, problem: MixedProblem
 
 def _line_track(frf: Any, problem: MixedProblem) -> Track:
     """A sample is sum_ij W_ij G_ij at its line, tilted where its bound is an ellipse."""
-    lines, points = frf.omega.size, np.exp(1j * frf.omega * problem.dt)
+    lines, points = int(frf.omega.size), np.exp(1j * frf.omega * problem.dt)
     p, q = problem.entries.outputs, problem.entries.inputs
     if not isinstance(frf, FrequencyResponse):
         at, W, y, tilt = _directions(frf)
@@ -240,15 +249,15 @@ def _line_track(frf: Any, problem: MixedProblem) -> Track:
         y = tilted(frf.values[at, i, j] / bound, tilt)
         cone = np.unique(at * q + j, return_inverse=True)[1] if frf.bound.joint == "column" else np.arange(at.size)
 
-    def rows(output: int, input: int, out: np.ndarray) -> np.ndarray:
+    def rows(output: int, input: int, out: Samples) -> Samples:
         return tilted(out[at] * W[:, output, input, None], tilt)
 
     return Track(np.ones((lines, q), complex), points, rows, y, np.zeros((y.size, 0)), cone)
 
 
-def _directions(frf: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, None]:
+def _directions(frf: Any) -> tuple[NDArray[np.intp], Complex, Complex, None]:
     """Points, weights and values of tangential samples, divided by their bounds."""
-    parts = []
+    parts: list[tuple[NDArray[np.intp], Complex, Complex]] = []
     for row, column in measured_entries(frf):
         used = np.flatnonzero(frf.bound.used[:, row, column])
         bound = frf.bound.radius[used, row, column]
@@ -263,7 +272,7 @@ def _time_track(record: TimeRecord, problem: MixedProblem) -> Track:
     used = _used(record)
     parts = {i: initial_state(problem, record, at, i) for i, at in used.items()}
     bounds = {i: record.bound.radius[at, i] + parts[i][1] for i, at in used.items()}
-    free = np.asarray(scipy.linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used)))
+    free = _linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used))
     last = max(at[-1] for at in used.values())
     return _record_track(record, record.u[: last + 1], None, bounds, lambda v: v, free)
 
@@ -272,7 +281,7 @@ def _periodic_track(record: TimeRecord) -> Track:
     used, lines = _used(record), excited_lines(record)
     samples = record.u.shape[0]
 
-    def in_time(v: np.ndarray) -> np.ndarray:
+    def in_time(v: Complex) -> Real:
         spectrum = np.zeros((samples // 2 + 1, v.shape[1]), complex)
         spectrum[lines] = v
         return np.fft.irfft(spectrum, samples, axis=0)
@@ -283,7 +292,7 @@ def _periodic_track(record: TimeRecord) -> Track:
     return _record_track(record, signal, points, bounds, in_time, free)
 
 
-def _used(record: TimeRecord) -> dict[int, np.ndarray]:
+def _used(record: TimeRecord) -> dict[int, NDArray[np.intp]]:
     """The samples that have a bound, of each output that has any."""
     found = {i: np.flatnonzero(np.isfinite(bound)) for i, bound in enumerate(record.bound.radius.T)}
     return {i: at for i, at in found.items() if at.size}
@@ -291,18 +300,18 @@ def _used(record: TimeRecord) -> dict[int, np.ndarray]:
 
 def _record_track(
     record: TimeRecord,
-    signal: np.ndarray,
-    points: np.ndarray | None,
-    bounds: dict[int, np.ndarray],
-    in_time: Callable[[np.ndarray], np.ndarray],
-    free: np.ndarray,
+    signal: Samples,
+    points: Complex | None,
+    bounds: dict[int, Real],
+    in_time: Callable[[Samples], Real],
+    free: Real,
 ) -> Track:
     """One output after the other."""
     used = _used(record)
     starts = dict(zip(used, np.cumsum([0, *(at.size for at in used.values())]), strict=False))
     count = sum(at.size for at in used.values())
 
-    def rows(output: int, input: int, out: np.ndarray) -> np.ndarray:
+    def rows(output: int, input: int, out: Samples) -> Samples:
         found = np.zeros((count, out.shape[1]))
         if output in used:
             at = used[output]

@@ -7,15 +7,19 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification
 from robustid.mfd import subspace_estimate
 from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.minimax import orthonormal_columns
-from robustid.reduction.refinement import Fit, Pair, moved, pole_columns, pole_functions, with_poles
+from robustid.reduction.refinement import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles
 from robustid.reduction.sample_map import SampleMap
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 _SK_STEPS = 10
 RICH = 24  # states of the truncated model that stands for the data of SK steps
@@ -51,12 +55,12 @@ def truncations(identification: Identification, samples: SampleMap) -> list[Fami
     return families
 
 
-def of_model(A: np.ndarray, B: np.ndarray, C: np.ndarray, samples: SampleMap) -> Pair:
+def of_model(A: Real, B: Real, C: Real, samples: SampleMap) -> Pair:
     """The functions of a model, seen from its heads."""
     return Pair(A.T, B.T) if samples.flipped else Pair(A, C)
 
 
-def for_one(poles: np.ndarray) -> Pair:
+def for_one(poles: Poles) -> Pair:
     """The functions of these poles for one head; unstable ones are reflected."""
     return pole_functions(reflected(poles))
 
@@ -69,8 +73,11 @@ def _without_chains(pair: Pair, integrators: int) -> Pair:
     if not integrators:
         return pair
     near = np.abs(kept - 1).min(initial=np.inf) * (1 - 1e-9)
-    ordered: Any = scipy.linalg.schur(pair.A, sort=lambda re, im=0.0: abs(complex(re, im) - 1) >= near)
-    schur, basis, size = ordered
+
+    def leads(real: float, imag: float = 0.0) -> bool:
+        return abs(complex(real, imag) - 1) >= near
+
+    schur, basis, size = _linalg.schur(pair.A, sort=leads)
     return Pair(schur[:size, :size], pair.C @ basis[:, :size])
 
 
@@ -95,7 +102,8 @@ def _parametric_kept(identification: Identification, samples: SampleMap) -> Fami
 
 def _rank_one(identification: Identification, samples: SampleMap) -> Family:
     """The parametric modes, those with the largest Hankel singular values first, each with the best residue of rank one."""
-    dt, found = identification.problem.dt, []
+    dt = identification.problem.dt
+    found: list[tuple[float, Pair]] = []
     for mode in identification.modes:
         pole = np.exp((-mode.damping + 1j * np.sqrt(1 - mode.damping**2)) * mode.omega * dt)
         left, values, _ = np.linalg.svd(
@@ -114,7 +122,7 @@ def _rank_one(identification: Identification, samples: SampleMap) -> Family:
     return of_modes
 
 
-def mode_pair(pole: complex, direction: np.ndarray) -> Pair:
+def mode_pair(pole: complex, direction: NDArray[Any]) -> Pair:
     """The functions of a pole (and its conjugate) with one direction at the heads."""
     if abs(pole.imag) <= _REAL:
         return Pair(np.array([[pole.real]]), np.real(direction)[:, None])
@@ -124,10 +132,10 @@ def mode_pair(pole: complex, direction: np.ndarray) -> Pair:
 
 def joined(*pairs: Pair) -> Pair:
     """All their functions."""
-    return Pair(np.asarray(scipy.linalg.block_diag(*(pair.A for pair in pairs))), np.hstack([pair.C for pair in pairs]))
+    return Pair(_linalg.block_diag(*(pair.A for pair in pairs)), np.hstack([pair.C for pair in pairs]))
 
 
-def without_integrators(poles: np.ndarray, count: int) -> np.ndarray:
+def without_integrators(poles: Poles, count: int) -> Poles:
     """The poles without the `count` nearest to z = 1."""
     return poles[np.argsort(np.abs(poles - 1))[count:]]
 
@@ -166,7 +174,7 @@ def from_lines(identification: Identification, samples: SampleMap, count: int) -
     return for_one(pair.poles) if samples.heads == 1 else pair
 
 
-def spread(samples: SampleMap, count: int) -> np.ndarray:
+def spread(samples: SampleMap, count: int) -> Poles:
     """Damped pairs over the band of the samples, and a real pole for an odd count."""
     low, high = samples.band
     angles = np.geomspace(low, high, count // 2 + 2)[1:-1]
@@ -199,7 +207,7 @@ def sanathanan_koerner(samples: SampleMap, target: Fit, count: int) -> Pair:
     return pair
 
 
-def reflected(poles: np.ndarray) -> np.ndarray:
+def reflected(poles: Poles) -> Poles:
     """Unstable poles reflected at the circle, those on it drawn inside."""
     size = np.maximum(np.abs(poles), np.finfo(float).tiny)
     return poles * (np.minimum(np.where(size > 1, 1 / size, size), _INSIDE) / size)
@@ -226,12 +234,13 @@ def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[Pair]:
             yield joined(fit.pair, mode_pair(best, _gain(samples, U, rest, best)[1]))
 
 
-def _gain(samples: SampleMap, U: np.ndarray, rest: np.ndarray, pole: complex) -> tuple[float, np.ndarray]:
+def _gain(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[float, NDArray[Any]]:
     """Length that a further pole of full rank removes; and the direction at the heads of its best part of rank one."""
     one = pole_functions(np.array([pole, pole.conjugate()] if pole.imag else [pole]))
     h, m = samples.heads, one.A.shape[0]
-    C = np.kron(np.diag(1 / samples.weights), one.C) if h > 1 else one.C
-    more = samples.real(samples.columns(np.kron(np.eye(h), one.A), C))
+    A = np.asarray(np.kron(np.eye(h), one.A), dtype=float)
+    C = np.asarray(np.kron(np.diag(1 / samples.weights), one.C), dtype=float) if h > 1 else one.C
+    more = samples.real(samples.columns(A, C))
     Q, V = orthonormal_columns(more - U @ (U.T @ more))
     gain = Q.T @ rest
     # Heads and tails of the coefficients; their residues at the pole are these times one complex number each.
@@ -253,7 +262,7 @@ def statespace(samples: SampleMap, fit: Fit, like: Any) -> Any:
     D = fit.fixed[:entries].reshape(samples.outputs, samples.inputs)
     gains = powers.reshape(count, samples.outputs, samples.inputs)
     gains = gains.swapaxes(1, 2) if samples.flipped else gains
-    A = scipy.linalg.block_diag(fit.pair.A, np.kron(chain, np.eye(h)))
+    A = _linalg.block_diag(fit.pair.A, np.kron(chain, np.eye(h)))
     B = np.vstack([fit.X, gains.reshape(count * h, samples.tails)])
     C = np.hstack([fit.pair.C, np.kron(np.eye(1, count), np.eye(h))])
     labels = {"inputs": like.input_labels, "outputs": like.output_labels, "name": "reduced"}

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.core import as_kind
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.identification import Identification, largest_ratio
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
@@ -113,8 +114,7 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     >>> small.order, small.margin <= 1
     (4, True)
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be the result of identify(); got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "the result of identify()")
     return _Search(identification, _integrators(identification, rigid_body)).reduction()
 
 
@@ -125,8 +125,7 @@ def _integrators(identification: Identification, rigid_body: Any) -> int:
     held = 0 if basis is None else int(np.sum(np.abs(basis.poles - 1) <= _AT_ONE))
     if rigid_body is None:
         return held
-    if not isinstance(rigid_body, RigidBody):
-        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(1); got {type(rigid_body).__name__}")
+    rigid_body = as_kind("rigid_body", rigid_body, RigidBody, "a RigidBody, such as RigidBody(1)")
     heads = min(problem.entries.outputs, problem.entries.inputs)
     if rigid_body.count != heads:
         raise InputError(
