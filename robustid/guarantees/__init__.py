@@ -1,6 +1,6 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
-from robustid.guarantees import storage  # noqa: F401 - registers the results that can be saved
+from robustid.guarantees import storage as storage  # registers the results that can be saved
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.diameter import Diameter, diameter

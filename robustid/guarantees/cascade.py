@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.core import Complex, Real
+
 _EPS = np.finfo(float).eps
 # Logarithms of a few dozen factors, each rounded to some units of the last place of numbers below 1e3.
 _ROUNDING = 1e-12
@@ -19,13 +21,13 @@ class Factors(NamedTuple):
     v lies where the factor is smallest, so that nothing cancels there however lightly damped its roots are.
     """
 
-    numerators: np.ndarray
-    denominators: np.ndarray
+    numerators: Real
+    denominators: Real
     gain: float
     minimum_phase: bool
 
 
-def cascade(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> Any:
+def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> Any:
     """The model ``gain prod(z - zeros) / prod(z - poles)`` as a `control.StateSpace`, section after section.
 
     Every section has ``B = [1, 0]'`` and ``D = 1``, so that the cascade is written without any arithmetic: what `factors`
@@ -53,7 +55,7 @@ def cascade(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> Any
     return control.StateSpace(A, B, C, [[gain]], dt, remove_useless_states=False)
 
 
-def _units(roots: np.ndarray) -> list[np.ndarray]:
+def _units(roots: Complex) -> list[Complex]:
     """Pairs of roots, by rising distance from z = 1, then the single real one of an odd number."""
     pairs = [np.array([root, root.conj()]) for root in roots[np.imag(roots) > 0]]
     real = roots[np.imag(roots) == 0]
@@ -63,7 +65,7 @@ def _units(roots: np.ndarray) -> list[np.ndarray]:
     return pairs + ([real[-1:]] if real.size % 2 else [])
 
 
-def _section(poles: np.ndarray, zeros: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _section(poles: Complex, zeros: Complex) -> tuple[Real, Real]:
     """A and C of ``prod(z - zeros)/prod(z - poles)`` with ``B = [1, 0]'``, ``D = 1``.
 
     ``A = [[a, b], [c, d]]`` gives the numerator ``det(zI - A) + C_1 (z - d) + C_2 c``; its value at d and its slope give C.
@@ -93,7 +95,9 @@ def factors(model: Any) -> Factors | None:
     if B.shape != (r, 1) or C.shape != (1, r) or not D[0, 0] > 0:
         return None
     gain, expected = float(D[0, 0]), np.zeros_like(A)
-    numerators, denominators, inside = [], [], True
+    inside = True
+    numerators: list[tuple[float, ...]] = []
+    denominators: list[tuple[float, ...]] = []
     for first in range(0, r, 2):
         block = slice(first, min(first + 2, r))
         expected[block, block] = A[block, block]
@@ -102,13 +106,14 @@ def factors(model: Any) -> Factors | None:
         inside = inside and _stable(numerator) and _stable(denominator)
         numerators.append(_square(*numerator))
         denominators.append(_square(*denominator))
-    driven = np.where(np.arange(r) % 2 == 0, gain, 0.0)
+    driven = np.zeros(r)
+    driven[::2] = gain
     if not (np.array_equal(A, expected) and np.array_equal(B[:, 0], driven)):
         return None
     return Factors(np.reshape(numerators, (-1, 4)), np.reshape(denominators, (-1, 4)), gain, inside)
 
 
-def _polynomials(A: np.ndarray, C: np.ndarray) -> tuple[list[Fraction], list[Fraction]]:
+def _polynomials(A: Real, C: Real) -> tuple[list[Fraction], list[Fraction]]:
     """Numerator and denominator of a section, without their leading 1: [b1, b2], or [b1] of a single state."""
     if C.size == 1:
         pole = Fraction(float(A[0, 0]))
@@ -137,15 +142,13 @@ def _square(b1: Fraction, b2: Fraction | None = None) -> tuple[float, float, flo
     return v, float(constant + y * (slope + curve * y)), float(slope + 2 * curve * y), float(curve)
 
 
-def arcs(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def arcs(angles: Real) -> tuple[Real, Real]:
     """Ends of the cells in y = 1 - cos(angle), moved outwards by their rounding."""
     y = 2 * np.sin(angles / 2) ** 2
     return y[:-1] * (1 - 16 * _EPS), y[1:] * (1 + 16 * _EPS)
 
 
-def lowest_ratio(
-    parts: Factors, low: np.ndarray, high: np.ndarray, bound: np.ndarray, tolerance: float = 2e-4
-) -> float:
+def lowest_ratio(parts: Factors, low: Real, high: Real, bound: Real, tolerance: float = 2e-4) -> float:
     """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y.
 
     At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a
@@ -171,18 +174,18 @@ def lowest_ratio(
     return float(np.exp(proven) * (1 - _ROUNDING))
 
 
-def highest_ratio(parts: Factors, low: np.ndarray, high: np.ndarray, bound: np.ndarray) -> float:
+def highest_ratio(parts: Factors, low: Real, high: Real, bound: Real) -> float:
     """Guaranteed upper bound of max |W|/bound over all cells."""
     inverse = Factors(parts.denominators, parts.numerators, 1 / parts.gain, parts.minimum_phase)
     lowest = lowest_ratio(inverse, low, high, 1 / bound)
     return 1 / lowest if lowest else np.inf
 
 
-def _ranges(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _ranges(rows: Real, low: Real, high: Real) -> tuple[Real, Real]:
     """Least and largest value of every parabola on every cell, (factors, cells), outwards."""
     v, m, s, q = (column[:, None] for column in rows.T)
     vertex = v - s / np.where(q == 0, 1.0, 2 * q)
-    values = []
+    values: list[tuple[Real, Real]] = []
     for y in (low, high, np.clip(vertex, low, high)):
         t = y - v
         values.append((m + t * (s + q * t), np.abs(m) + np.abs(t) * (np.abs(s) + np.abs(q * t))))
@@ -192,7 +195,7 @@ def _ranges(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.nda
     return np.maximum(least - error, 1e-300), most + error
 
 
-def _log_bounds(parts: Factors, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _log_bounds(parts: Factors, low: Real, high: Real) -> tuple[Real, Real]:
     """Lower and upper bound of log |W|, but for the gain, on every cell."""
     top, bottom = _ranges(parts.numerators, low, high), _ranges(parts.denominators, low, high)
     lower, upper = (np.log(top[k]).sum(axis=0) - np.log(bottom[1 - k]).sum(axis=0) for k in (0, 1))

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import as_array, freeze, scaled_states
+from robustid.core import Complex, Real, as_array, freeze, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model
 
@@ -26,9 +27,9 @@ _DEPTH = 34  # halvings of a cell: what is left then is rounding
 class Cells(NamedTuple):
     """Edges in rad/s, the same as angles in rad (the last is pi), and the bound (C,) or (C, ny, nu)."""
 
-    edges: np.ndarray
-    angles: np.ndarray
-    bound: np.ndarray
+    edges: Real
+    angles: Real
+    bound: Real
 
     @classmethod
     def read(cls, edges: Any, bound: Any, dt: float, plant: Any = None) -> Cells:
@@ -70,32 +71,34 @@ def check_plant(nominal: Any) -> Any:
 class Pieces(NamedTuple):
     """Every piece of arc: its cell, its middle (rad), values (M, ny, nu) there and radii (M, ny, nu) that hold on all of it."""
 
-    cell: np.ndarray
-    middle: np.ndarray
-    values: np.ndarray
-    radius: np.ndarray
+    cell: NDArray[np.intp]
+    middle: Real
+    values: Complex
+    radius: Real
 
 
-def enclose(model: Any, angles: np.ndarray, coarse: Callable[[Pieces], np.ndarray]) -> Pieces:
+def enclose(model: Any, angles: Real, coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Pieces:
     """Enclose a model on the cells between `angles`, halved for as long as `coarse` says so of a piece.
 
     Radii include an allowance for the rounding of the solution of linear systems, to first order.
     """
     matrices = (*scaled_states(model.A, model.B, model.C), np.asarray(model.D))
     cell, low, high = np.arange(angles.size - 1), angles[:-1], angles[1:]
-    done = []
+    done: list[Pieces] = []
     for depth in range(_DEPTH):
         pieces = Pieces(cell, (low + high) / 2, *_on_arcs(matrices, low, high))
         split = coarse(pieces) if depth < _DEPTH - 1 else np.zeros(cell.size, dtype=bool)
-        done.append(Pieces(*(part[~split] for part in pieces)))
+        whole: list[Any] = [part[~split] for part in pieces]
+        done.append(Pieces(*whole))
         if not split.any():
             break
         cell, low, middle, high = cell[split], low[split], pieces.middle[split], high[split]
         cell, low, high = np.tile(cell, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
-    return Pieces(*(np.concatenate(parts) for parts in zip(*done, strict=True)))
+    joined: list[Any] = [np.concatenate(parts) for parts in zip(*done, strict=True)]
+    return Pieces(*joined)
 
 
-def _on_arcs(matrices: tuple, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _on_arcs(matrices: tuple[Real, Real, Real, Real], low: Real, high: Real) -> tuple[Complex, Real]:
     A, B, C, D = matrices
     n, pieces = A.shape[0], low.size
     values = np.tile(D.astype(complex), (pieces, 1, 1))

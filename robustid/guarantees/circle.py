@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, freeze, responses
+from robustid.core import Complex, Frozen, Real, freeze, responses
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
@@ -43,8 +43,8 @@ class CircleBound(Frozen):
         Bounds of the entries of F - model.
     """
 
-    edges: np.ndarray
-    bound: np.ndarray
+    edges: Real
+    bound: Real
     lower: float
     converged: bool
     values: tuple[ValueSet, ...]
@@ -117,7 +117,7 @@ class ModelError:
         limits = norms_of_class(self.identification, self.parameters, nominal, omega)
         return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
 
-    def arrays_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def arrays_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Real, Real, Real]:
         """Bounds of the entries (F, ny, nu), and the bound and an attained value of the largest singular value (F,)."""
         found = self.at(sets)
         sigma = np.array([(e.sigma_upper, e.sigma_lower) for e in found])
@@ -144,9 +144,12 @@ def refine(
     known = by_frequency(before.values if before is not None else ())
     known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= top}
     fine = {w for w, sets in known.items() if sets[0].directions.size in (2, settings[0])}
-    limits: dict[tuple[float, float], np.ndarray] = {}
-    coarse, sharp = [w for w in (bottom, top) if w not in known], []
-    for _ in range(_ROUNDS):
+    limits: dict[tuple[float, float], Real] = {}
+    coarse: list[float] = [w for w in (bottom, top) if w not in known]
+    sharp: list[float] = []
+    rounds = 0
+    while True:
+        rounds += 1
         for wanted, how in ((coarse, _COARSE), (sharp, settings)):
             found = value_sets(consistent, np.array(wanted), *how, *spread)
             known |= by_frequency(found)
@@ -174,9 +177,8 @@ def refine(
             else:
                 coarse.append(float(sum(arcs[k]) / 2))
         sharp = sorted(set(sharp))
-        if result.converged or edges.size + len(coarse) > _LARGEST:
-            break
-    return result
+        if result.converged or edges.size + len(coarse) > _LARGEST or rounds == _ROUNDS:
+            return result
 
 
 def supported(error: ModelError, circle: CircleBound) -> bool:
@@ -194,14 +196,14 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
     return all(bool(np.all(a <= b * (1 + 1e-9))) for a, b in ((bounds, circle.entries), (norms, circle.bound)))
 
 
-def _norms(bounds: np.ndarray, upper: np.ndarray, bends: np.ndarray) -> np.ndarray:
+def _norms(bounds: Real, upper: Real, bends: Real) -> Real:
     """Bound of the largest singular value on every arc, (C,): from the bounds of the entries or its own at the ends."""
     return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
 
 
 def norms_of_class(
-    identification: Identification, parameters: ParameterIntervals, nominal: np.ndarray, omega: np.ndarray
-) -> np.ndarray:
+    identification: Identification, parameters: ParameterIntervals, nominal: Complex, omega: Real
+) -> Real:
     """Bound of the largest singular value of F - nominal from the class and the intervals of the parameters alone, (F,)."""
     problem, (_, p, q) = identification.problem, nominal.shape
     known, loose, rounding = -nominal, np.zeros(nominal.shape), np.linalg.norm(nominal, axis=(1, 2))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import solve_stein
-from robustid.core import Frozen
+from robustid.core import Complex, Frozen, Real
 from robustid.errors import InconsistentDataError
 from robustid.identification import (
     Functional,
@@ -45,8 +47,8 @@ class Extreme(Frozen):
 
     upper: float
     attained: float
-    x: np.ndarray
-    p: np.ndarray
+    x: Real
+    p: Real
     certificate: SupportCertificate
 
 
@@ -98,11 +100,11 @@ class ConsistentSet:
         attained = functional(x, p) - functional.tail if self.contains(x, p) else -np.inf
         return Extreme(best.value, attained, x, p, best)
 
-    def contains(self, x: np.ndarray, p: np.ndarray) -> bool:
+    def contains(self, x: Real, p: Real) -> bool:
         """Return whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
         return self.data.margin(x, p) <= 1 + 1e-12 and self.data.sarason.norm(x) <= 1 + 1e-12
 
-    def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[np.ndarray, np.ndarray, float]:
+    def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[Complex, Complex, float]:
         """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""
         problem, here = self.posed.problem, np.array([omega * self.posed.problem.dt])
         prior, entries, phi = problem.prior, problem.entries, self.posed.values(here)[0]
@@ -114,12 +116,12 @@ class ConsistentSet:
         values = np.zeros(0) if problem.parametric is None else problem.parametric.response(here)[0]
         return x.ravel(), self._parameter_weights(values, entry), scale * tail
 
-    def parameter_weights(self, index: int, entry: Entry = (0, 0)) -> np.ndarray:
+    def parameter_weights(self, index: int, entry: Entry = (0, 0)) -> Real:
         """Weights of the scaled parameters in the entry of parameter number `index`."""
         parametric = self.posed.problem.parametric
         return np.real(self._parameter_weights(np.eye(parametric.size)[index], entry))
 
-    def _parameter_weights(self, values: np.ndarray, entry: Entry) -> np.ndarray:
+    def _parameter_weights(self, values: NDArray[Any], entry: Entry) -> Complex:
         """Weights of the scaled parameters in the sum of values (m,) times the parameters of an entry."""
         rows, (number, part) = self.data.rows, self.posed.problem.entries.place(*entry)
         weights = np.zeros(rows.P.shape[1], complex)
@@ -149,7 +151,7 @@ class ConsistentSet:
         return self.posed.with_node(omega * self.posed.problem.dt)
 
     @functools.cached_property
-    def _interpolant(self) -> tuple[np.ndarray, ...]:
+    def _interpolant(self) -> tuple[Real, ...]:
         return self.data.sarason.interpolants(self.center.x).realise()
 
 

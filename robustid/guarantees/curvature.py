@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from robustid.core import Real
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, Prior, parametric_states
 
-StateSpace = tuple[np.ndarray, np.ndarray, np.ndarray]  # A, B, C
+_linalg: Any = scipy.linalg  # its types are incomplete
+
+StateSpace = tuple[Real, Real, Real]  # A, B, C
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,10 +34,10 @@ class Curvature:
     prior: Prior
     known: StateSpace
     basis: StateSpace | None
-    reach: np.ndarray
+    reach: Real
     inside: bool
 
-    def largest(self, low: float, high: float) -> np.ndarray:
+    def largest(self, low: float, high: float) -> Real:
         """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
         K, rho = self.prior.gain_bound, self.prior.decay_rate
         known = second_derivative(*self.known, low, high)
@@ -64,7 +67,7 @@ def is_own(model: Any, identification: Identification) -> bool:
     return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
 
 
-def second_derivative(A: np.ndarray, B: np.ndarray, C: np.ndarray, low: float, high: float) -> np.ndarray:
+def second_derivative(A: Real, B: Real, C: Real, low: float, high: float) -> Real:
     """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B).
 
     Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
@@ -74,7 +77,7 @@ def second_derivative(A: np.ndarray, B: np.ndarray, C: np.ndarray, low: float, h
     if not n:
         return np.zeros((C.shape[0], B.shape[1]))
     z, half = np.exp(1j * (low + high) / 2), (high - low) / 2
-    R = np.linalg.inv(z * np.eye(n) - A)
+    R = np.asarray(np.linalg.inv(z * np.eye(n) - A), dtype=complex)
     size = float(np.linalg.norm(R, 2))
     if half * size >= 0.5:
         return np.full((C.shape[0], B.shape[1]), np.inf)
@@ -97,7 +100,7 @@ def known_part(model: Any, identification: Identification) -> StateSpace:
         return A, B, C
     residues = identification.parameters.reshape(-1, *model.D.shape)
     a, b, c, _ = parametric_states(problem, residues)
-    return np.asarray(scipy.linalg.block_diag(A, a)), np.vstack([B, b]), np.hstack([C, c])
+    return _linalg.block_diag(A, a), np.vstack([B, b]), np.hstack([C, c])
 
 
 def interpolant_part(identification: Identification) -> StateSpace:
@@ -107,9 +110,9 @@ def interpolant_part(identification: Identification) -> StateSpace:
     return _scaled(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
 
 
-def _scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> StateSpace:
+def _scaled(A: Real, B: Real, C: Real) -> StateSpace:
     """A similar realisation with diagonal scaling by powers of two."""
     if not A.shape[0]:
         return A, B, C
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-    return np.asarray(balanced), B / scale[:, None], C * scale
+    balanced, (scale, _) = _linalg.matrix_balance(A, permute=False, separate=True)
+    return balanced, B / scale[:, None], C * scale

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, freeze
-from robustid.errors import InputTypeError
+from robustid.core import Frozen, Real, as_kind, freeze
 from robustid.guarantees.sweep import Progress
 from robustid.guarantees.worst_case import WorstCaseError, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -28,17 +27,17 @@ class Diameter(Frozen):
     error: WorstCaseError
 
     @property
-    def omega(self) -> np.ndarray:
+    def omega(self) -> Real:
         """Frequencies, rad/s, (F,)."""
         return self.error.omega
 
     @property
-    def upper(self) -> np.ndarray:
+    def upper(self) -> Real:
         """Guaranteed: no two systems that are consistent with the same data differ by more, of every entry, (F, ny, nu)."""
         return freeze(2 * self.error.upper)
 
     @property
-    def lower(self) -> np.ndarray:
+    def lower(self) -> Real:
         """Attained: with zero data two systems were found that differ so much, (F, ny, nu)."""
         return freeze(2 * self.error.lower)
 
@@ -123,11 +122,19 @@ def diameter(
     """
     import control
 
-    if not isinstance(problem, MixedProblem):
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    nothing = control.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
-    options = {"directions": directions, "rtol": rtol, "executor": executor, "progress": progress}
-    return Diameter(worst_case_error(identify(_without_values(problem)), model=nothing, omega=omega, **options))
+    as_kind("problem", problem, MixedProblem, "a MixedProblem")
+    tools: Any = control  # its types are incomplete
+    nothing = tools.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
+    error = worst_case_error(
+        identify(_without_values(problem)),
+        model=nothing,
+        omega=omega,
+        directions=directions,
+        rtol=rtol,
+        executor=executor,
+        progress=progress,
+    )
+    return Diameter(error)
 
 
 def _without_values(problem: MixedProblem) -> MixedProblem:

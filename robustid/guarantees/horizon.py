@@ -7,7 +7,7 @@ import functools
 
 import numpy as np
 
-from robustid.core import Frozen, freeze, threads_for
+from robustid.core import Frozen, Real, freeze, threads_for
 from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consistent_set
 from robustid.identification import Functional, Identification, SupportCertificate
 from robustid.identification.formulation import formulate_over
@@ -30,13 +30,13 @@ class Outputs(Frozen):
     """
 
     consistent: ConsistentSet
-    u: np.ndarray
+    u: Real
 
     def __post_init__(self) -> None:
         self._set(u=freeze(self.u))
 
     @functools.cached_property
-    def _impulses(self) -> tuple[np.ndarray, np.ndarray]:
+    def _impulses(self) -> tuple[Real, Real]:
         """Weights of the coefficients in g_j and of the scaled parameters in the parametric f_j: (T, n) and (T, m)."""
         posed, count = self.consistent.posed, self.u.size
         rows = posed.data.rows
@@ -82,7 +82,7 @@ class Outputs(Frozen):
         )
 
 
-def consistent_outputs(identification: Identification, u: np.ndarray) -> Outputs:
+def consistent_outputs(identification: Identification, u: Real) -> Outputs:
     """The responses to u of all consistent systems; raises for data that are not consistent.
 
     Posed so that the coefficients determine the first T Taylor coefficients, T the length of u: the exact form with T delays, or T
@@ -100,16 +100,17 @@ def consistent_outputs(identification: Identification, u: np.ndarray) -> Outputs
         return Outputs(ConsistentSet(posed, analytic_center(posed.data, level), level), u)
 
 
-def tail_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
+def tail_bounds(A: Real, B: Real, C: Real, start: int) -> tuple[Real, Real]:
     """Sum and maximum of |C A^(k-1) B| over k >= start (start >= 1), for every row of C; inf where the states do not decay.
 
     Blocks of N samples, ||A^N|| <= 1/2, are summed as they are; what follows the last one, with the state x, is at most
     sum_(j<N) ||C A^j|| ||x|| (1 + 1/2 + 1/4 + ...).
     """
-    count, n = C.shape
+    count, n = len(C), C.shape[1]
     if not n or not count:
         return np.zeros(count), np.zeros(count)
-    rows, power = C[None], A
+    rows: Real = C[None]
+    power = A
     while np.linalg.norm(power, 2) > 0.5:
         if rows.shape[0] >= _LONGEST:
             return np.full(count, np.inf), np.full(count, np.inf)

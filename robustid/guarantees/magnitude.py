@@ -7,9 +7,12 @@ every such ratio without zeros and poles on x >= 0 belongs to a stable minimum-p
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
 
 # A step aims no farther than this in |W|^2, where linear programs in double precision still tell the ends apart.
 _REACH = np.log(1e6)
@@ -25,29 +28,30 @@ _NONE = np.zeros(0)
 class Magnitude(NamedTuple):
     """Zeros and poles in x, one of each conjugate pair (imaginary part >= 0); the constant factor is left open."""
 
-    zeros: np.ndarray
-    poles: np.ndarray
+    zeros: Complex
+    poles: Complex
 
 
 class Grid(NamedTuple):
     """Points x of the half circle, and the logarithms of the squared bound: largest and smallest of the cells that meet there."""
 
-    x: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    x: Real
+    low: Real
+    high: Real
 
 
-def grid_of(angles: np.ndarray, bound: np.ndarray, magnitude: Magnitude, extra: np.ndarray = _NONE) -> Grid:
+def grid_of(angles: Real, bound: Real, magnitude: Magnitude, extra: Real = _NONE) -> Grid:
     """Edges, points within every cell, points at the resonances of a magnitude, and extra points x."""
     inner = max(3, -(-_POINTS // bound.size))
-    first = angles[0] if angles[0] > 0 else angles[1] / 1e3
+    first = float(angles[0] if angles[0] > 0 else angles[1] / 1e3)
     spread = np.geomspace(first, np.pi, _POINTS)
     parts = np.concatenate([[angles[0]], spread[(spread > angles[0]) & (spread < np.pi)]])
     steps = (np.arange(inner) + 0.5) / inner
     within = (angles[:-1, None] + np.diff(angles)[:, None] * steps).ravel()
     parts = np.concatenate([angles, parts, within])
     if angles[0] > 0:
-        parts = np.concatenate([parts, [0.0], np.geomspace(angles[0] / _FREE, angles[0], 40)[:-1]])
+        lowest = float(angles[0])
+        parts = np.concatenate([parts, [0.0], np.geomspace(lowest / _FREE, lowest, 40)[:-1]])
     roots = np.concatenate(magnitude)
     centre, width = np.real(roots)[:, None], np.imag(roots)[:, None]
     x = np.concatenate([(centre + width * np.array([-4, -2, -1, -0.5, 0, 0.5, 1, 2, 4])).ravel(), extra])
@@ -61,7 +65,7 @@ def grid_of(angles: np.ndarray, bound: np.ndarray, magnitude: Magnitude, extra: 
     return Grid(np.tan(theta / 2) ** 2, low, high)
 
 
-def improve(magnitude: Magnitude, angles: np.ndarray, bound: np.ndarray) -> Magnitude:
+def improve(magnitude: Magnitude, angles: Real, bound: Real) -> Magnitude:
     """The magnitude of the same order with the smallest looseness, max |W|/bound where min |W|/bound = 1.
 
     Is there n'/d' with ``low d' <= n' <= g high d'``? is a linear program: bisection on g finds the global optimum, and a
@@ -97,20 +101,20 @@ def _merged(first: Grid, second: Grid) -> Grid:
     return Grid(x, np.concatenate([first.low, second.low])[where], np.concatenate([first.high, second.high])[where])
 
 
-def to_plane(roots: np.ndarray) -> np.ndarray:
+def to_plane(roots: Complex) -> Complex:
     """Roots in z, inside the unit circle, pairs complete."""
-    s = -np.sqrt(-np.where(np.imag(roots) == 0, np.real(roots), roots).astype(complex))
+    s: Complex = -np.sqrt(-np.where(np.imag(roots) == 0, np.real(roots), roots).astype(complex))
     z = (1 + s) / (1 - s)
     paired = np.imag(roots) > 0
     return np.concatenate([np.where(paired, z, np.real(z)), z[paired].conj()])
 
 
-def log_square(magnitude: Magnitude, x: np.ndarray) -> np.ndarray:
+def log_square(magnitude: Magnitude, x: Real) -> Real:
     """Log |W|^2 at x, without the constant factor."""
     return _log_product(magnitude.zeros, x) - _log_product(magnitude.poles, x)
 
 
-def _log_product(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+def _log_product(roots: Complex, x: Real) -> Real:
     times = np.where(np.imag(roots) > 0, 2.0, 1.0)
     return np.log(np.abs(x[:, None] - roots)) @ times
 
@@ -121,10 +125,10 @@ def _looseness(magnitude: Magnitude, grid: Grid) -> float:
     return float((values - grid.high).max() - (values - grid.low).min())
 
 
-def raised(magnitude: Magnitude, angles: np.ndarray) -> Magnitude:
+def raised(magnitude: Magnitude, angles: Real) -> Magnitude:
     """Return the same magnitude with one more zero and pole, which cancel, where the roots are farthest apart."""
     band = np.array([min(angles[angles > 0][0], 0.3), np.clip(angles[-2], 1.0, 3.0)])
-    low, high = 2 * np.log(np.tan(band / 2))
+    low, high = (float(end) for end in 2 * np.log(np.tan(band / 2)))
     places = np.linspace(low - 1, high + 1, 61)
     taken = np.log(np.abs(np.concatenate([*magnitude, [1e-300, 1e300]])))
     distance = np.abs(places[:, None] - taken).min(axis=1)
@@ -132,7 +136,7 @@ def raised(magnitude: Magnitude, angles: np.ndarray) -> Magnitude:
     return Magnitude(*(np.concatenate([roots, root]) for roots in magnitude))
 
 
-def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | None, np.ndarray]:
+def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | None, Real]:
     """A magnitude of looseness exp(aim), None where there is none; and points x where it has a zero or pole on the circle.
 
     With such points, what is returned lies on the way there, as far as there are none.
@@ -158,7 +162,7 @@ def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | Non
     return magnitude, crossings
 
 
-def _fractions(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+def _fractions(roots: Complex, x: Real) -> Real:
     """Columns 1 and the partial fractions of ``p(x)/prod(x - roots)``, each at most one in size on x >= 0."""
     columns = [np.ones_like(x)]
     for root, size in zip(roots, _sizes(roots), strict=True):
@@ -167,12 +171,12 @@ def _fractions(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _sizes(roots: np.ndarray) -> np.ndarray:
+def _sizes(roots: Complex) -> Real:
     """Distance of each root from x >= 0."""
     return np.where(np.real(roots) > 0, np.abs(np.imag(roots)), np.abs(roots))
 
 
-def _roots(roots: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _roots(roots: Complex, weights: Real) -> Complex:
     """Zeros of the sum of partial fractions: eigenvalues of ``diag(roots) - b c'/weights[0]``, one of each pair.
 
     States in the scale of the roots, largest first: eigenvalues of a graded matrix keep their digits.
@@ -190,14 +194,12 @@ def _roots(roots: np.ndarray, weights: np.ndarray) -> np.ndarray:
             k += 1
         k += 1
     order = np.argsort(-np.abs(np.diag(matrix)), kind="stable")
-    matrix = (matrix - np.outer(drive, row) / weights[0])[order][:, order]
-    found = np.linalg.eigvals(matrix)
+    graded: Real = (matrix - np.outer(drive, row) / weights[0])[order][:, order]
+    found = np.linalg.eigvals(graded)
     return found[np.imag(found) >= 0].astype(complex)
 
 
-def _program(
-    top: np.ndarray, bottom: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
+def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real] | None:
     """Weights of n'/n and d'/d: ``min t``, ``d' <= low n'``, ``high n' - d' <= t``, ``d' <= 1``; None where t < 0 is impossible.
 
     Only the rows that matter are given to the program; those that its solution violates most, one of each run of neighbours,
@@ -205,7 +207,9 @@ def _program(
     """
     import scipy.optimize
 
-    m, k = top.shape
+    optimize: Any = scipy.optimize  # its types are incomplete
+
+    m, k = len(top), int(top.shape[1])
     rows = [
         np.hstack([-low[:, None] * top, bottom, np.zeros((m, 1))]),
         np.hstack([high[:, None] * top, -bottom, -np.ones((m, 1))]),
@@ -217,7 +221,7 @@ def _program(
     cost = np.eye(1, 2 * k + 1, 2 * k)[0]
     solution = np.zeros(2 * k + 1)
     for _ in range(30):
-        found = scipy.optimize.linprog(
+        found = optimize.linprog(
             cost,
             np.vstack([r[c] for r, c in zip(rows, chosen, strict=True)]),
             np.concatenate([b[c] for b, c in zip(right, chosen, strict=True)]),
@@ -235,7 +239,7 @@ def _program(
     return (solution[:k], solution[k:-1]) if solution[-1] < -_ZERO else None
 
 
-def _peaks(excess: np.ndarray) -> np.ndarray:
+def _peaks(excess: Real) -> NDArray[np.intp]:
     """Index of the largest excess of every run of violated rows."""
     inner = np.concatenate([[-np.inf], excess, [-np.inf]])
     top = (inner[1:-1] > 1e-8) & (inner[1:-1] >= inner[:-2]) & (inner[1:-1] >= inner[2:])

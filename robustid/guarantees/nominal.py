@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import as_array
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Complex, Real, as_array, as_kind
+from robustid.errors import InputError
 from robustid.identification import Identification, MixedProblem
 
 _GRID = 64  # frequencies of the default grid, besides those of the poles
@@ -19,8 +20,7 @@ def as_nominal(model: Any, identification: Identification) -> Any:
 
     if model is None:
         return identification.model
-    if not isinstance(model, control.StateSpace):
-        raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
+    as_kind("model", model, control.StateSpace, "a control.StateSpace")
     dt, entries = identification.problem.dt, identification.problem.entries
     if (model.ninputs, model.noutputs) != (entries.inputs, entries.outputs):
         wanted = (
@@ -29,7 +29,8 @@ def as_nominal(model: Any, identification: Identification) -> Any:
         raise InputError(f"`model` must have {wanted}; got {model.ninputs} and {model.noutputs}")
     if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
         raise InputError(f"`model` must be discrete-time with the dt of the data, {dt:g} s; got dt = {model.dt}")
-    poles = np.linalg.eigvals(model.A) if model.nstates else np.zeros(0)
+    a: NDArray[Any] = model.A
+    poles = np.linalg.eigvals(a) if model.nstates else np.zeros(0)
     basis = identification.problem.parametric
     allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
     if np.any(np.abs(poles[~allowed]) >= 1):
@@ -39,7 +40,7 @@ def as_nominal(model: Any, identification: Identification) -> Any:
     return model
 
 
-def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
+def as_frequencies(omega: Any, problem: MixedProblem) -> Real:
     """Frequencies in rad/s, checked and sorted."""
     grid = np.unique(np.atleast_1d(as_array("omega", omega)))
     dt, basis = problem.dt, problem.parametric
@@ -53,7 +54,7 @@ def as_frequencies(omega: Any, problem: MixedProblem) -> np.ndarray:
     return np.minimum(grid, np.pi / dt)
 
 
-def default_grid(identification: Identification) -> np.ndarray:
+def default_grid(identification: Identification) -> Real:
     """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
     problem = identification.problem
     top, basis = np.pi / problem.dt, problem.parametric
@@ -61,7 +62,7 @@ def default_grid(identification: Identification) -> np.ndarray:
     lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
     grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
     if basis is not None:
-        poles = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
+        poles: Complex = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]
         for pole in np.unique(np.round(poles, 12)):
             width = -np.log(np.abs(pole)) * np.array([-2, -1, -0.5, 0, 0.5, 1, 2])
             grid.append((np.angle(pole) + width) / problem.dt)

@@ -11,7 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_count, as_positive, freeze, response, threads_for, worker_pool
+from robustid.core import (
+    Frozen,
+    Real,
+    Savable,
+    as_count,
+    as_kind,
+    as_positive,
+    freeze,
+    response,
+    threads_for,
+    worker_pool,
+)
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of
@@ -50,9 +61,9 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     identification: Identification
     model: Any
-    omega: np.ndarray
-    upper: np.ndarray
-    magnitude: np.ndarray
+    omega: Real
+    upper: Real
+    magnitude: Real
     box: PoleCell
     kept: tuple[KeptCell, ...]
     refuted: tuple[RefutedCell, ...]
@@ -122,7 +133,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         return float(self.omega[int(np.argmax(self.upper[:, 0, 0]))])
 
     @property
-    def poles(self) -> tuple[np.ndarray, np.ndarray]:
+    def poles(self) -> tuple[Real, Real]:
         """Smallest box around the cells that are left: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
         return tuple(
             np.stack(
@@ -161,7 +172,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         return "\n".join(lines)
 
 
-def _interval(omega: np.ndarray, damping: np.ndarray) -> str:
+def _interval(omega: Real, damping: Real) -> str:
     low, high = omega / (2 * np.pi)
     return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.3g} to {damping[1]:.3g}"
 
@@ -228,8 +239,7 @@ def worst_case_over_poles(
     >>> bool(rid.worst_case_error(result, omega=[30.0]).lower[0, 0, 0] <= band.upper[0, 0, 0] < 0.5), band.certified
     (True, True)
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "an Identification")
     check_siso(identification.problem, "worst_case_over_poles")
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
@@ -257,7 +267,7 @@ def worst_case_over_poles(
     )
 
 
-def default_frequencies(problem: MixedProblem, whole: PoleCell) -> np.ndarray:
+def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
     """Over the range of the frequency points, and at the modes."""
     top = np.pi / problem.dt
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
@@ -266,11 +276,13 @@ def default_frequencies(problem: MixedProblem, whole: PoleCell) -> np.ndarray:
 
 
 def _search(
-    problem: MixedProblem, whole: PoleCell, grid: np.ndarray, limit: int
+    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int
 ) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted."""
     smallest = min([float(f.bound.inner_radius.min()) for f in problem.frequency] + _time_bounds(problem))
-    waiting, kept, refuted = [whole], [], []
+    waiting = [whole]
+    kept: list[tuple[PoleCell, ConsistentSet | None]] = []
+    refuted: list[RefutedCell] = []
     angles = np.concatenate([grid * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
     while waiting:
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
@@ -295,7 +307,7 @@ def _search(
 
 def _bounded(
     sets: list[tuple[PoleCell, ConsistentSet | None]],
-    grid: np.ndarray,
+    grid: Real,
     settings: tuple[int, float],
     executor: Spread,
     progress: Progress | None,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from robustid.core import Arrays, part
+from robustid.core import Arrays, Real, part
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.value_set import ValueSet, directions_at
 from robustid.identification import SupportCertificate
@@ -28,7 +28,7 @@ def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
     }
 
 
-def _smaller(certificate: SupportCertificate) -> tuple[np.ndarray, ...]:
+def _smaller(certificate: SupportCertificate) -> tuple[Real, ...]:
     left, right = certificate.left, certificate.right
     (high, rank), wide = left.shape, right.shape[0]
     return (left @ right.T,) if (high + wide) * rank > high * wide else (left, right)
@@ -49,7 +49,7 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
         raise ValueError("the factors of its certificates do not fit together")
     if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} | {len(widths)} != {orders.size}:
         raise ValueError("the arrays of its certificates differ in length")
-    found = []
+    found: list[SupportCertificate] = []
     for k, parts in enumerate(np.split(factors, ends[:-1])[: orders.size]):
         high, wide, rank = orders[k], widths[k], ranks[k]
         if rank < 0:
@@ -108,7 +108,7 @@ def unpack_values(
         raise ValueError("its polygons are not those of all entries, one after the other")
     if np.any(np.ptp(arrays["omega"].reshape(-1, len(expected)), axis=1)):
         raise ValueError("the polygons of its entries are not at the same frequencies")
-    found = []
+    found: list[ValueSet] = []
     for k, end in enumerate(ends):
         at = slice(end - angles[k].size, end)
         omega, slack = float(arrays["omega"][k]), float(arrays["slack"][k])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, independent_entries, which
 from robustid.identification import Functional, SupportCertificate
 
@@ -26,22 +26,23 @@ class ParameterIntervals(Frozen):
         Of -p_i and of p_i, in turn; entry after entry, of symmetric matrices those of the upper triangle.
     """
 
-    lower: np.ndarray
-    upper: np.ndarray
-    attained: np.ndarray
+    lower: Real
+    upper: Real
+    attained: Real
     certificates: tuple[SupportCertificate, ...]
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("lower", "upper", "attained")})
 
-    def reach(self, parameters: np.ndarray) -> np.ndarray:
+    def reach(self, parameters: Real) -> Real:
         """Largest distance of each coefficient from given ones, in the shape of `lower`."""
         return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
 
 
 def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> ParameterIntervals:
     """Smallest and largest value of every parametric coefficient over the set, to a part `gap`."""
-    problem, nothing, certificates = consistent.posed.problem, np.zeros(consistent.data.sarason.size), []
+    problem, nothing = consistent.posed.problem, np.zeros(consistent.data.sarason.size)
+    certificates: list[SupportCertificate] = []
     size = 0 if problem.parametric is None else problem.parametric.size
     # Lower and upper ends, then what is attained of them.
     ends = np.zeros((size, problem.entries.outputs, problem.entries.inputs, 4))

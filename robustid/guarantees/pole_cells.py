@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, as_array, freeze
-from robustid.data import FrequencyResponse
+from robustid.core import Complex, Frozen, Real, as_array, freeze
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.identification import Identification, MixedProblem
 
@@ -45,9 +45,9 @@ class PoleCell(Frozen):
     dt : float, s
     """
 
-    omega: np.ndarray
-    damping: np.ndarray
-    amplitude: np.ndarray
+    omega: Real
+    damping: Real
+    amplitude: Real
     delay: int
     dt: float
 
@@ -55,12 +55,12 @@ class PoleCell(Frozen):
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
 
     @functools.cached_property
-    def middle(self) -> np.ndarray:
+    def middle(self) -> Complex:
         """The a0, (M,) complex."""
         return _pole(self.omega.mean(axis=1), self.damping.mean(axis=1), self.dt)
 
     @functools.cached_property
-    def radius(self) -> np.ndarray:
+    def radius(self) -> Real:
         """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals."""
         steps = self.dt * self.omega
         decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
@@ -76,20 +76,20 @@ class PoleCell(Frozen):
         omega, damping = self.omega.mean(axis=1), self.damping.mean(axis=1)
         return kautz(omega, damping, dt=self.dt, repeat=_REPEAT, delay=self.delay)
 
-    def intervals(self) -> np.ndarray:
+    def intervals(self) -> Real:
         """Intervals of the coefficients of `basis`, (2 M repeat, 2)."""
-        ends = []
+        ends: list[Real] = []
         for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
             one = kautz(w, d, dt=self.dt, repeat=_REPEAT, delay=self.delay)
             rows = np.linalg.norm(one.C, axis=1)
             norms = (np.linalg.norm(one.A, axis=1) if self.delay == 0 else np.ones(rows.size)) / rows
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
-            shrink = (self.radius[number] / abs(self.middle[number])) ** (np.arange(rows.size) // 2)
+            shrink = float(self.radius[number] / abs(self.middle[number])) ** (np.arange(len(one.C)) // 2)
             ends.append(2 * self.amplitude[number] * shrink * norms)
         half = np.concatenate(ends) * _WIDER
         return np.stack([-half, half], axis=1)
 
-    def remainder(self, angles: np.ndarray) -> np.ndarray:
+    def remainder(self, angles: Real) -> Real:
         """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge."""
         z = np.exp(-1j * np.asarray(angles))[:, None]
         total = np.zeros((z.size, self.middle.size))
@@ -100,28 +100,30 @@ class PoleCell(Frozen):
                 total += np.where(room > 0, self.amplitude * (self.radius / distance) ** _REPEAT / room, np.inf)
         return total * _WIDER
 
-    def impulse_remainder(self, count: int) -> np.ndarray:
+    def impulse_remainder(self, count: int) -> Real:
         """Bound of what the expansion leaves out of the impulse response, (count, M).
 
         2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
         """
         import scipy.special
 
+        special: Any = scipy.special  # its types are incomplete
+
         k = np.arange(count)[:, None] - self.delay
         largest = np.abs(self.middle) + self.radius
-        ways = scipy.special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
+        ways = special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
         return 2 * self.amplitude * self.radius**_REPEAT * ways * largest ** np.maximum(k - _REPEAT, 0)
 
     def relaxed(self, problem: MixedProblem) -> MixedProblem | None:
         """A problem with fixed poles that every consistent system with poles in the cell solves; None if no data are left."""
-        frequency = []
+        frequency: list[FrequencyResponse] = []
         for frf in problem.frequency:
             extra = self.remainder(frf.omega * problem.dt).sum(axis=1) * (1 + line_tilt(frf))
             near = extra <= _DISTANT * frf.bound.radius[:, 0, 0]
             if near.any():
                 kept = frf.select(near)
                 frequency.append(kept.with_bound(kept.bound.radius + extra[near, None, None]))
-        time = []
+        time: list[TimeRecord] = []
         for record in problem.time:
             h = self.impulse_remainder(record.u.shape[0]).sum(axis=1)
             extra = np.convolve(np.abs(record.u[:, 0]), h)[: h.size]
@@ -136,7 +138,7 @@ class PoleCell(Frozen):
             parameter_bounds=self.intervals(),
         )
 
-    def split(self, problem: MixedProblem, omega: np.ndarray) -> tuple[PoleCell, PoleCell]:
+    def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
         """Two halves of the side of the mode that matters most."""
         angles = np.concatenate([omega * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
         weight = np.minimum(self.remainder(angles), 1e300).max(axis=0)
@@ -147,7 +149,7 @@ class PoleCell(Frozen):
         ]  # how far each moves the pole
         name = "omega" if sides[0] >= sides[1] else "damping"
         middle = float(getattr(self, name)[mode].mean())
-        halves = []
+        halves: list[PoleCell] = []
         for end in (0, 1):
             ends = np.array(getattr(self, name))
             ends[mode, 1 - end] = middle
@@ -155,7 +157,7 @@ class PoleCell(Frozen):
         return halves[0], halves[1]
 
     @property
-    def ends(self) -> np.ndarray:
+    def ends(self) -> Real:
         """All sides, (2 M, 2): natural frequencies, then damping ratios."""
         return np.concatenate([self.omega, self.damping])
 
@@ -168,11 +170,11 @@ class PoleCell(Frozen):
         return all(_within(part, whole) for part in parts) and _covered(whole, parts)
 
 
-def _within(inner: np.ndarray, outer: np.ndarray) -> bool:
+def _within(inner: Real, outer: Real) -> bool:
     return inner.shape == outer.shape and bool(np.all((outer[:, 0] <= inner[:, 0]) & (inner[:, 1] <= outer[:, 1])))
 
 
-def _covered(whole: np.ndarray, parts: list[np.ndarray]) -> bool:
+def _covered(whole: Real, parts: list[Real]) -> bool:
     if any(_within(whole, part) for part in parts):
         return True
     for side, part in itertools.product(range(len(whole)), parts):
@@ -227,7 +229,7 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
     return PoleCell(omega, damping, AMPLITUDE * np.maximum(amplitude, floor), delay, problem.dt)
 
 
-def _modes(identification: Identification, delay: int) -> np.ndarray:
+def _modes(identification: Identification, delay: int) -> Complex:
     """The pole of every mode, in the upper half plane."""
     problem = identification.problem
     basis = problem.parametric
@@ -248,7 +250,7 @@ def _modes(identification: Identification, delay: int) -> np.ndarray:
     )
 
 
-def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[Real, Real]:
     omega, damping = as_array("omega_interval", omega, ndim=2), as_array("damping_interval", damping, ndim=2)
     for name, ends in (("omega_interval", omega), ("damping_interval", damping)):
         if ends.shape != (modes, 2):
@@ -263,16 +265,16 @@ def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[np.ndar
     return omega, damping
 
 
-def line_tilt(frf: FrequencyResponse) -> np.ndarray:
+def line_tilt(frf: FrequencyResponse) -> Real:
     """|kappa| of every frequency point: an ellipse's rows are weighted by up to 1 + |kappa|."""
     return np.zeros(frf.omega.size) if frf.bound.tilt is None else np.abs(frf.bound.tilt[:, 0, 0])
 
 
-def _pole(omega: np.ndarray, damping: np.ndarray, dt: float) -> np.ndarray:
+def _pole(omega: Real, damping: Real, dt: float) -> Complex:
     return np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * dt)
 
 
-def _products(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _products(a: Real, b: Real) -> tuple[Real, Real]:
     """Smallest and largest product of positive intervals, (M,) each."""
     all_of = np.stack([a[:, i] * b[:, j] for i, j in itertools.product((0, 1), repeat=2)])
     return all_of.min(axis=0), all_of.max(axis=0)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robustid.core import Frozen
+from robustid.core import Complex, Frozen, Real
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import ValueSet, directions_at, value_set_claims
@@ -43,7 +43,7 @@ class KeptCell(Frozen):
             for claim in value_set_claims(consistent, value):
                 yield dataclasses.replace(claim, name=f"{name}, {claim.name}")
 
-    def is_about(self, problem: MixedProblem, omega: np.ndarray) -> bool:
+    def is_about(self, problem: MixedProblem, omega: Real) -> bool:
         """Return whether the polygons are closed, at these frequencies, and those of a relaxed problem; or there are none."""
         if not self.values:
             return True
@@ -60,7 +60,7 @@ class RefutedCell(Frozen):
     cell: PoleCell
     certificate: MarginCertificate
 
-    def is_about(self, problem: MixedProblem, _: np.ndarray) -> bool:
+    def is_about(self, problem: MixedProblem, _: Real) -> bool:
         """Return whether there is a relaxed problem that can be refuted."""
         return self.cell.relaxed(problem) is not None
 
@@ -107,7 +107,7 @@ def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | Non
     return None if relaxed is None else formulate(relaxed, accuracy=_ACCURACY)
 
 
-def union_of(kept: Sequence[KeptCell], nominal: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def union_of(kept: Sequence[KeptCell], nominal: Complex, angles: Real) -> tuple[Real, Real]:
     """Bound of |F - nominal|, (F,), and range of |F|, (F, 2), over all systems with poles in a cell that is kept."""
     upper, low, high = np.zeros(angles.size), np.full(angles.size, np.inf), np.zeros(angles.size)
     for item in kept:

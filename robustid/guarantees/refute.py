@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze, threads_for
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
@@ -61,9 +62,9 @@ class Judged(Frozen):
 
     kind: str
     index: int
-    axis: np.ndarray
-    ratio: np.ndarray
-    attainable: np.ndarray
+    axis: Real
+    ratio: Real
+    attainable: Real
     proofs: tuple[HalfPlane, ...]
 
     def __post_init__(self) -> None:
@@ -88,12 +89,12 @@ class Refutation(Frozen):
     samples: tuple[Judged, ...]
 
     @property
-    def ratio(self) -> np.ndarray:
+    def ratio(self) -> Real:
         """Proved distance of every sample from everything consistent, in units of its bound, (N,): above 1 it refutes."""
         return np.concatenate([s.ratio for s in self.samples])
 
     @property
-    def attainable(self) -> np.ndarray:
+    def attainable(self) -> Real:
         """Distance of every sample from a consistent system that was found, in units of its bound, (N,)."""
         return np.concatenate([s.attainable for s in self.samples])
 
@@ -204,18 +205,19 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     >>> found.refuted, found.ratio.round(2), found.verify()
     (True, array([0., 2.]), True)
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "an Identification")
     check_siso(identification.problem, "refute")
-    data = tuple(new_data) if isinstance(new_data, Sequence) else (new_data,)
+    data: tuple[Any, ...] = tuple(cast("Sequence[Any]", new_data)) if isinstance(new_data, Sequence) else (new_data,)
     if not data:
         raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")
     for item in data:
         _check(item, identification.problem)
-    samples, numbers = [], {FrequencyResponse: 0, TimeRecord: 0}
+    samples: list[Judged] = []
+    numbers: dict[type[Any], int] = {FrequencyResponse: 0, TimeRecord: 0}
     for item in data:
         number, numbers[type(item)] = numbers[type(item)], numbers[type(item)] + 1
-        found, proofs = [], []
+        found: list[tuple[float, float]] = []
+        proofs: list[HalfPlane] = []
         for place in _places(identification, item, None):
             with threads_for(place.consistent.data.sarason.pair.order):
                 ratio, attainable, planes = _judge(place)
@@ -237,8 +239,8 @@ class _Place:
     bound: float
     tilt: complex
     consistent: ConsistentSet
-    x: np.ndarray
-    p: np.ndarray
+    x: NDArray[Any]
+    p: NDArray[Any]
     tail: float
 
     def functional(self, normal: complex) -> Functional:
@@ -293,7 +295,8 @@ def _judge(place: _Place) -> tuple[float, float, list[HalfPlane]]:
     slack = place.tail * (1 + abs(place.tilt)) / place.bound
     nearest = place.relative(complex(place.x @ center.x + place.p @ center.p))
     attained = [nearest] if here.contains(center.x, center.p) else []
-    ratio, attainable, planes = 0.0, abs(nearest) + slack if attained else np.inf, []
+    ratio, attainable = 0.0, abs(nearest) + slack if attained else np.inf
+    planes: list[HalfPlane] = []
     while attainable > 1 and len(planes) < _TRIES:
         normal = nearest + place.tilt * np.conj(nearest)  # Re(conj(t) T(e)) = Re(conj(T(t)) e)
         normal = normal / abs(normal) if normal else 1.0
@@ -309,18 +312,20 @@ def _judge(place: _Place) -> tuple[float, float, list[HalfPlane]]:
     return ratio, attainable, planes
 
 
-def _nearest(errors: np.ndarray) -> complex:
+def _nearest(errors: Complex) -> complex:
     """Approximately the number of least modulus in the convex hull of attained errors: a convex combination, hence attained too."""
     import scipy.optimize
 
+    optimize: Any = scipy.optimize  # its types are incomplete
+
     size, heavy = float(np.abs(errors).max()), 1e3
     rows = np.stack([np.real(errors) / size, np.imag(errors) / size, np.full(errors.size, heavy)])
-    weights = scipy.optimize.nnls(rows, np.array([0.0, 0.0, heavy]))[0]
+    weights = optimize.nnls(rows, np.array([0.0, 0.0, heavy]))[0]
     mixed, single = complex(weights @ errors / weights.sum()), complex(errors[np.argmin(np.abs(errors))])
     return min(mixed, single, key=abs)
 
 
-def _used(record: TimeRecord) -> np.ndarray:
+def _used(record: TimeRecord) -> NDArray[np.intp]:
     return np.flatnonzero(record.bound.used[:, 0])
 
 

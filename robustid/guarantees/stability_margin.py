@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
-from robustid.core import Frozen
+from robustid.core import Frozen, Real
 from robustid.errors import InputError
 from robustid.guarantees.cells import KINDS, Cells, Pieces, check_plant, enclose
 from robustid.identification import check_model
@@ -18,6 +19,7 @@ from robustid.reduction import doubtful_distance
 if TYPE_CHECKING:
     import control
 
+_linalg: Any = scipy.linalg  # its types are incomplete
 _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the condition has
 
 
@@ -152,7 +154,7 @@ def _loop(plant: Any, controller: Any, kind: str) -> Any:
 
     (A, B, C, D), (Ak, Bk, Ck, Dk) = ([np.asarray(getattr(m, name)) for name in "ABCD"] for m in (plant, controller))
     direct = np.eye(plant.noutputs) + D @ Dk
-    if np.linalg.cond(scipy.linalg.matrix_balance(direct)[0]) > 1e12:
+    if np.linalg.cond(_linalg.matrix_balance(direct)[0]) > 1e12:
         raise InputError("`controller` and `nominal` form a loop that is not well-posed: I + D Dk is singular")
     seen = np.linalg.solve(direct, np.hstack([C, -D @ Ck, np.eye(plant.noutputs)]))  # y + v from x, xk and v
     given = (
@@ -172,7 +174,7 @@ def _largest_gain(loop: Any, cells: Cells) -> tuple[float, float]:
     """Guaranteed maximum over the circle of the left side of the condition, and where."""
     reached = 0.0
 
-    def coarse(pieces: Pieces) -> np.ndarray:
+    def coarse(pieces: Pieces) -> NDArray[np.bool_]:
         nonlocal reached
         reached = max(reached, float(_gains(pieces._replace(radius=np.zeros(pieces.radius.shape)), cells.bound).max()))
         return _gains(pieces, cells.bound) > reached * (1 + _TOLERANCE)
@@ -183,7 +185,7 @@ def _largest_gain(loop: Any, cells: Cells) -> tuple[float, float]:
     return float(gains[worst]) * (1 + 1e-12), float(pieces.middle[worst])
 
 
-def _gains(pieces: Pieces, bound: np.ndarray) -> np.ndarray:
+def _gains(pieces: Pieces, bound: Real) -> Real:
     """Upper bound of the condition's left side on each piece."""
     here = bound[pieces.cell]
     if here.ndim == 1 or here[0].size == 1:

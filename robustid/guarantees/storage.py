@@ -88,7 +88,8 @@ def _unpack_band(record: Record, arrays: Arrays) -> WorstCaseOverPoles:
     identification = rebuild(record["identification"], arrays)
     dt, ends = identification.problem.dt, part(arrays, _BOX)
     box = box_of(identification, ends["omega"], ends["damping"], as_count("delay", record["delay"]))
-    kept, refuted = [], []
+    kept: list[KeptCell] = []
+    refuted: list[RefutedCell] = []
     for k in range(record["kept"]):
         mine = part(arrays, _KEPT.format(k))
         kept.append(KeptCell(_cell(box, mine), tuple(unpack_values(part(mine, _VALUES), dt))))
@@ -134,7 +135,8 @@ def _nominal(matrices: Arrays, identification: Identification) -> Any:
         return identification.model
     import control
 
-    return as_nominal(control.ss(*(matrices[name] for name in "ABCD"), identification.problem.dt), identification)
+    tools: Any = control  # its types are incomplete
+    return as_nominal(tools.ss(*(matrices[name] for name in "ABCD"), identification.problem.dt), identification)
 
 
 def _parameters(arrays: Arrays, identification: Identification) -> ParameterIntervals:

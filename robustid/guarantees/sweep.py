@@ -14,7 +14,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from robustid.core import Workers, atomic_write, digest, read_arrays, text_array, threads_for
+from robustid.core import Real, Workers, atomic_write, digest, read_arrays, text_array, threads_for
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
@@ -31,7 +31,7 @@ Spread = Executor | int | None  # over any executor, over so many processes of o
 
 def value_sets(
     consistent: ConsistentSet,
-    omega: np.ndarray,
+    omega: Real,
     directions: int,
     gap: float,
     executor: Spread = None,
@@ -117,7 +117,7 @@ class _Store:
 
     def load(self, omega: list[float]) -> dict[float, Sets]:
         """Value sets that are there of these frequencies; files that can't be used are named, and left out."""
-        found = {}
+        found: dict[float, Sets] = {}
         for w in omega:
             path = self._path(w)
             if not path.exists():
@@ -147,7 +147,7 @@ class _Store:
                 " make room, and run the same again"
             ) from error
 
-    def _bound(self, omega: float) -> np.ndarray:
+    def _bound(self, omega: float) -> Real:
         directions, gap = self._settings
         return text_array([self._digest, directions, gap, omega])
 

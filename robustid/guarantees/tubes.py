@@ -9,9 +9,10 @@ import itertools
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze, simulate
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Frozen, Real, as_array, as_count, as_kind, as_positive, freeze, simulate
+from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme
 from robustid.guarantees.curvature import known_part
@@ -59,11 +60,11 @@ class ResponseTube(Frozen, Drawable):
     identification: Identification
     model: Any
     input: str
-    u: np.ndarray
-    samples: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    attained: np.ndarray
+    u: Real
+    samples: NDArray[np.intp]
+    lower: Real
+    upper: Real
+    attained: Real
     parameters: ParameterIntervals
     certificates: tuple[SupportCertificate, ...]
     gap: float
@@ -72,7 +73,7 @@ class ResponseTube(Frozen, Drawable):
         self._set(**{name: freeze(getattr(self, name)) for name in ("u", "samples", "lower", "upper", "attained")})
 
     @property
-    def times(self) -> np.ndarray:
+    def times(self) -> Real:
         """Instants of the samples in s, (T,)."""
         return freeze(self.samples * self.identification.problem.dt)
 
@@ -82,21 +83,21 @@ class ResponseTube(Frozen, Drawable):
         return self.samples.size == self.u.size
 
     @functools.cached_property
-    def _simulated(self) -> np.ndarray:
+    def _simulated(self) -> Real:
         return simulate(self.model, self.u[:, None])[0][:, 0]
 
     @property
-    def nominal(self) -> np.ndarray:
+    def nominal(self) -> Real:
         """Response of the model at `times`, (T,)."""
         return freeze(self._simulated[self.samples])
 
     @property
-    def error_upper(self) -> np.ndarray:
+    def error_upper(self) -> Real:
         """Guaranteed bound of |y - nominal| over all consistent systems, (T,)."""
         return freeze(np.maximum(self.upper - self.nominal, self.nominal - self.lower))
 
     @property
-    def error_lower(self) -> np.ndarray:
+    def error_lower(self) -> Real:
         """Error of consistent systems that were found, (T,): no bound can be smaller."""
         beyond = np.stack([self.nominal - self.attained[:, 0], self.attained[:, 1] - self.nominal])
         return freeze(np.maximum(np.nan_to_num(beyond).max(axis=0), 0.0))
@@ -157,12 +158,12 @@ class ResponseTube(Frozen, Drawable):
         return consistent_outputs(self.identification, self.u)
 
     @property
-    def _reach(self) -> np.ndarray:
+    def _reach(self) -> Real:
         """Largest distance of each parameter from that of the identification, (m,)."""
         return self.parameters.reach(self.identification.parameters)
 
     @functools.cached_property
-    def _errors(self) -> np.ndarray:
+    def _errors(self) -> Real:
         """Bounds of |y_k - nominal_k| at every sample of the horizon, (H,).
 
         Where no tube was computed: from the class, or from the next sample that has one and what the class lets the
@@ -170,7 +171,8 @@ class ResponseTube(Frozen, Drawable):
         """
         count, bounds = self.u.size, np.full(self.u.size, np.inf)
         bounds[self.samples] = self.error_upper
-        for k in np.setdiff1d(np.arange(count), self.samples):
+        others: list[int] = np.setdiff1d(np.arange(count), self.samples).tolist()
+        for k in others:
             after = int(np.searchsorted(self.samples, k))
             candidates = [self._largest(self._delayed(k))]
             for near in self.samples[max(after - 1, 0) : after + 1]:
@@ -179,17 +181,17 @@ class ResponseTube(Frozen, Drawable):
             bounds[k] = min(candidates)
         return bounds
 
-    def _delayed(self, k: int) -> np.ndarray:
+    def _delayed(self, k: int) -> Real:
         """Weights of f_0 ... f_(H-1) in y_k."""
         return np.concatenate([self.u[k::-1], np.zeros(self.u.size - 1 - k)])
 
-    def _largest(self, weights: np.ndarray) -> float:
+    def _largest(self, weights: Real) -> float:
         """Bound of |sum_j weights_j (f_j - nominal_j)| from the class and the intervals of the parameters alone."""
         known, functions, decay = self._impulses
         return float(abs(weights @ known) + np.abs(weights @ functions) @ self._reach + np.abs(weights) @ decay)
 
     @functools.cached_property
-    def _impulses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _impulses(self) -> tuple[Real, Real, Real]:
         """Impulse responses: q'P - nominal (H,), the functions P_i (H, m) and the bound K rho^-k of |g_k| (H,)."""
         problem, count = self.identification.problem, self.u.size
         known = -simulate(self.model, np.eye(count, 1))[0][:, 0]
@@ -299,15 +301,14 @@ def response_tube(
     >>> tube.times, tube.upper.round(2), tube.verify()
     (array([0. , 0.1]), array([0. , 0.5]), True)
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "an Identification")
     check_siso(identification.problem, "response_tube")
     kind, u = _signal(input, horizon, identification)
     samples = _samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, u)
     work = functools.partial(_ends, outputs, gap)
-    found = []
+    found: list[tuple[Extreme, Extreme]] = []
     for pair in (map if executor is None else executor.map)(work, samples.tolist()):
         found.append(pair)
         if progress is not None:
@@ -332,7 +333,7 @@ def _ends(outputs: Outputs, gap: float, sample: int) -> tuple[Extreme, Extreme]:
     return outputs.extreme(sample, -1.0, gap), outputs.extreme(sample, 1.0, gap)
 
 
-def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, np.ndarray]:
+def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, Real]:
     """Kind of the input and its samples over the horizon, checked."""
     problem = identification.problem
     count = None if horizon is None else as_count("horizon", horizon, least=1)
@@ -350,7 +351,7 @@ def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[s
     return "given", u[:count]
 
 
-def _samples(times: Any, horizon: int, dt: float) -> np.ndarray:
+def _samples(times: Any, horizon: int, dt: float) -> NDArray[np.intp]:
     """Numbers of the samples, checked and sorted."""
     if times is None:
         return np.unique(np.round(np.linspace(0, horizon - 1, min(horizon, _MOST))).astype(int))

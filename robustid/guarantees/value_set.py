@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
 from robustid.identification import Functional, SupportCertificate
 
@@ -39,9 +40,9 @@ class ValueSet(Frozen):
     """
 
     omega: float
-    directions: np.ndarray
-    support: np.ndarray
-    points: np.ndarray
+    directions: Real
+    support: Real
+    points: Complex
     slack: float
     certificates: tuple[SupportCertificate, ...]
     entry: Entry = (0, 0)
@@ -52,7 +53,7 @@ class ValueSet(Frozen):
         self._set(matrices=freeze(self.points[:, None, None] if self.matrices is None else self.matrices))
 
     @property
-    def vertices(self) -> np.ndarray:
+    def vertices(self) -> Complex:
         """Corners of the outer polygon, between neighbouring directions; the ends of the interval of a real response."""
         if self.directions.size == 2:
             return np.array([self.support[0], -self.support[1]], complex)
@@ -87,7 +88,7 @@ class ValueSet(Frozen):
         return max(0.0, float((np.real(np.exp(-1j * self.directions) * value) - self.support).max()))
 
 
-def directions_at(omega: float, dt: float, count: int) -> np.ndarray:
+def directions_at(omega: float, dt: float, count: int) -> Real:
     """The directions of a polygon with `count` sides, rad; 0 and pi where the response is real."""
     if omega == 0 or omega * dt >= np.pi * (1 - 1e-12):
         return np.array([0.0, np.pi])
@@ -106,10 +107,11 @@ def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap:
     parts = [here.value_weights(omega, entry) for entry in np.ndindex(*shape)]
     x, p, tail = (np.stack(part) for part in zip(*parts, strict=True))
 
-    def value(found: Extreme) -> np.ndarray:
+    def value(found: Extreme) -> NDArray[Any]:
         return (x @ found.x + p @ found.p if np.isfinite(found.attained) else np.full(tail.size, np.nan)).reshape(shape)
 
-    sets, nothing = [], np.full(shape, np.nan)
+    sets: list[ValueSet] = []
+    nothing = np.full(shape, np.nan)
     centre, farthest = (x @ here.center.x + p @ here.center.p).reshape(shape), nothing
     for entry in independent_entries(entries):
         k = int(np.ravel_multi_index(entry, shape))
@@ -159,13 +161,13 @@ def by_frequency(values: Iterable[ValueSet]) -> dict[float, tuple[ValueSet, ...]
 class Errors(NamedTuple):
     """Bounds of F - model at one frequency: of the entries (ny, nu), and of the largest singular value; attained ones."""
 
-    upper: np.ndarray
-    lower: np.ndarray
+    upper: Real
+    lower: Real
     sigma_upper: float
     sigma_lower: float
 
 
-def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray, limit: float) -> Errors:
+def largest_errors(found: Sequence[ValueSet], nominal: Complex, limit: float) -> Errors:
     """Errors of all entries at one frequency, around a nominal value (ny, nu); `limit` bounds the largest singular value."""
     sets = {one.entry: one for one in found}
     upper, lower, slack = (np.zeros(nominal.shape) for _ in range(3))
@@ -182,7 +184,7 @@ def largest_errors(found: Sequence[ValueSet], nominal: np.ndarray, limit: float)
     return Errors(upper, lower, sigma, min(attained, sigma))
 
 
-def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
+def norm_of_bounds(bounds: Real) -> Real:
     """Upper bound of the largest singular value of every matrix whose entries are at most so large: (..., ny, nu) to (...).
 
     sigma_max(E) <= sigma_max([|E_ij|]) <= sigma_max(bounds), since the norm of a non-negative matrix grows with its entries.
@@ -194,7 +196,7 @@ def norm_of_bounds(bounds: np.ndarray) -> np.ndarray:
     return np.where(infinite, np.inf, norm)
 
 
-def schur_bound(scales: np.ndarray) -> float:
+def schur_bound(scales: Real) -> float:
     """Upper bound of the largest singular value of all entrywise products of the scales and a matrix of norm 1.
 
     sum_k s_k max|u_k| max|v_k| over singular values and vectors: each term is diag(u_k) M diag(v_k). Exact of rank one.
@@ -204,13 +206,13 @@ def schur_bound(scales: np.ndarray) -> float:
     return float(size @ largest) * (1 + 1e-12)
 
 
-def _along(angle: float, x: np.ndarray, p: np.ndarray, tail: float) -> Functional:
+def _along(angle: float, x: Complex, p: Complex, tail: float) -> Functional:
     """Re(exp(-j angle) F)."""
     turn = np.exp(-1j * angle)
     return Functional(np.real(turn * x), np.real(turn * p), tail)
 
 
-def _outwards(error: np.ndarray, x: np.ndarray, p: np.ndarray, tail: np.ndarray) -> Functional:
+def _outwards(error: NDArray[Any], x: Complex, p: Complex, tail: Real) -> Functional:
     """Re u'Fv with the first singular vectors of an error."""
     left, _, right = np.linalg.svd(error)
     weights = np.outer(left[:, 0].conj(), right[0].conj()).ravel()

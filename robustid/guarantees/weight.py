@@ -6,8 +6,9 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_count, as_float, as_positive, freeze
+from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze
 from robustid.errors import InputError
 from robustid.guarantees.bilinear import ControlPair, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
@@ -48,10 +49,10 @@ class UncertaintyWeight(Frozen):
 
     model: control.StateSpace
     _: dataclasses.KW_ONLY
-    edges: np.ndarray
-    bound: np.ndarray
+    edges: Real
+    bound: Real
     ratio: float
-    tried: tuple = ()
+    tried: tuple[tuple[int, float], ...] = ()
     kind: str = "additive"
     nominal: control.StateSpace | None = None
 
@@ -65,7 +66,7 @@ class UncertaintyWeight(Frozen):
     @property
     def order(self) -> int:
         """Number of states of W."""
-        return self.model.nstates
+        return _order(self.model)
 
     @property
     def certified(self) -> bool:
@@ -75,7 +76,7 @@ class UncertaintyWeight(Frozen):
         included.
         """
         parts = factors(self.model)
-        cells = Cells.read(self.edges, self.bound, float(self.model.dt))
+        cells = Cells.read(self.edges, self.bound, _sample_time(self.model))
         return parts is not None and parts.minimum_phase and lowest_ratio(parts, *arcs(cells.angles), cells.bound) >= 1
 
     def to_control(self) -> ControlPair:
@@ -93,7 +94,7 @@ class UncertaintyWeight(Frozen):
             raise InputError(
                 "`nominal` is not known to this weight: make it with uncertainty_weight(nominal, edges, bound)"
             )
-        return ControlPair(bilinear(self.nominal), bilinear(self.model), float(self.model.dt))
+        return ControlPair(bilinear(self.nominal), bilinear(self.model), _sample_time(self.model))
 
     def robust_stability_margin(self, controller: control.StateSpace) -> RobustStabilityMargin:
         """`robust_stability_margin` of a controller for the nominal model and the bound (not the weight, which is larger)."""
@@ -102,6 +103,14 @@ class UncertaintyWeight(Frozen):
                 "`nominal` is not known to this weight: use robust_stability_margin(nominal, controller, edges, bound)"
             )
         return robust_stability_margin(self.nominal, controller, self.edges, self.bound, kind=self.kind)
+
+
+def _order(model: Any) -> int:
+    return model.nstates
+
+
+def _sample_time(model: Any) -> float:
+    return float(model.dt)
 
 
 def uncertainty_weight(
@@ -182,7 +191,7 @@ def uncertainty_weight(
     return dataclasses.replace(weight, kind=kind, nominal=plant)
 
 
-def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options: Any) -> np.ndarray:
+def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options: Any) -> NDArray[np.object_]:
     """One weight for every entry of the error of a model: ``|F - F_id|_ij <= |W_ij|``, whatever the units of the signals.
 
     Parameters
@@ -215,7 +224,7 @@ def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options
     return weights
 
 
-def _relative(plant: Any, cells: Cells, kind: str) -> np.ndarray:
+def _relative(plant: Any, cells: Cells, kind: str) -> Real:
     """The bound of one kind from that of the largest singular value of F - F_id."""
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
@@ -238,13 +247,14 @@ def _relative(plant: Any, cells: Cells, kind: str) -> np.ndarray:
     return cells.bound / room * (1 + 1e-12)
 
 
-def _smallest_gain(plant: Any, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+def _smallest_gain(plant: Any, cells: Cells) -> tuple[Real, Real]:
     """Lower bound of the smallest singular value of F_id on every cell, and the frequency of the piece that decides."""
 
-    def least(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
-        return np.linalg.svd(pieces.values, compute_uv=False)[:, -1], np.linalg.norm(pieces.radius, axis=(1, 2))
+    def least(pieces: Pieces) -> tuple[Real, Real]:
+        sizes = np.asarray(np.linalg.svd(pieces.values, compute_uv=False), dtype=float)
+        return sizes[:, -1], np.linalg.norm(pieces.radius, axis=(1, 2))
 
-    def coarse(pieces: Pieces) -> np.ndarray:
+    def coarse(pieces: Pieces) -> NDArray[np.bool_]:
         size, radius = least(pieces)
         return radius > _RESOLVED * size
 
@@ -314,7 +324,8 @@ def magnitude_weight(
     if tightness <= 1:
         raise InputError(f"`tightness` must be above 1: the largest |W|/bound that is wanted; got {tightness:g}")
     cells = Cells.read(edges, bound, dt)
-    unit = 2.0 ** np.round(np.log2(cells.bound.max()))  # exact: nothing depends on the units
+    power = np.float64(np.log2(cells.bound.max())).round()
+    unit = 2.0**power  # exact: nothing depends on the units
     scaled = cells._replace(bound=cells.bound / unit)
     jumps = np.abs(np.diff(np.log(cells.bound)))
     wanted = 0.0 if order is not None else tightness * float(np.exp(jumps.max(initial=0.0)))

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, Savable, as_count, as_positive, freeze, responses, threads_for
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Complex, Frozen, Real, Savable, as_count, as_kind, as_positive, freeze, responses, threads_for
+from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
@@ -55,12 +56,12 @@ class WorstCaseError(Frozen, Drawable, Savable):
     _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
     @functools.cached_property
-    def omega(self) -> np.ndarray:
+    def omega(self) -> Real:
         """Frequencies, rad/s, (F,)."""
         return freeze(np.array(list(self._sets_at)))
 
     @functools.cached_property
-    def nominal(self) -> np.ndarray:
+    def nominal(self) -> Complex:
         """Response of the model at them, (F,) complex; MIMO: (F, ny, nu)."""
         return freeze(self._squeezed(self._nominal))
 
@@ -69,7 +70,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         return by_frequency(self.values)
 
     @functools.cached_property
-    def _nominal(self) -> np.ndarray:
+    def _nominal(self) -> Complex:
         return responses(self.model, self.omega * self.identification.problem.dt)
 
     @functools.cached_property
@@ -80,7 +81,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
     def _around(self) -> ModelError:
         return ModelError(self.identification, self.model, self.parameters, float(self.omega.min()))
 
-    def _squeezed(self, array: np.ndarray) -> np.ndarray:
+    def _squeezed(self, array: NDArray[Any]) -> NDArray[Any]:
         """Array (F, ny, nu, ...), of SISO plants without the axes of outputs and inputs."""
         return self.identification.problem.entries.as_given(array)
 
@@ -90,24 +91,24 @@ class WorstCaseError(Frozen, Drawable, Savable):
         place = (min(output, input), max(output, input)) if symmetric else (output, input)
         return tuple(one for one in self.values if one.entry == place)
 
-    def _of_entries(self, name: str) -> np.ndarray:
+    def _of_entries(self, name: str) -> Real:
         """A range that all value sets have, (F, ny, nu, 2)."""
         places = list(np.ndindex(self._nominal.shape[1:]))
         ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
         return ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
 
     @property
-    def upper(self) -> np.ndarray:
+    def upper(self) -> Real:
         """Guaranteed bound of |F - model| over all consistent F, of every entry, (F, ny, nu)."""
         return freeze(np.array([e.upper for e in self._errors]))
 
     @property
-    def lower(self) -> np.ndarray:
+    def lower(self) -> Real:
         """Error of consistent systems that were found, (F, ny, nu): no bound can be smaller."""
         return freeze(np.array([e.lower for e in self._errors]))
 
     @property
-    def sigma_upper(self) -> np.ndarray:
+    def sigma_upper(self) -> Real:
         """Guaranteed bound of the largest singular value of F - model, (F,).
 
         The norm of the matrix `upper`, or what the class allows whatever the data are, ||G|| + ||q'P - model|| + ||(p - q)'P||,
@@ -118,17 +119,17 @@ class WorstCaseError(Frozen, Drawable, Savable):
         return freeze(np.array([e.sigma_upper for e in self._errors]))
 
     @property
-    def sigma_lower(self) -> np.ndarray:
+    def sigma_lower(self) -> Real:
         """Largest singular value of F - model of consistent systems that were found, (F,)."""
         return freeze(np.array([e.sigma_lower for e in self._errors]))
 
     @property
-    def magnitude(self) -> np.ndarray:
+    def magnitude(self) -> Real:
         """Guaranteed range of |F|, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
         return freeze(self._squeezed(self._of_entries("magnitude")))
 
     @property
-    def phase(self) -> np.ndarray:
+    def phase(self) -> Real:
         """Guaranteed range of the phase in rad, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
         return freeze(self._squeezed(self._of_entries("phase")))
 
@@ -245,7 +246,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
         MIMO: `sigma_upper` and `sigma_lower`.
         """
-        order = np.argsort(-self.sigma_upper)[:count].tolist()
+        order: list[int] = np.argsort(-self.sigma_upper)[:count].tolist()
         labels = [
             f"{r.kind} {r.index + 1} at "
             + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
@@ -366,8 +367,7 @@ def worst_case_error(
     >>> error.upper.shape, bool(np.all(error.lower <= error.upper)), error.certified
     ((2, 1, 1), True, True)
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "an Identification")
     directions = as_count("directions", directions, least=LEAST)
     if directions > MOST:
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
