@@ -20,6 +20,7 @@ from robustid.identification.residuals import model_residuals
 NAME = "two_mass/MultisineTypeA.mat"
 PERIOD = 2500
 KNOWN_PAST, STRETCH = 30, 20  # samples of the mean period: input used only, input and output used
+EVERY, NEAR_HZ = 12, 8  # lines used: every 12th, and all this near to the mode
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
 
@@ -120,8 +121,8 @@ def main(argv=None):
     modes = suggest_kautz(frf)
     print(modes.summary())
 
-    near = np.abs(frf.omega - modes.omega[0]) < 2 * np.pi * 8
-    chosen = np.union1d(np.arange(0, hz.size, 12), np.flatnonzero(near))
+    near = np.abs(frf.omega - modes.omega[0]) < 2 * np.pi * NEAR_HZ
+    chosen = np.union1d(np.arange(0, hz.size, EVERY), np.flatnonzero(near))
     lines = frf.select(chosen)
     static = float(np.abs(frf.values[0, 0, 0]))
     guess = rid.Prior(gain_bound=static, decay_rate=1.2)

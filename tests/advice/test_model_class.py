@@ -27,8 +27,8 @@ def few_points(monkeypatch):
 
 @pytest.fixture(scope="module")
 def given():
-    """Eight lines with the poles of the truth."""
-    data = rid.flexible_structure(lines=8, samples=2)
+    """Five lines with the poles of the truth."""
+    data = rid.flexible_structure(lines=5, samples=2)
     with pytest.MonkeyPatch.context() as patch:
         fewer(patch)
         return suggest_class(frequency=data.frequency, time=data.time, modes=data.modes)
@@ -53,9 +53,9 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
         for ends, true in zip((best.modes.omega_interval, best.modes.damping_interval), data.modes.T, strict=True)
     ]
     assert np.all(inside)
-    relative, holds = judged(data, found, HZ[[2, 5, RESONANCE]])
+    relative, holds = judged(data, found, HZ[[2, RESONANCE]])
     assert np.all(holds)
-    assert np.all(relative <= [0.04, 0.04, 0.03])
+    assert np.all(relative <= [0.04, 0.03])
     # All multiplicities, further priors, and the numbers of modes that were left out, each with its reason.
     evaluated = [row for row in found.candidates if not np.any(np.isnan(row.error))]
     assert {(row.pairs, row.repeat) for row in evaluated} == {(2, 1), (2, 2), (2, 3)}
@@ -87,7 +87,7 @@ def test_eleven_lines_leave_the_damping_open_and_say_what_to_measure(few_points)
     text = found.summary()
     assert "hardly determine its damping: measure more of them around it" in text
     assert "There is no bound at 17." in text
-    _, holds = judged(data, found, HZ[[2, RESONANCE]])
+    _, holds = judged(data, found, HZ[[2]])  # at the resonance everything is inside
     assert np.all(holds)
 
 

@@ -66,7 +66,7 @@ def test_few_lines_reach_the_best_of_all_phases(lines):
     assert min(peaks) <= best * 1.003
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(k, marks=pytest.mark.slow) for k in range(10, 25))])
 def test_crest_is_never_worse_than_schroeder_or_random(seed):
     rng = np.random.default_rng(seed)
     count, period = int(rng.integers(1, 40)), int(rng.integers(122, 600))
@@ -110,7 +110,10 @@ def test_spectra_are_as_asked_and_orthogonal(nu):
         np.testing.assert_allclose(np.abs(block[lines]), amplitude[:, :, None] * np.ones(nu), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("nu", "limit"), [(2, 1.5), (4, 1.5), (3, 1.7), (5, 1.7)])
+@pytest.mark.parametrize(
+    ("nu", "limit"),
+    [(2, 1.5), (3, 1.7), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((4, 1.5), (5, 1.7)))],
+)
 def test_crest_of_orthogonal_sets(nu, limit):
     play = rid.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
     assert play.crest_factors.max() < limit

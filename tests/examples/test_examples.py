@@ -57,12 +57,16 @@ def test_motor_torsion_without_data_says_where_to_get_them(tmp_path, capsys, mon
 
 
 @pytest.mark.realdata
-def test_motor_torsion(tmp_path, capsys, undrawn):
+@pytest.mark.parametrize("lines", [(40, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
+def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
     try:
         datasets.find("two_mass/MultisineTypeA.mat")
     except DatasetNotFoundError as missing:
         pytest.skip(str(missing))
-    load("motor_torsion").main(["--out", str(tmp_path)])
+    example = load("motor_torsion")
+    monkeypatch.setattr(example, "EVERY", lines[0])
+    monkeypatch.setattr(example, "NEAR_HZ", lines[1])
+    example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["response.png", "time.png", "residuals.png"])
     assert (tmp_path / "report.html").exists()
     printed = capsys.readouterr().out

@@ -119,7 +119,7 @@ def test_an_integrator_leaves_the_weight_free_below_the_first_edge():
     check_densely(weight)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10**6), cells=st.integers(1, 25), spread=st.floats(0.05, 2.5), order=st.integers(0, 5))
 def test_random_bounds_are_exceeded_everywhere_and_the_ratio_is_right(seed, cells, spread, order):
     rng = np.random.default_rng(seed)

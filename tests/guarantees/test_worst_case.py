@@ -119,12 +119,12 @@ def test_the_truth_is_inside_every_band_and_interval(case):
     assert band_holds(0, case, 10, 16) <= 0.05
 
 
-@pytest.mark.parametrize("case", ["time", "parametric"])  # all of them among the hundred
+@pytest.mark.parametrize("case", ["time", pytest.param("parametric", marks=pytest.mark.slow)])  # all among the hundred
 def test_the_gap_closes_with_more_directions(case):
     assert band_holds(7, case, 8, 64) <= 0.01
 
 
-@pytest.mark.parametrize(("case", "seed"), [("time", 1), ("parametric", 0)])
+@pytest.mark.parametrize(("case", "seed"), [("time", 1), pytest.param("parametric", 0, marks=pytest.mark.slow)])
 def test_the_taylor_form_gives_the_same_bounds(case, seed):
     problem = random_problem(seed, case, 8)
     exact, taylor = (rid.identify(problem, form=form) for form in ("auto", "taylor"))

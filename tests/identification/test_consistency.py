@@ -27,7 +27,7 @@ def flexible(**options):
     return rid.MixedProblem(**(problem | options))
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
 def test_margin_agrees_with_the_paper_s_theorem_on_random_problems(case, seeds):
     """Truth inside and outside the bounds: all within 1e-6 of an independent formulation."""
@@ -155,16 +155,17 @@ def test_inconsistent_data_come_with_a_proof_and_a_model():
         result.require()
 
 
-def test_more_data_never_lower_the_margin():
-    """Dropping samples from 10 inconsistent problems: the margin never grows."""
+@pytest.mark.parametrize("seeds", [5, pytest.param(10, marks=pytest.mark.slow)])
+def test_more_data_never_lower_the_margin(seeds):
+    """Dropping samples from inconsistent problems: the margin never grows."""
     held = 0
-    for seed in range(10):
+    for seed in range(seeds):
         full = random_problem(seed, "mixed", 16, spread=0.2, noise=4.0)
         fewer = rid.MixedProblem(
             frequency=full.frequency[0].select(slice(None, None, 2)), time=full.time, prior=full.prior
         )
         held += rid.identify(fewer).margin <= rid.identify(full).margin + 1e-6
-    assert held == 10
+    assert held == seeds
 
 
 def test_other_solutions_keep_every_residual():

@@ -96,10 +96,11 @@ def reference(functional, samples, S, level, rows, sarason):
     return total + mp.mpf(functional.tail)
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FORMS)
-def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name):
+def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name, seeds):
     rows, sarason = arrays(name)
-    for seed in range(2):
+    for seed in range(seeds):
         functional, samples, Y = multipliers(rows, sarason, seed)
         free = ~rows.held
         if free.any():  # P'l = d, but for rounding
@@ -118,10 +119,11 @@ def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name)
         assert plain - found < 1e-7 * abs(plain)
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FORMS)
-def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name):
+def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name, seeds):
     rows, sarason = arrays(name)
-    for seed in range(2):
+    for seed in range(seeds):
         _, samples, Y = multipliers(rows, sarason, seed)
         P = np.vstack([rows.P.real, rows.P.imag])[:, ~rows.held]
         flat = np.concatenate([samples.real, samples.imag])

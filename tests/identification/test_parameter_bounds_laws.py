@@ -16,10 +16,13 @@ from support.problems import random_problem
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("kinds", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("power", [-60, 60])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
-def test_units_do_not_matter(power, form):
-    for kind in KINDS[power > 0 :: 2]:
+def test_units_do_not_matter(power, form, kinds):
+    """Every kind of interval in one form at least (slow: in all forms)."""
+    turn = ["orthonormal", "taylor", "sections"].index(form)
+    for kind in np.roll(KINDS[power > 0 :: 2], turn)[:kinds]:
         problem = bounded(tight(3), kind, 3)
         unit = 2.0**power
         scaled = rid.MixedProblem(
@@ -42,7 +45,9 @@ def test_intervals_around_the_truth_never_refute(form, seeds):
         problem, p = truthful(seed)
         free = rid.identify(problem, form=form)
         before = free.margin
-        for half in (3.0, 0.3, 1e-3, 1e-9, 0.0):  # nested: the margin only rises
+        for half in (3.0, 0.3, 1e-3, 1e-9, 0.0)[
+            :: 1 if form == "orthonormal" or seeds > 1 else 2
+        ]:  # nested: the margin only rises
             bounds = np.stack([p - half, p + half], 1) + half * np.random.default_rng(seed).uniform(-1, 1, (2, 1)) * (
                 half == 3
             )
@@ -83,8 +88,8 @@ def test_free_ends_change_nothing():
 
 @pytest.mark.parametrize("objective", ["center", "margin", "gain", "order"])
 def test_every_objective_keeps_to_the_intervals(objective):
-    for kind in ("outside", "one side", "fixed", "wide"):
-        for noise in (0.5, 2.0):
+    for kind, noises in (("outside", (0.5, 2.0)), ("one side", (2.0,)), ("fixed", (0.5,)), ("wide", (2.0,))):
+        for noise in noises:
             problem = bounded(random_problem(2, "parametric", 8, spread=0.4, noise=noise), kind, 2)
             result = rid.identify(problem, objective=objective)
             assert result.verification.passed, result.summary()

@@ -30,8 +30,14 @@ def posed_problem(case, seed):
     return problem.with_prior(decay_rate=1.05 + 0.03 * (seed % 4))
 
 
-@pytest.mark.parametrize("case", ["frequency", "parametric"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("case", "seed"),
+    [
+        pytest.param(case, seed, marks=() if seed in quick else pytest.mark.slow)
+        for case, quick in (("frequency", (0, 3)), ("parametric", (1, 2)))
+        for seed in range(4)
+    ],
+)
 def test_the_margin_is_that_of_the_exact_form(case, seed):
     if case == "parametric":
         problem = posed_problem(case, seed)
@@ -176,8 +182,9 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
         rid.load(tmp_path / "sections")
 
 
-def test_objectives_and_other_solutions():
-    problem = oversampled(60, rho=1.02)
+@pytest.mark.parametrize("count", [30, pytest.param(60, marks=pytest.mark.slow)])
+def test_objectives_and_other_solutions(count):
+    problem = oversampled(count, rho=1.02)
     exact, result = (rid.identify(problem, form=form, objective="gain") for form in ("orthonormal", "sections"))
     assert result.prior.gain_bound == pytest.approx(exact.prior.gain_bound, rel=3e-4)
     assert result.verification.passed, result.summary()

@@ -187,10 +187,11 @@ def contraction(problem, best):
     return np.abs(np.linalg.eigvals(derivative)).max()
 
 
-def test_it_converges_from_nearby_exactly_where_the_optimum_attracts():
-    """2x2, order 12, 1 % noise: 3 seeds of 5 attract; the condition number stays one on all of them."""
+@pytest.mark.parametrize(("seeds", "attracting"), [((0, 3), 1), pytest.param(range(5), 3, marks=pytest.mark.slow)])
+def test_it_converges_from_nearby_exactly_where_the_optimum_attracts(seeds, attracting):
+    """2x2, order 12, 1 % noise: 3 seeds of 5 attract, 1 of the 2 that always run; the condition number stays one on all."""
     attract = []
-    for seed in range(5):
+    for seed in seeds:
         problem, start = structure(seed, lines=200)
         best = fit_fraction(problem, start=start, method="lm", rtol=1e-14).fraction
         basis = problem.basis(best.denominators, best.response)
@@ -208,7 +209,7 @@ def test_it_converges_from_nearby_exactly_where_the_optimum_attracts():
         assert max(conditions) - 1 <= 1e-8
         assert (slopes[-1] <= 1e-10) == (radius < 1)
         attract.append(radius < 1)
-    assert sum(attract) == 3
+    assert sum(attract) == attracting
 
 
 def test_exact_data_are_reproduced():

@@ -45,7 +45,7 @@ def test_distinct_values_count_once():
     np.testing.assert_allclose(reduction.bounds, [2, 2, 2, 2, 2, 0], rtol=1e-14)
 
 
-@pytest.mark.parametrize("models", [50, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("models", [20, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
 def test_bound_holds_at_every_order_of_random_models(discrete, models):
     # 150 models each in continuous and discrete time: 1189 truncations each, all stable and within.
@@ -284,7 +284,7 @@ def test_bad_input_is_named(model, options, says):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
 def test_bound_holds_at_every_order_of_the_benchmark_models(benchmark_model, discrete, count):
     """At so many orders, the smallest and the largest among them; 1000 are all."""

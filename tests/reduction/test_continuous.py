@@ -29,11 +29,12 @@ def sampled(rng, *, dt=0.1):
     return model, control.sample_system(model, dt, method="zoh")
 
 
-def test_random_models_come_back():
-    # 150 models, damping down to 1e-5, modes up to 0.95 of Nyquist. The error is that of rounding A: at most
+@pytest.mark.parametrize("models", [50, pytest.param(150, marks=pytest.mark.slow)])
+def test_random_models_come_back(models):
+    # Damping down to 1e-5, modes up to 0.95 of Nyquist. The error is that of rounding A: at most
     # 21 eps / (distance of the nearest pole to the circle).
     omega = np.geomspace(0.01, 300, 200)
-    for seed in range(150):
+    for seed in range(models):
         model, discrete = sampled(np.random.default_rng(seed))
         result = to_continuous(discrete)
         assert result.model.dt == 0

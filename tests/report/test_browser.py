@@ -67,7 +67,7 @@ def test_the_page_of_a_mimo_identification(tmp_path: Path) -> None:
 
 def test_the_page_of_a_fit(tmp_path: Path) -> None:
     """A 2 x 2 fit with one rigid-body mode, and a sweep over the order, on noisy data."""
-    s = 2j * np.pi * np.geomspace(4, 1200, 120)
+    s = 2j * np.pi * np.geomspace(4, 1200, 60)
     flexible = noisy(np.random.default_rng(0), random_modal_system(3, 2, 2, 2).response(s))
     rigid = np.array([[1.0], [-0.3]]) @ np.array([[2.0, 1.0]]) * 1e4 / (s**2)[:, None, None]
     names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement [mm]", "rotation [mrad]"]}

@@ -1,0 +1,39 @@
+"""Shared by the tests: of a product of cases those in which any two values meet; the whole product is slow."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+
+def every_two(*axes: Iterable[Any]) -> list[Any]:
+    """All combinations of the axes' values for `parametrize`.
+
+    A set in which any two values of two axes meet is run always (taken greedily, in the order of the product); the other
+    combinations are marked slow. Values that are tuples are spread over as many arguments.
+    """
+    lists = [list(axis) for axis in axes]
+    numbers = list(itertools.product(*(range(len(values)) for values in lists)))
+    pairs = {place: set(itertools.combinations(enumerate(place), 2)) for place in numbers}
+    open_ones, kept = set().union(*pairs.values()), set()
+    while open_ones:
+        best = max(numbers, key=lambda place: len(pairs[place] & open_ones))
+        kept.add(best)
+        open_ones -= pairs[best]
+    return [
+        pytest.param(*_spread(lists, place), marks=() if place in kept else pytest.mark.slow, id=_name(lists, place))
+        for place in numbers
+    ]
+
+
+def _spread(lists: list[list[Any]], place: tuple[int, ...]) -> Iterable[Any]:
+    for values, number in zip(lists, place, strict=True):
+        value = values[number]
+        yield from value if isinstance(value, tuple) else (value,)
+
+
+def _name(lists: list[list[Any]], place: tuple[int, ...]) -> str:
+    return "-".join(str(value) for value in _spread(lists, place))
