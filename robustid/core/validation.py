@@ -129,8 +129,8 @@ def as_count(name: str, value: Any, *, least: int = 0) -> int:
     return number
 
 
-def as_kind(name: str, value: Any, kind: type[Kind], described: str) -> Kind:
-    """`value` itself, if it is a `kind`; else a sentence with what it must be."""
+def as_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], described: str) -> Kind:
+    """`value` itself, if it is of the `kind`; else a sentence with what it must be."""
     if not isinstance(value, kind):
         raise InputTypeError(f"`{name}` must be {described}; got {type(value).__name__}")
     return value

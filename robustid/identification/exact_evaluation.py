@@ -10,11 +10,13 @@ import contextlib
 import functools
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.errors import InputError
 from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, real_rows
 from robustid.identification.entries import HALF
@@ -45,7 +47,7 @@ def verify_margin_exactly(certificate: MarginCertificate, rows: Rows, sarason: S
 
 
 def enclose_support(
-    functional: Functional, samples: np.ndarray, Y: np.ndarray, level: float, rows: Rows, sarason: SarasonMap
+    functional: Functional, samples: NDArray[Any], Y: Real, level: float, rows: Rows, sarason: SarasonMap
 ) -> float:
     """A double above the bound of `evaluate_support`, evaluated without rounding errors."""
     with _precision() as flint:
@@ -58,7 +60,7 @@ def enclose_support(
         return _above(total)
 
 
-def enclose_margin(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Rows, sarason: SarasonMap) -> float:
+def enclose_margin(samples: NDArray[Any], ball: Real, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """A double below the bound of `evaluate_certificate`, evaluated without rounding errors."""
     with _precision():
         size = _sizes(samples, rows)
@@ -67,12 +69,12 @@ def enclose_margin(samples: np.ndarray, ball: np.ndarray, upper: float, rows: Ro
             return 0.0
         total = _inner(samples, rows.y) - _nuclear_norm(ball, sarason)
         total -= _mismatched(samples, ball, rows, sarason, np.zeros(sarason.size))
-        total -= _leaked(samples, rows, upper, np.zeros(rows.P.shape[1]))
+        total -= _leaked(samples, rows, upper, np.zeros(int(rows.P.shape[1])))
         total -= _sum(a * b for a, b in zip(size, rows.tail.tolist(), strict=True))
         return -_above(-total / weight)
 
 
-def _sizes(samples: np.ndarray, rows: Rows) -> list[Any]:
+def _sizes(samples: NDArray[Any], rows: Rows) -> list[Any]:
     """|l| of every bound."""
     flint = _flint()
     if rows.cone is None:
@@ -84,7 +86,7 @@ def _sizes(samples: np.ndarray, rows: Rows) -> list[Any]:
 
 
 @contextlib.contextmanager
-def _precision() -> Iterator[Any]:
+def _precision() -> Generator[Any]:
     flint = _flint()
     with flint.ctx.workprec(_BITS):
         yield flint
@@ -104,11 +106,11 @@ def _above(x: Any) -> float:
     return math.nextafter(top, math.inf) if math.isfinite(top) else math.inf
 
 
-def _parts(values: np.ndarray) -> list[tuple[float, float]]:
+def _parts(values: NDArray[Any]) -> list[tuple[float, float]]:
     return list(zip(np.real(values).tolist(), np.imag(values).tolist(), strict=True))
 
 
-def _matrix(values: np.ndarray) -> Any:
+def _matrix(values: NDArray[Any]) -> Any:
     """The array, of one or two dimensions, as exact numbers."""
     values = np.real(values).reshape(values.shape[0], -1)
     return _flint().arb_mat(*values.shape, values.ravel().tolist())
@@ -122,13 +124,13 @@ def _frobenius(matrix: Any) -> Any:
     return _sum(a * a for a in matrix.entries()).sqrt()
 
 
-def _inner(left: np.ndarray, right: np.ndarray) -> Any:
+def _inner(left: NDArray[Any], right: NDArray[Any]) -> Any:
     """Re <left, right>."""
     pairs = zip(real_rows(left).tolist(), real_rows(right).tolist(), strict=True)
     return _sum(_flint().arb(a) * b for a, b in pairs)
 
 
-def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
+def _nuclear_norm(S: Real, sarason: SarasonMap) -> Any:
     """Above ||Y||_*, Y = S - A S A': with any U, s, V it is at most sum|s| ||U|| ||V|| + sqrt(n) ||Y - U diag(s) V'||_F."""
     arb = _flint().arb
     if not S.size:
@@ -142,14 +144,14 @@ def _nuclear_norm(S: np.ndarray, sarason: SarasonMap) -> Any:
 
 
 @functools.singledispatch
-def _moved(sarason: SarasonMap, S: np.ndarray) -> Any:
+def _moved(sarason: SarasonMap, S: Real) -> Any:
     """A S A', for MIMO with A (x) I."""
     (p, q), A = sarason.entries.shape, sarason.pair.A
     return _matrix(np.kron(A, np.eye(p))) * _matrix(S) * _matrix(np.kron(A, np.eye(q))).transpose()
 
 
 @_moved.register
-def _(sarason: ShiftMap, S: np.ndarray) -> Any:
+def _(sarason: ShiftMap, S: Real) -> Any:
     p, q = sarason.entries.shape
     return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
 
@@ -161,18 +163,19 @@ def _norm_above(Q: Any) -> Any:
     return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
 
 
-def _mismatched(samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: SarasonMap, wanted: np.ndarray) -> Any:
+def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap, wanted: Real) -> Any:
     """Above r ||wanted + E'l - c S||, r the largest norm of x."""
     arb, entries = _flint().arb, sarason.entries
     if not wanted.size:
         return arb(0)
-    inputs = np.kron(sarason.pair.c[0], np.eye(entries.outputs))
+    row_of_inputs: Real = sarason.pair.c[0]
+    inputs = np.kron(row_of_inputs, np.eye(entries.outputs))
     proved = (_matrix(inputs) * _matrix(S)).entries()  # p x nq, in the order (output, coefficient, input)
     row = np.arange(len(proved)).reshape(entries.outputs, -1, entries.inputs).transpose(0, 2, 1)
     if not entries.symmetric:
         column = [proved[k] for k in row.ravel()]
     else:
-        column = []
+        column: list[Any] = []
         for a, b in itertools.combinations_with_replacement(range(entries.outputs), 2):
             for one, two in zip(row[a, b], row[b, a], strict=True):
                 column.append(proved[one] if a == b else (proved[one] + proved[two]) * HALF)
@@ -181,14 +184,14 @@ def _mismatched(samples: np.ndarray, S: np.ndarray, rows: Rows, sarason: Sarason
 
 
 @functools.singledispatch
-def _adjoint(E: Columns, samples: np.ndarray) -> Any:
+def _adjoint(E: Columns, samples: NDArray[Any]) -> Any:
     """Re E^H l, as a column."""
     re, im = _transposed(E)
     return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
 
 
 @_adjoint.register
-def _(E: BlockColumns, samples: np.ndarray) -> Any:
+def _(E: BlockColumns, samples: NDArray[Any]) -> Any:
     total = [_flint().arb(0)] * E.shape[1]
     for part in E.parts:
         found = _adjoint(part.block, samples[part.rows]).entries()
@@ -203,10 +206,12 @@ def _transposed(E: Columns) -> tuple[Any, Any]:
 
 
 @_adjoint.register
-def _(E: ShiftColumns, samples: np.ndarray) -> Any:
+def _(E: ShiftColumns, samples: NDArray[Any]) -> Any:
     """decay_j Re sum_k gain_k conj(l_k + kappa_k conj(l_k)) exp(-i theta_k j), by powers, and the rows that are stored."""
     flint = _flint()
-    lines, terms, turns = E.angles.size, [], []
+    lines = E.angles.size
+    terms: list[Any] = []
+    turns: list[Any] = []
     tilts = np.zeros(lines, complex) if E.tilt is None else E.tilt
     for angle, gain, tilt, sample in zip(
         E.angles.tolist(), E.gain.tolist(), _parts(tilts), _parts(samples[:lines]), strict=True
@@ -215,7 +220,7 @@ def _(E: ShiftColumns, samples: np.ndarray) -> Any:
         weight = at + flint.acb(*tilt) * at.conjugate()
         terms.append(gain * weight.conjugate())
         turns.append(flint.acb(0, -flint.arb(angle)).exp())
-    total = []
+    total: list[Any] = []
     for decay in E.decay.tolist():
         total.append(decay * _sum(terms, flint.acb).real)
         terms = [term * turn for term, turn in zip(terms, turns, strict=True)]
@@ -223,7 +228,7 @@ def _(E: ShiftColumns, samples: np.ndarray) -> Any:
     return column + _matrix(E.real.T) * _matrix(np.real(samples[lines:])) if E.real.shape[0] else column
 
 
-def _leaked(samples: np.ndarray, rows: Rows, upper: float, wanted: np.ndarray) -> Any:
+def _leaked(samples: NDArray[Any], rows: Rows, upper: float, wanted: Real) -> Any:
     """Above (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     arb, held = _flint().arb, rows.held
     if not held.size:
@@ -260,7 +265,7 @@ def _parameter_bound(upper: float, rows: Rows) -> Any:
     return _norm(inverse) * reach / (1 - off)
 
 
-def _norm(values: np.ndarray) -> Any:
+def _norm(values: NDArray[Any]) -> Any:
     """Above the Frobenius norm."""
     return _larger(float(np.linalg.norm(values)), values.size)
 

@@ -10,8 +10,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.core import Frozen, as_array, freeze, series_at
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, series_at
+from robustid.errors import InputError
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,11 +49,11 @@ class Interpolants(Frozen):
     Source: `ball1990` (the set of all solutions); in purpose equation (22) of `inanc2001`, without its inverses.
     """
 
-    V: np.ndarray
-    outer: np.ndarray
-    inner: np.ndarray
+    V: Real
+    outer: Real
+    inner: Real
     smallest: float
-    kept: np.ndarray
+    kept: Real
     transposed: bool = False
 
     def __post_init__(self) -> None:
@@ -62,7 +64,7 @@ class Interpolants(Frozen):
         """Number of states of the central interpolant."""
         return self.kept.shape[1]
 
-    def realise(self, E: Any = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
         """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho.
 
         E: a number in [-1, 1] (for MIMO a real matrix (p, q) of norm at most 1, 0 for all entries 0), or a stable
@@ -84,18 +86,16 @@ class Interpolants(Frozen):
         gamma = np.hstack([full[n:, :n], self.outer[n:] @ c])
         return self._as_asked(alpha, beta, gamma, full[n:, n:])
 
-    def _as_asked(
-        self, alpha: np.ndarray, beta: np.ndarray, gamma: np.ndarray, delta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _as_asked(self, alpha: Real, beta: Real, gamma: Real, delta: Real) -> tuple[Real, Real, Real, Real]:
         """The realisation of the function itself."""
         return (alpha.T, gamma.T, beta.T, delta.T) if self.transposed else (alpha, beta, gamma, delta)
 
-    def evaluate(self, zeta: np.ndarray, E: Any = 0.0) -> np.ndarray:
+    def evaluate(self, zeta: NDArray[Any], E: Any = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| < 1, (F,); for MIMO (F, p, q)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
-    def weyl_disc(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1.
 
         The disc is filled by complex E; models with real coefficients reach a part of it (all its real points at
@@ -104,7 +104,7 @@ class Interpolants(Frozen):
         centre, left, right = self.weyl_ball(zeta)
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
 
-    def weyl_ball(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Complex, Complex]:
         """Centre (F, p, q), left radius (F, p, p) and right radius (F, q, q) of the matrix ball of values, |zeta| < 1.
 
         phi_E(zeta) = centre + left U right with any complex matrix U of norm at most 1, as E runs through the unit ball.
@@ -127,10 +127,10 @@ class Interpolants(Frozen):
         return centre, left, right
 
 
-def _inverse_root(matrices: np.ndarray) -> np.ndarray:
+def _inverse_root(matrices: Complex) -> Complex:
     """H^{-1/2} of Hermitian positive definite matrices."""
     values, vectors = np.linalg.eigh(matrices)
-    return (vectors / np.sqrt(values)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
+    return np.asarray((vectors / np.sqrt(values)[:, None, :]) @ vectors.conj().transpose(0, 2, 1), dtype=complex)
 
 
 _ROUNDED = 1e-14  # what rounding adds to the norm of an orthogonal matrix
@@ -163,22 +163,22 @@ def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArra
     gaps = (1 - singular) * (1 + singular)
     if n and gaps.min() <= 0:
         raise InputError(f"`x` must lie inside the ball: ||X(x)|| = {singular.max():.12g} is not below 1")
-    root: np.ndarray = np.asarray(np.linalg.qr(np.sqrt(gaps)[:, None] * right, mode="r")) if n else np.zeros((0, 0))
+    root: Real = np.asarray(np.linalg.qr(np.sqrt(gaps)[:, None] * right, mode="r")) if n else np.zeros((0, 0))
     D, R = np.vstack([root @ A, c]), np.vstack([root, x])
     # D'D = R'R = W, so with thin QR factors V = Q_R (R_R R_D^{-1}) Q_D' and the middle factor is orthogonal.
     QD, RD = np.linalg.qr(D, mode="complete")
     QR, RR = np.linalg.qr(R, mode="complete")
-    middle = scipy.linalg.solve_triangular(RD[:size].T, RR[:size].T, lower=True).T if n else np.zeros((0, 0))
+    middle = _linalg.solve_triangular(RD[:size].T, RR[:size].T, lower=True).T if n else np.zeros((0, 0))
     left, _, mid_right = np.linalg.svd(middle)
     V = QR[:, :size] @ (left @ mid_right) @ QD[:, :size].T
     kept = np.eye(size)
     if n and pair.d[0, 0] == 0:
-        lost = scipy.linalg.solve_triangular(root.T, B, lower=True)
+        lost = _linalg.solve_triangular(root.T, B, lower=True)
         kept = np.linalg.qr(lost, mode="complete")[0][:, q:]
     return Interpolants(V, QR[:, size:], QD[:, size:], float(gaps.min(initial=1.0)), kept, transposed)
 
 
-def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[Real, Real, Real, Real]:
     """State space of the free parameter, checked."""
     p, q = shape
     if not hasattr(E, "ninputs"):
@@ -193,15 +193,15 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndar
         return np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), d
     import control
 
-    if not isinstance(E, control.StateSpace):
-        raise InputTypeError(f"`E` must be a number, a matrix or a control.StateSpace; got {type(E).__name__}")
+    as_kind("E", E, control.StateSpace, "a number, a matrix or a control.StateSpace")
     if (E.noutputs, E.ninputs) != shape or E.dt == 0:
         raise InputError(
             f"`E` must be a discrete-time system with {q} input{'s' * (q != 1)} and {p} output{'s' * (p != 1)}"
         )
-    if E.nstates and np.abs(np.linalg.eigvals(E.A)).max() >= 1:
+    A: NDArray[Any] = E.A
+    if E.nstates and np.abs(np.linalg.eigvals(A)).max() >= 1:
         raise InputError("`E` must be stable")
-    poles = np.linalg.eigvals(E.A) if E.nstates else np.zeros(0)
+    poles = np.linalg.eigvals(A) if E.nstates else np.zeros(0)
     angles = np.concatenate([np.linspace(0, np.pi, 2049), np.abs(np.angle(poles))])
     a, b, c, d = (np.asarray(part) for part in (E.A, E.B, E.C, E.D))
     values = series_at((a, b, c, d), np.exp(-1j * angles))

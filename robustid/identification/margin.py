@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.errors import SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -78,7 +79,7 @@ def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tupl
         yield nearest, True
 
 
-def _into_ball(x: np.ndarray, sarason: SarasonMap) -> np.ndarray:
+def _into_ball(x: Real, sarason: SarasonMap) -> Real:
     """The coefficients, shrunk into the ball by what a solver left outside."""
     norm = sarason.norm(x) * (1 + 1e-12)
     return x / norm if norm > 1 else x

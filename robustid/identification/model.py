@@ -1,5 +1,7 @@
 """The model of an interpolant joined with the parametric part."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -17,6 +19,8 @@ from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.tails import smallest_bound
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 _SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
 _SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are rounding
@@ -87,17 +91,20 @@ def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[n
     """State space of F = p'P + G; the parametric states follow those of G."""
     import control
 
+    tools: Any = control  # its types are incomplete
+
     A, B, C, D = realised
     if problem.parametric is not None:
         a, b, c, d = parametric_states(problem, residue_matrices(problem, rows, p))
-        A, B = scipy.linalg.block_diag(A, a), np.vstack([B, b])
+        A, B = _linalg.block_diag(A, a), np.vstack([B, b])
         C, D = np.hstack([C, c]), D + d
-    return control.ss(A, B, C, D, problem.dt, **signal_names(problem))
+    return tools.ss(A, B, C, D, problem.dt, **signal_names(problem))
 
 
 def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> States:
     """State space of sum_i P_i R_i, residues (m, p, q): n min(p, q) states of functions with n."""
-    basis, (_, p, q) = problem.parametric, residues.shape
+    basis: ParametricBasis = problem.parametric
+    _, p, q = residues.shape
     through = np.tensordot(basis.D[:, 0], residues, 1)
     if p >= q:
         outputs = np.einsum("in,ipq->pnq", basis.C, residues).reshape(p, -1)
@@ -163,11 +170,11 @@ class Mode(Frozen):
 
 def modes_of(basis: ParametricBasis, residues: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
-    values, *vectors = scipy.linalg.eig(basis.A, left=True)
+    values, *vectors = _linalg.eig(basis.A, left=True)
     left, right = (np.asarray(side) for side in vectors)
     overlap = np.sum(left.conj() * right, axis=0)
     near = np.abs(values[:, None] - values) <= _SAME_POLE
-    found = []
+    found: list[Mode] = []
     for k, pole in enumerate(values):
         if np.sum(near[k]) > 1 or np.abs(overlap[k]) < _DEFECTIVE or np.imag(pole) < 0 or pole == 0:
             continue

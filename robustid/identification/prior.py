@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_positive
+from robustid.core import Frozen, Real, as_array, as_positive
 from robustid.errors import InputError
 
 # Decay by half over a million samples; below, nodes can't be told from the unit circle.
@@ -73,7 +73,7 @@ class Prior(Frozen):
         scaling = "" if self.scaling is None else f", scaling={[list(row) for row in self.scaling]}"
         return f"Prior(gain_bound={self.gain_bound!r}, decay_rate={self.decay_rate!r}{scaling})"
 
-    def scales(self, outputs: int, inputs: int) -> np.ndarray:
+    def scales(self, outputs: int, inputs: int) -> Real:
         """The scaling as a matrix, (ny, nu): G = scales * (a function of the ball K)."""
         if self.scaling is None:
             return np.ones((outputs, inputs))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import as_basis
-from robustid.core import Frozen, Signal, as_array, freeze
+from robustid.core import Frozen, Real, Signal, as_array, as_kind, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.entries import Entries
@@ -77,7 +78,7 @@ class MixedProblem(Frozen):
     symmetric: bool = False
 
     entries: Entries = dataclasses.field(init=False, repr=False)
-    angles: np.ndarray = dataclasses.field(init=False, repr=False)
+    angles: Real = dataclasses.field(init=False, repr=False)
     taylor: int = dataclasses.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -85,8 +86,7 @@ class MixedProblem(Frozen):
         time = _experiments("time", self.time, (TimeRecord,))
         if not frequency and not time:
             raise InputError("`frequency` and `time` are both missing; give at least one experiment")
-        if not isinstance(self.prior, Prior):
-            raise InputTypeError(f"`prior` must be a Prior; got {type(self.prior).__name__}")
+        as_kind("prior", self.prior, Prior, "a Prior")
         _check_same_dt((*frequency, *time))
         self._set(frequency=frequency, time=time)
         check_signals((*frequency, *time))
@@ -131,11 +131,11 @@ class MixedProblem(Frozen):
         return self.outputs[0], self.inputs[0]
 
     @property
-    def unknown_bounds(self) -> np.ndarray:
+    def unknown_bounds(self) -> Real:
         """The parameter bounds of the independent parameters, entry by entry, (count m, 2)."""
         ends = np.moveaxis(self.parameter_bounds, 0, 2) if self.parameter_bounds.ndim == 4 else self.parameter_bounds
         pairs = np.broadcast_to(ends, (self.entries.outputs, self.entries.inputs, *ends.shape[-2:]))
-        parts = {}
+        parts: dict[int, Real] = {}
         for output, input in np.ndindex(pairs.shape[:2]):
             number, part = self.entries.place(output, input)
             low, high = (pairs[output, input] / part).T
@@ -148,7 +148,7 @@ class MixedProblem(Frozen):
         """Problem with the same data and another gain bound or decay rate."""
         return dataclasses.replace(self, prior=dataclasses.replace(self.prior, **changes))
 
-    def node_index(self, angles: np.ndarray) -> np.ndarray:
+    def node_index(self, angles: Real) -> NDArray[np.intp]:
         """Index of the node of each angle."""
         if not self.angles.size:
             return np.zeros(0, int)
@@ -156,7 +156,7 @@ class MixedProblem(Frozen):
         pair = np.stack([after - 1, np.minimum(after, self.angles.size - 1)])
         return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
 
-    def _all_angles(self) -> np.ndarray:
+    def _all_angles(self) -> Real:
         angles = [f.omega[f.bound.used.any(axis=(1, 2))] * self.dt for f in self.frequency]
         angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
         return np.concatenate(angles) if angles else np.zeros(0)
@@ -188,17 +188,17 @@ class MixedProblem(Frozen):
             )
 
 
-def excited_lines(record: TimeRecord) -> np.ndarray:
+def excited_lines(record: TimeRecord) -> NDArray[np.intp]:
     """Spectral lines of the record at which its inputs are not zero."""
     spectrum = np.abs(np.fft.rfft(record.u, axis=0))
     spectrum = (spectrum / np.maximum(spectrum.max(axis=0), np.finfo(float).tiny)).max(axis=1)
     return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
 
 
-def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple:
+def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple[Any, ...]:
     if value is None:
         return ()
-    items = tuple(value) if isinstance(value, Sequence) else (value,)
+    items: tuple[Any, ...] = tuple(cast("Sequence[Any]", value)) if isinstance(value, Sequence) else (value,)
     for item in items:
         if not isinstance(item, kinds):
             raise InputTypeError(
@@ -215,7 +215,7 @@ def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple:
     return items
 
 
-def _intervals(value: Any, basis: Any, entries: Entries) -> np.ndarray:
+def _intervals(value: Any, basis: Any, entries: Entries) -> Real:
     """The parameter bounds, checked."""
     if basis is None:
         raise InputError(
@@ -243,7 +243,7 @@ def _intervals(value: Any, basis: Any, entries: Entries) -> np.ndarray:
     return ends
 
 
-def _merge(angles: np.ndarray) -> np.ndarray:
+def _merge(angles: Real) -> Real:
     angles = np.sort(np.where(angles >= np.pi * (1 - _SAME_ANGLE), np.pi, angles))
     keep = np.ones(angles.size, bool)
     keep[1:] = np.diff(angles) > _SAME_ANGLE * angles[1:]

@@ -6,8 +6,9 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze, responses, simulate
+from robustid.core import Complex, Frozen, Real, freeze, responses, simulate
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.identification.formulation.assembly import initial_state, measured_entries
 from robustid.identification.formulation.rows import Rows
@@ -38,10 +39,10 @@ class Residual(Frozen):
 
     kind: str
     index: int
-    axis: np.ndarray
-    error: np.ndarray
-    bound: np.ndarray
-    tilt: np.ndarray | None = None
+    axis: Real
+    error: NDArray[Any]
+    bound: Real
+    tilt: Complex | None = None
     entry: tuple[int | None, int | None] = (0, 0)
 
     def __post_init__(self) -> None:
@@ -49,7 +50,7 @@ class Residual(Frozen):
         self._set(tilt=None if self.tilt is None else freeze(self.tilt))
 
     @property
-    def ratio(self) -> np.ndarray:
+    def ratio(self) -> Real:
         """|error|/bound, (N,), of an ellipse |error + tilt conj(error)|/bound; the norm of those that share a bound."""
         ratio = bound_ratio(self.error, self.bound, self.tilt)
         return ratio if ratio.ndim == 1 else np.linalg.norm(ratio, axis=1)
@@ -105,9 +106,11 @@ def largest(residuals: list[Residual]) -> float:
     return float(np.max([np.max(r.ratio) for r in residuals]))  # NaN stays NaN
 
 
-def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _least_largest(columns: Real, right: Real) -> Real:
     """The w with the smallest max |right - columns w|: a linear program."""
     import scipy.optimize
+
+    optimize: Any = scipy.optimize  # its types are incomplete
 
     count = columns.shape[1]
     if not count:
@@ -116,17 +119,16 @@ def _least_largest(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
     rows = np.block([[columns, -ones], [-columns, -ones]])
     free = [(None, None)] * count + [(0, None)]
     size = max(float(np.abs(right).max()), np.finfo(float).tiny)
-    found = scipy.optimize.linprog(
-        np.eye(1, count + 1, count)[0], rows, np.concatenate([right, -right]) / size, bounds=free
-    )
+    found = optimize.linprog(np.eye(1, count + 1, count)[0], rows, np.concatenate([right, -right]) / size, bounds=free)
     if found.x is None:
-        return np.linalg.lstsq(columns, right, rcond=None)[0]
+        return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=float)
     return found.x[:count] * size
 
 
 def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[Residual]:
     """Residuals of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
-    predicted, out = responses(model, frf.omega * problem.dt), []
+    predicted = responses(model, frf.omega * problem.dt)
+    out: list[Residual] = []
     if not isinstance(frf, FrequencyResponse):
         error = frf.values - np.einsum("klrab,kab->klr", frf.weights, predicted)
         for row, column in measured_entries(frf):
@@ -137,7 +139,8 @@ def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[R
     error = frf.values - predicted
     if frf.bound.joint == "matrix":
         stacked = error.transpose(0, 2, 1).reshape(frf.omega.size, -1, 1)
-        white = np.linalg.solve(np.linalg.cholesky(frf.bound.ellipsoid), stacked)[..., 0]
+        ellipsoid: Complex = frf.bound.ellipsoid
+        white = np.linalg.solve(np.linalg.cholesky(ellipsoid), stacked)[..., 0]
         return [Residual("frequency", index, frf.omega, white, np.ones(white.shape), entry=(None, None))]
     if frf.bound.joint == "column":
         for column in sorted({j for _, j in measured_entries(frf)}):
@@ -154,7 +157,7 @@ def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[R
     return out
 
 
-def _steady_state(record: TimeRecord, model: Any) -> np.ndarray:
+def _steady_state(record: TimeRecord, model: Any) -> Real:
     """Outputs (T, ny)."""
     lines, samples = excited_lines(record), record.u.shape[0]
     spectrum = np.zeros((samples // 2 + 1, record.y.shape[1]), complex)

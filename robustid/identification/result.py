@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Savable, freeze
+from robustid.core import Complex, Frozen, Real, Savable, freeze
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
@@ -65,8 +65,8 @@ class Identification(Frozen, Drawable, Savable):
     objective: str
     claim: Claim
     prior: Prior
-    coefficients: np.ndarray
-    scaled_parameters: np.ndarray
+    coefficients: Real
+    scaled_parameters: Real
     model: Any
     verification: Verification
     timing: dict[str, float]
@@ -136,7 +136,8 @@ class Identification(Frozen, Drawable, Savable):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what makes the result say less than it seems to."""
-        K, found = self.problem.prior.gain_bound, []
+        K = self.problem.prior.gain_bound
+        found: list[str] = []
         scales = self.problem.prior.scales(*self.problem.entries.shape)
         largest = max(_largest_response(item, scales) for item in (*self.problem.frequency, *self.problem.time))
         if self.consistent and largest < K:
@@ -155,7 +156,7 @@ class Identification(Frozen, Drawable, Savable):
         return tuple(found)
 
     @property
-    def parameters(self) -> np.ndarray:
+    def parameters(self) -> Real:
         """Coefficients of the parametric functions, (m,); for MIMO the residue matrices, (m, ny, nu)."""
         return freeze(self.problem.entries.as_given(self._residues))
 
@@ -236,7 +237,7 @@ class Identification(Frozen, Drawable, Savable):
         )
         return nominal_model(self._used, point, level, E).model
 
-    def weyl_disc(self, omega: Any) -> tuple[np.ndarray, np.ndarray]:
+    def weyl_disc(self, omega: Any) -> tuple[Complex, Real]:
         """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
 
         A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the frequency points of the data. It does not
@@ -247,7 +248,7 @@ class Identification(Frozen, Drawable, Savable):
             raise InputError("`weyl_disc` is for one input and one output; take weyl_ball(omega)")
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
 
-    def weyl_ball(self, omega: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def weyl_ball(self, omega: Any) -> tuple[Complex, NDArray[Any], NDArray[Any]]:
         """Centre (F, ny, nu), left (F, ny, ny) and right radius (F, nu, nu) of the values at `omega` [rad/s], as `weyl_disc`.
 
         The values of all systems with these coefficients and parameters are centre + left U right, ||U|| <= 1 (a scaling of the
@@ -356,7 +357,7 @@ class Identification(Frozen, Drawable, Savable):
         ]
 
 
-def _largest_response(item: Any, scales: np.ndarray) -> float:
+def _largest_response(item: Any, scales: Real) -> float:
     """Largest response in the data of an experiment, divided by the scaling of the prior."""
     if isinstance(item, TimeRecord):
         drive = np.linalg.norm(item.u[:, None] * scales, axis=2).max(axis=0)

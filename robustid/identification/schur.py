@@ -1,13 +1,17 @@
 """All interpolants of many Taylor coefficients by the Schur algorithm: O(L^2) work, O(L) memory, no matrices."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_count, as_float, freeze
+from robustid.core import Complex, Frozen, Real, as_array, as_count, as_float, freeze
 from robustid.errors import InputError
 
 # Points handled together: their vectors stay in the cache while all L sections pass over them.
@@ -40,12 +44,12 @@ class TaylorInterpolants(Frozen):
     Source: Schur 1917; `ball1990` for the set of all solutions.
     """
 
-    gamma: np.ndarray
+    gamma: Real
 
     def __post_init__(self) -> None:
         self._set(gamma=freeze(self.gamma))
 
-    def central(self) -> tuple[np.ndarray, np.ndarray]:
+    def central(self) -> tuple[Real, Real]:
         """Coefficients of P and Q, natural order, each (L,): phi_0 = P/Q, Q without zeros in |zeta| <= 1.
 
         Normalised so that |Q|^2 - |P|^2 = 1 on the circle. With p, q their reversals, zeta^(L-1) P(1/zeta) and
@@ -60,30 +64,32 @@ class TaylorInterpolants(Frozen):
             P = s * P + gamma * Q
         return P, Q
 
-    def coefficients(self, count: int, E: float = 0.0) -> np.ndarray:
+    def coefficients(self, count: int, E: float = 0.0) -> Real:
         """The first `count` Taylor coefficients of phi_E, E a number in [-1, 1]."""
         import scipy.signal
+
+        signal: Any = scipy.signal  # its types are incomplete
 
         pulse, E = np.zeros(as_count("count", count)), _constant(E)
         pulse[:1] = 1.0
         P, Q = self.central()
         above, below = np.append(P, 0.0), np.append(Q, 0.0)
-        return np.asarray(scipy.signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
+        return np.asarray(signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
 
-    def evaluate(self, zeta: np.ndarray, E: float = 0.0) -> np.ndarray:
+    def evaluate(self, zeta: NDArray[Any], E: float = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| <= 1, E a number in [-1, 1]; O(L) per point."""
         return self._pull_back(zeta, _constant(E), 0.0)[0]
 
-    def weyl_disc(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| <= 1, as in `Interpolants`."""
         return self._pull_back(zeta, 0.0, 1.0)
 
-    def weyl_ball(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Real, Real]:
         """`weyl_disc` as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
         centre, radius = self.weyl_disc(zeta)
         return centre[:, None, None], radius[:, None, None], np.ones((radius.size, 1, 1))
 
-    def _pull_back(self, zeta: np.ndarray, centre: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    def _pull_back(self, zeta: NDArray[Any], centre: float, radius: float) -> tuple[Complex, Real]:
         """The disc of the values phi_E(zeta) for E in a disc: one Mobius map a section."""
         zeta = np.atleast_1d(as_array("zeta", zeta, dtype=complex))
         if np.abs(zeta).max(initial=0.0) > 1 + _ON_CIRCLE:
@@ -103,7 +109,7 @@ class TaylorInterpolants(Frozen):
         return centres, radii
 
 
-def taylor_interpolants(x: np.ndarray) -> TaylorInterpolants:
+def taylor_interpolants(x: Real) -> TaylorInterpolants:
     r"""All functions of the unit ball with the Taylor coefficients x_0, ..., x_{L-1}; needs ||X(x)|| < 1.
 
     .. math:: \gamma_k = \phi_k(0), \quad \zeta \phi_{k+1} = \frac{\phi_k - \gamma_k}{1 - \gamma_k \phi_k},

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 
@@ -65,7 +66,7 @@ def check_excitation(experiments: Sequence[Any]) -> None:
         )
 
 
-def _seen(item: Any) -> np.ndarray:
+def _seen(item: Any) -> Real:
     """Number of samples of every output, (p,)."""
     used = item.bound.used
     if isinstance(item, TimeRecord):
@@ -75,7 +76,7 @@ def _seen(item: Any) -> np.ndarray:
     return used.sum(axis=(0, 2))
 
 
-def _excitation(item: Any) -> np.ndarray:
+def _excitation(item: Any) -> Real:
     """Rows that span the input directions of an experiment, (k, q)."""
     used = item.bound.used
     if isinstance(item, TimeRecord):

@@ -125,7 +125,7 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
 
 
 def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
-    experiments: dict[str, list] = {}
+    experiments: dict[str, list[Any]] = {}
     for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
         experiments[kind] = []
         for i, described in enumerate(text[kind]):

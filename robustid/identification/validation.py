@@ -6,9 +6,10 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from robustid.core import Frozen, freeze, simulate
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -50,13 +51,13 @@ class Validation(Frozen):
 
     data: TimeRecord | FrequencyResponse | TangentialResponse
     _: dataclasses.KW_ONLY
-    predicted: np.ndarray
-    residuals: np.ndarray
-    fit: np.ndarray
+    predicted: NDArray[Any]
+    residuals: NDArray[Any]
+    fit: Real
     ratio: float | None = None
     worst: tuple[int, ...] | None = None
     outside: int | None = None
-    whiteness: np.ndarray | None = None
+    whiteness: Real | None = None
 
     def __post_init__(self) -> None:
         for name in ("predicted", "residuals", "fit", "whiteness"):
@@ -134,14 +135,12 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     (0.5, 0)
     """
     system = check_model("model", model)
+    kinds = TimeRecord, FrequencyResponse, TangentialResponse
+    as_kind("data", data, kinds, "a TimeRecord, FrequencyResponse or TangentialResponse")
     if isinstance(data, TimeRecord):
         measured, shape = data.y, (data.y.shape[1], data.u.shape[1])
-    elif isinstance(data, FrequencyResponse | TangentialResponse):
-        measured, shape = data.values, (len(data.outputs), len(data.inputs))
     else:
-        raise InputTypeError(
-            f"`data` must be a TimeRecord, FrequencyResponse or TangentialResponse; got {type(data).__name__}"
-        )
+        measured, shape = data.values, (len(data.outputs), len(data.inputs))
     if (system.noutputs, system.ninputs) != shape:
         raise InputError(
             f"`model` must have the {shape[0]} outputs and {shape[1]} inputs of `data`;"
@@ -163,9 +162,7 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
 
 def check_model(name: str, model: Any) -> Any:
     """`model` itself, if it is a finite `control.StateSpace` whose time base is known."""
-    import control
-
-    if not isinstance(model, control.StateSpace):
+    if not _is_state_space(model):
         raise InputTypeError(
             f"`{name}` must be a control.StateSpace; got {type(model).__name__}. Convert it with control.ss(...)"
         )
@@ -177,7 +174,13 @@ def check_model(name: str, model: Any) -> Any:
     return model
 
 
-def describe_poles(poles: np.ndarray, dt: Any) -> str:
+def _is_state_space(model: Any) -> bool:
+    import control
+
+    return isinstance(model, control.StateSpace)
+
+
+def describe_poles(poles: NDArray[Any], dt: Any) -> str:
     """A few poles in words: Hz and 1/s, or |z| where the sample time is unknown."""
     words = [_describe_pole(pole, dt) for pole in poles if pole.imag >= 0]
     more = f" and {len(words) - 4} more" if len(words) > 4 else ""
@@ -213,7 +216,7 @@ def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse | Tangenti
         raise InputError(f"`model` has dt = {model.dt:g} s, `data` has dt = {data.dt:g} s; they must agree")
 
 
-def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> np.ndarray:
+def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> Complex:
     points = 1j * data.omega if data.dt is None else np.exp(1j * data.omega * data.dt)
     values = np.moveaxis(model(points, squeeze=False, warn_infinite=False), -1, 0)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
@@ -224,8 +227,8 @@ def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> np.nd
     return values if isinstance(data, FrequencyResponse) else data.left @ values @ data.right
 
 
-def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
-    start = np.zeros(model.nstates)
+def _simulate_record(model: Any, data: TimeRecord) -> Real:
+    start = np.zeros(int(model.nstates))
     if data.initial == "periodic":
         start = _periodic_state(model, data)
     predicted, _ = simulate(model, data.u, start)
@@ -240,7 +243,7 @@ def _simulate_record(model: Any, data: TimeRecord) -> np.ndarray:
     return predicted
 
 
-def _periodic_state(model: Any, data: TimeRecord) -> np.ndarray:
+def _periodic_state(model: Any, data: TimeRecord) -> Real:
     """The state to which one period returns: x = A^T x + (state after one period from zero)."""
     poles = model.poles()
     outside = np.abs(poles) >= 1 - 1e-12
@@ -249,11 +252,12 @@ def _periodic_state(model: Any, data: TimeRecord) -> np.ndarray:
             "`model` must be stable to have a periodic steady state; it has"
             f' {describe_poles(poles[outside], model.dt)}. Pass the record with initial="free" instead'
         )
-    _, after = simulate(model, data.u, np.zeros(model.nstates))
-    return np.linalg.solve(np.eye(model.nstates) - np.linalg.matrix_power(model.A, data.u.shape[0]), after)
+    _, after = simulate(model, data.u, np.zeros(int(model.nstates)))
+    one_period = np.linalg.matrix_power(model.A, data.u.shape[0])
+    return np.asarray(np.linalg.solve(np.eye(model.nstates) - one_period, after), dtype=float)
 
 
-def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndarray:
+def _free_response(model: Any, data: TimeRecord, missing: Real) -> Real:
     """The free response nearest to `missing`."""
     samples, outputs = missing.shape
     rows, power = model.C[None], model.A
@@ -269,19 +273,19 @@ def _free_response(model: Any, data: TimeRecord, missing: np.ndarray) -> np.ndar
     else:
         size = np.sqrt(np.mean(data.y**2, axis=0))
         weight = np.broadcast_to(1 / np.where(size > 0, size, 1.0), missing.shape)
-    left = (rows * weight[:, :, None]).reshape(samples * outputs, -1)
-    scale = np.linalg.norm(left, axis=0)
+    left: Real = (rows * weight[:, :, None]).reshape(samples * outputs, -1)
+    scale: Real = np.linalg.norm(left, axis=0)
     scale[scale == 0] = 1.0
     state = np.linalg.lstsq(left / scale, (missing * weight).ravel(), rcond=None)[0] / scale
     return rows @ state
 
 
-def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> np.ndarray:
+def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> NDArray[np.bool_]:
     """Mask of the samples that count: those of a finite bound, or all."""
     return data.used if isinstance(data, TimeRecord) else ~data.missing
 
 
-def _fit(measured: np.ndarray, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:
+def _fit(measured: NDArray[Any], residuals: NDArray[Any], used: NDArray[np.bool_]) -> Real:
     count = np.sum(used, axis=0)
     mean = np.sum(np.where(used, measured, 0), axis=0) / np.maximum(count, 1)
     rest = np.linalg.norm(np.where(used, residuals, 0), axis=0)
@@ -291,7 +295,7 @@ def _fit(measured: np.ndarray, residuals: np.ndarray, used: np.ndarray) -> np.nd
         return np.where(count == 0, np.nan, np.where(rest == 0, 1.0, 1 - rest / size))
 
 
-def _ljung_box(residual: np.ndarray, used: np.ndarray) -> float:
+def _ljung_box(residual: NDArray[Any], used: NDArray[np.bool_]) -> float:
     """P value of the hypothesis that the residual is white."""
     count = int(np.sum(used))
     lags = min(_LAGS, count // 5)

@@ -1,5 +1,7 @@
 """The rows of each kind of experiment, divided by their bounds."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -7,7 +9,9 @@ import functools
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord, tilted
 from robustid.identification.entries import Entries
 from robustid.identification.formulation.columns import Columns, DenseColumns
@@ -23,14 +27,14 @@ class Block:
     block that `joins` shares those of the block before it and has none of its own.
     """
 
-    y: np.ndarray
+    y: NDArray[Any]
     E: Columns
     columns: slice
-    P: np.ndarray
-    free: np.ndarray
-    fixed: np.ndarray
-    tail: np.ndarray
-    cone: np.ndarray
+    P: NDArray[Any]
+    free: Real
+    fixed: Real
+    tail: Real
+    cone: NDArray[np.intp]
     complex: bool
     joins: bool = False
 
@@ -48,7 +52,7 @@ class Assembly:
         return self.problem.entries
 
     @functools.cached_property
-    def scales(self) -> np.ndarray:
+    def scales(self) -> Real:
         """Gain that the scaling of the prior gives every entry, (p, q)."""
         return self.problem.prior.scales(self.entries.outputs, self.entries.inputs)
 
@@ -64,7 +68,7 @@ class Assembly:
         return self._columns(frf, blocks) if frf.bound.joint == "column" else blocks
 
     def _entry(
-        self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: np.ndarray
+        self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: NDArray[Any]
     ) -> Block:
         """The frequency points of one entry, in discs or ellipses."""
         used = frf.bound.used[:, output, input]
@@ -93,9 +97,9 @@ class Assembly:
             block.fixed, last = np.ones(block.tail.size), input
         return blocks
 
-    def _directions(self, frf: Any, angles: np.ndarray) -> list[Block]:
+    def _directions(self, frf: Any, angles: Real) -> list[Block]:
         """Every sample sees a combination of the entries."""
-        blocks = []
+        blocks: list[Block] = []
         for row, column in measured_entries(frf):
             used = frf.bound.used[:, row, column]
             bound, weights = frf.bound.radius[used, row, column], frf.weights[used, row, column]
@@ -105,7 +109,7 @@ class Assembly:
             blocks.append(self._combined(y, weights / bound[:, None, None], angles[used], tail))
         return blocks
 
-    def _ellipsoids(self, frf: FrequencyResponse, angles: np.ndarray) -> list[Block]:
+    def _ellipsoids(self, frf: FrequencyResponse, angles: Real) -> list[Block]:
         """Blocks, whitened, so that each frequency point is one cone: with E = LL', the norm of L^-1 vec(error)."""
         lines, p, q = frf.values.shape
         whiten = frf.bound.whitening
@@ -120,7 +124,7 @@ class Assembly:
             block.joins, block.tail, block.fixed = True, np.zeros(0), np.zeros(0)
         return blocks
 
-    def _combined(self, y: np.ndarray, weights: np.ndarray, angles: np.ndarray, tail: np.ndarray) -> Block:
+    def _combined(self, y: NDArray[Any], weights: NDArray[Any], angles: Real, tail: Real) -> Block:
         """Samples that are sums of weights (N, p, q) times the entries."""
         inside = np.tensordot(weights * self.scales, self.entries.basis, ([1, 2], [1, 2]))
         outside = np.tensordot(weights, self.entries.basis, ([1, 2], [1, 2]))
@@ -161,13 +165,13 @@ class Assembly:
 
     def _row(
         self,
-        y: np.ndarray,
-        E: np.ndarray,
-        P: np.ndarray,
-        bound: np.ndarray,
-        widen: np.ndarray,
-        free: np.ndarray,
-        tail: np.ndarray,
+        y: Real,
+        E: Real,
+        P: Real,
+        bound: Real,
+        widen: Real,
+        free: Real,
+        tail: Real,
         output: int,
     ) -> Block:
         """Samples of one output: E (N, q, n) and P (N, q, m) of what each input does."""
@@ -181,7 +185,7 @@ class Assembly:
         y, E, P, free = (a * unit.reshape(-1, *(1,) * (a.ndim - 1)) for a in (y, E, P, free))
         return Block(y, DenseColumns(E), columns, P, free, bound / total, tail / total, np.arange(y.size), False)
 
-    def _placed(self, row: np.ndarray, output: int) -> np.ndarray:
+    def _placed(self, row: Real, output: int) -> Real:
         """(N, q, k) of one row of the matrix, in all unknowns, (N, count k)."""
         full = np.zeros((row.shape[0], self.entries.count, row.shape[2]))
         for input in range(row.shape[1]):
@@ -189,7 +193,7 @@ class Assembly:
             full[:, number] += part * row[:, input]
         return full.reshape(row.shape[0], -1)
 
-    def _responses(self, angles: np.ndarray) -> np.ndarray:
+    def _responses(self, angles: Real) -> NDArray[Any]:
         """Values of the parametric functions at exp(j angle), (F, m)."""
         basis = self.problem.parametric
         return np.zeros((angles.size, 0)) if basis is None else basis.response(angles)
@@ -201,18 +205,18 @@ def measured_entries(frf: Any) -> list[tuple[int, int]]:
     return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
 
 
-def _complex_block(y: np.ndarray, E: Columns, columns: slice, P: np.ndarray, tail: np.ndarray) -> Block:
+def _complex_block(y: NDArray[Any], E: Columns, columns: slice, P: NDArray[Any], tail: Real) -> Block:
     return Block(y, E, columns, P, np.zeros((y.size, 0)), np.ones(y.size), tail, np.arange(y.size), True)
 
 
-def _times(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _times(weights: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     """Kronecker products of the rows, (N, a b)."""
     return (weights[:, :, None] * values[:, None, :]).reshape(weights.shape[0], -1)
 
 
 def initial_state(
-    problem: MixedProblem, record: TimeRecord, used: np.ndarray, output: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+    problem: MixedProblem, record: TimeRecord, used: NDArray[np.intp], output: int = 0
+) -> tuple[Real, Real]:
     """Effect of an unknown state before the record on the samples `used` of an output.
 
     Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.identification.entries import Entries
 
-Real = NDArray[np.float64]
 Pairs = list[tuple[Real, Real]]
+Corners = dict[tuple[int, int], Real]  # 11, 12, 21, 22: blocks (signal, signal, n, n)
+Parts = dict[tuple[int, int], Any]  # of the same corners: what a kind of products needs of their blocks
 
 
 class Inequalities(NamedTuple):
@@ -123,7 +124,11 @@ class SymmetricBall(Ball):
     def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
         """I - H >= 0 and I + H >= 0."""
         one = np.eye(H.shape[0])
-        return Inequalities((one, one), (-H, H), None, lambda Z: turned(self.multiplier(Z)))
+
+        def multiplier(Z: list[Real]) -> Real:
+            return turned(self.multiplier(Z))
+
+        return Inequalities((one, one), (-H, H), None, multiplier)
 
 
 class DenseMap(SymmetricMap):
@@ -234,7 +239,7 @@ class MatrixBall(Ball):
         full = full.reshape(self.size, self.size)
         return (full + full.T) / 2
 
-    def _corners(self, P: Real) -> dict[tuple[int, int], Real]:
+    def _corners(self, P: Real) -> Corners:
         """Blocks (signal, signal, n, n) of the corners 11, 12, 21, 22."""
         r, n = self._rows, self._order
         parts = slice(0, r), slice(r, None)
@@ -268,11 +273,11 @@ class EntryProducts(abc.ABC):
         """Inner products <H_j, Y> of every entry, (p, q, n), of (p, q, n, n)."""
 
     @abc.abstractmethod
-    def transforms(self, corners: dict) -> dict:
+    def transforms(self, corners: Corners) -> Parts:
         """The parts of the products that belong to each block of the corners alone."""
 
     @abc.abstractmethod
-    def block(self, P: dict, Q: dict, a: int, b: int, c: int, d: int) -> Real:
+    def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
         """The block of the curvature of the entries (a, b) and (c, d), of transforms."""
 
 
@@ -291,14 +296,14 @@ class DenseProducts(EntryProducts):
         """Inner products <H_j, Y> of every entry, (p, q, n)."""
         return Y.reshape(*Y.shape[:2], -1) @ self._flat.T
 
-    def transforms(self, corners: dict) -> dict:
+    def transforms(self, corners: Corners) -> Parts:
         """U'H_k and H_l V' of all blocks."""
         return {
             place: [[(self._before(one), self._after(one)) for one in row] for row in block]
             for place, block in corners.items()
         }
 
-    def block(self, P: dict, Q: dict, a: int, b: int, c: int, d: int) -> Real:
+    def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
         """The block of the curvature of two entries."""
         terms = (
             (P[2, 1][b][c], Q[1, 2][a][d]),

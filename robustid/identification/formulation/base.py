@@ -70,10 +70,13 @@ class Formulation(Frozen, Functions):
     def basis(self) -> InputNormalPair | Sections:
         """The functions phi_j of the scaled variable zeta = z/rho."""
 
-    @property
-    @abc.abstractmethod
+    @functools.cached_property
     def sarason(self) -> SarasonMap:
         """The map x -> X(x), which must be a contraction."""
+        return self._sarason()
+
+    @abc.abstractmethod
+    def _sarason(self) -> SarasonMap: ...
 
     @property
     @abc.abstractmethod

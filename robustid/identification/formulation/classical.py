@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -16,6 +15,8 @@ from robustid.identification.formulation.ball import Inequalities
 from robustid.identification.formulation.exact import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.problem import MixedProblem
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 _TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -55,7 +56,9 @@ class ClassicalForm(Frozen):
 
 def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rate: float, taylor: int) -> ClassicalForm:
     """Return the matrices of Theorem 1 for nodes at `angles` and `taylor` coefficients, in real coordinates."""
-    blocks, starts, directions = [], [], []
+    blocks: list[NDArray[np.float64]] = []
+    starts: list[NDArray[np.float64]] = []
+    directions: list[list[NDArray[np.float64]]] = []
     for angle in np.sort(angles):
         zeta = np.exp(-1j * angle) / decay_rate
         if angle in (0.0, np.pi):
@@ -71,16 +74,16 @@ def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rat
         starts.append(np.eye(1, taylor)[0])
         directions.append([np.eye(taylor, k=k) for k in range(taylor)])
     start = np.concatenate(starts)
-    V = solve_stein(pair.A.T, np.asarray(scipy.linalg.block_diag(*blocks)), pair.c.T @ start[None, :])
+    V = solve_stein(pair.A.T, _linalg.block_diag(*blocks), pair.c.T @ start[None, :])
     zeros = [np.zeros_like(block) for block in blocks]
     basis = np.stack(
         [
-            np.asarray(scipy.linalg.block_diag(*zeros[:i], direction, *zeros[i + 1 :]))
+            _linalg.block_diag(*zeros[:i], direction, *zeros[i + 1 :])
             for i, group in enumerate(directions)
             for direction in group
         ]
     )
-    return ClassicalForm(V, V.T @ V, basis, np.linalg.solve(V.T, (start @ basis).T))
+    return ClassicalForm(V, V.T @ V, basis, np.asarray(np.linalg.solve(V.T, (start @ basis).T), dtype=float))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,7 +99,7 @@ class ClassicalMap(PairMap):
         form, n = self.form, self.pair.order
         both = np.zeros((n, 2 * n, 2 * n))
         both[:, :n, n:], both[:, n:, :n] = form.data_basis, form.data_basis.transpose(0, 2, 1)
-        constant = np.asarray(scipy.linalg.block_diag(np.linalg.inv(form.gram), form.gram))
+        constant = _linalg.block_diag(np.linalg.inv(form.gram), form.gram)
 
         def multiplier(Z: list[NDArray[np.float64]]) -> NDArray[np.float64]:
             return -2 * np.linalg.inv(form.V).T @ Z[0][:n, n:] @ form.V.T
@@ -115,9 +118,7 @@ class ClassicalFormulation(ExactFormulation):
         """Say whether the problem is SISO."""
         return problem.entries.single
 
-    @functools.cached_property
-    def sarason(self) -> ClassicalMap:
-        """The map of the pair, with the matrices of Theorem 1."""
+    def _sarason(self) -> ClassicalMap:
         problem = self.problem
         form = classical_form(self.pair, problem.angles, problem.prior.decay_rate, self.determined)
         return ClassicalMap(self.pair, problem.entries, form=form)

@@ -17,13 +17,16 @@ class Columns(Frozen, abc.ABC):
 
     Attributes
     ----------
-    shape : (N, n)
     stored : bool
         Whether the matrix itself is kept, so that `dense` costs nothing.
     """
 
-    shape: tuple[int, int]
     stored: ClassVar[bool] = False
+
+    @property
+    @abc.abstractmethod
+    def shape(self) -> tuple[int, int]:
+        """(N, n)."""
 
     @abc.abstractmethod
     def dense(self) -> NDArray[np.complex128]:
@@ -76,10 +79,10 @@ class DenseColumns(Columns):
 
     Attributes
     ----------
-    array : (N, n) complex array
+    array : (N, n) complex array; real where all samples are
     """
 
-    array: NDArray[np.complex128]
+    array: NDArray[Any]
     stored: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -95,7 +98,7 @@ class DenseColumns(Columns):
         """E itself."""
         return self.array
 
-    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[Any]:
         return self.array @ x
 
     def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -139,11 +142,16 @@ class BlockColumns(Columns):
     ----------
     parts : tuple of ColumnPart
         Their rows follow each other.
-    shape : (N, n)
+    extent : (N, n)
     """
 
     parts: tuple[ColumnPart, ...]
-    shape: tuple[int, int]
+    extent: tuple[int, int]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, n)."""
+        return self.extent
 
     def dense(self) -> NDArray[np.complex128]:
         """All of E."""
@@ -179,7 +187,7 @@ class BlockColumns(Columns):
 
     def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
         """[E Q], part by part."""
-        parts = []
+        parts: list[tuple[slice, NDArray[Any], Design]] = []
         for part in self.parts:
             rows = range(*part.rows.indices(self.shape[0]))
             last = np.flatnonzero(np.any(Q[part.rows] != 0, axis=0))  # the others belong to other entries

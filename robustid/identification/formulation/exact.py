@@ -68,9 +68,7 @@ class ExactFormulation(Formulation):
         """The functions of the pair."""
         return self.pair
 
-    @functools.cached_property
-    def sarason(self) -> SarasonMap:
-        """The map of the pair."""
+    def _sarason(self) -> SarasonMap:
         return PairMap(self.pair, self.problem.entries)
 
     @property

@@ -1,18 +1,24 @@
 """The measurements as linear equations in the unknowns, in units of their bounds."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Real, freeze
 from robustid.errors import InputError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.problem import MixedProblem
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,16 +54,16 @@ class Rows(Frozen):
         Largest norm of x, of functions of the unit ball.
     """
 
-    y: np.ndarray
+    y: NDArray[Any]
     E: Columns
-    P: np.ndarray
-    fixed: np.ndarray
-    tail: np.ndarray
+    P: NDArray[Any]
+    fixed: Real
+    tail: Real
     discs: int
-    column_scale: np.ndarray
+    column_scale: Real
     parameters: int
-    ends: np.ndarray
-    cone: np.ndarray | None = None
+    ends: Real
+    cone: NDArray[np.intp] | None = None
     reach: float = 1.0
 
     def __post_init__(self) -> None:
@@ -65,7 +71,7 @@ class Rows(Frozen):
         self._set(cone=None if self.cone is None else freeze(self.cone))
 
     @property
-    def held(self) -> np.ndarray:
+    def held(self) -> NDArray[np.bool_]:
         """Mask of the parameters that have an interval, (m,)."""
         return np.isfinite(self.ends[:, 0])
 
@@ -74,21 +80,21 @@ class Rows(Frozen):
         """Number M of bounds."""
         return self.tail.size
 
-    def within(self, p: np.ndarray) -> bool:
+    def within(self, p: Real) -> bool:
         """Say whether every scaled parameter is in its interval."""
         return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
 
-    def real(self, a: np.ndarray) -> np.ndarray:
+    def real(self, a: NDArray[Any]) -> Real:
         """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
         return np.concatenate([np.real(a), np.imag(a[: self.discs])])
 
-    def sizes(self, e: np.ndarray) -> np.ndarray:
+    def sizes(self, e: NDArray[Any]) -> Real:
         """|e| of every bound, the norm of the samples that share it, (M,)."""
         if self.cone is None:
             return np.abs(e)
         return np.sqrt(np.bincount(self.cone, np.real(e) ** 2 + np.imag(e) ** 2, minlength=self.cones))
 
-    def ratio(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def ratio(self, x: Real, p: Real) -> Real:
         """Upper bound of |residual|/bound, (M,), for every system with coefficients x and scaled parameters p."""
         return self.sizes(self.y - self.E @ x - self.P @ p) + self.tail
 
@@ -109,7 +115,7 @@ def measurement_rows(functions: Functions) -> Rows:
 def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -> Rows:
     """All blocks as one system."""
     entries = problem.entries
-    free = np.asarray(scipy.linalg.block_diag(*(b.free for b in blocks)))
+    free = _linalg.block_diag(*(b.free for b in blocks))
     P = np.hstack([np.vstack([b.P for b in blocks]), free])
     y = np.concatenate([b.y for b in blocks])
     E = _joined(blocks, functions.count * entries.count, functions)
@@ -119,11 +125,12 @@ def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -
             "`bound` is too small against the data (or a basis function is infinite at a sample): their ratio is"
             f" {max(sizes):.3g}; give bounds that the measurement deserves"
         )
-    norms = np.linalg.norm(P, axis=0)
+    norms: Real = np.linalg.norm(P, axis=0)
     if np.any(norms == 0):
         name = _parameter_name(problem, int(np.argmin(norms)))
         raise InputError(f"`parametric`: function {name} does not act on any sample; remove it, or add samples")
-    scale = 2.0 ** np.round(np.log2(norms)) if norms.size else norms
+    powers: Real = np.log2(norms)
+    scale = 2.0 ** np.round(powers)
     P = P / scale
     parameters = 0 if problem.parametric is None else problem.parametric.size * entries.count
     ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
@@ -135,11 +142,12 @@ def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -
     return Rows(y, E, P, fixed, tail, discs, scale, parameters, ends, _cones(blocks), entries.reach)
 
 
-def _cones(blocks: list[Block]) -> np.ndarray | None:
+def _cones(blocks: list[Block]) -> NDArray[np.intp] | None:
     """Number of the bound of every sample; None where each has its own."""
     if not any(block.joins for block in blocks):
         return None
-    numbers, first, total = [], 0, 0
+    first, total = 0, 0
+    numbers: list[NDArray[np.intp]] = []
     for block in blocks:
         first = first if block.joins else total
         total += block.tail.size
@@ -153,7 +161,8 @@ def _joined(blocks: list[Block], width: int, functions: Functions) -> Columns:
         lines, real = ([block.E for block in blocks if block.complex is kind] for kind in (True, False))
         if (together := functions.joined(lines, real)) is not None:
             return together
-    parts, row = [], 0
+    parts: list[ColumnPart] = []
+    row = 0
     for block in blocks:
         parts.append(ColumnPart(slice(row, row + block.y.size), block.columns, block.E))
         row += block.y.size
@@ -172,7 +181,7 @@ def _parameter_name(problem: MixedProblem, column: int) -> str:
     return f"{label} of the entry from {problem.inputs[input].name} to {problem.outputs[output].name}"
 
 
-def _check_independent(problem: MixedProblem, P: np.ndarray, free: np.ndarray) -> None:
+def _check_independent(problem: MixedProblem, P: NDArray[Any], free: NDArray[np.intp]) -> None:
     """Coefficients without an interval must be told apart by the data: else they, and the sets, are unbounded."""
     P = P[:, free]
     if not P.shape[1]:

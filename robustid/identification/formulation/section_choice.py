@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import Sections
+from robustid.core import Complex, Real
 from robustid.identification.formulation.tails import demands, taylor_tail
 from robustid.identification.problem import MixedProblem
 
@@ -49,16 +52,17 @@ def shortest_sections(problem: MixedProblem, share: float) -> Sections:
     felt = weights > 0
     if not np.any(felt):
         return Sections.shift(1)
-    zeta, weights = np.exp(-1j * angles[felt]) / rho, weights[felt]
+    line: Complex = np.exp(-1j * angles[felt])
+    zeta, weights = line / rho, weights[felt]
     some = _representatives(angles[felt], weights)
-    found = []
+    found: list[Sections] = []
     for degree in _DEGREES:
         zeros = _best_zeros(zeta[some], weights[some], degree // 2)
         found.append(Sections(zeros, math.ceil(float(np.max(weights / _decay(zeta, zeros))))))
     return min(found, key=lambda sections: sections.order)
 
 
-def _representatives(angles: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _representatives(angles: Real, weights: Real) -> NDArray[np.intp]:
     """Indices of points in rising order: of each of many groups of neighbours the one with the largest weight, and both ends."""
     order = np.argsort(angles)
     if order.size <= _POINTS:
@@ -67,7 +71,7 @@ def _representatives(angles: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.array([order[0], *(group[np.argmax(weights[group])] for group in groups), order[-1]])
 
 
-def _decay(zeta: np.ndarray, zeros: tuple[complex, ...]) -> np.ndarray:
+def _decay(zeta: Complex, zeros: tuple[complex, ...]) -> Real:
     """-log|B| at points, at least the smallest normal number."""
     with np.errstate(divide="ignore"):
         return np.clip(-np.log(np.abs(Sections(zeros, 1).all_pass(zeta))), np.finfo(float).tiny, _FAR)
@@ -77,7 +81,7 @@ _FAR = 700.0  # -log|B| at a zero
 _REAL = 1e-15  # sines this small are rounding
 
 
-def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[complex, ...]:
+def _best_zeros(zeta: Complex, weights: Real, pairs: int) -> tuple[complex, ...]:
     """Zeros in conjugate pairs that maximise the smallest decay/weight, as far as a local search finds them.
 
     In the variables log(1 - |a|), relative to its value at 1/rho, and angle, relative to the width of the band; the logarithm
@@ -85,30 +89,40 @@ def _best_zeros(zeta: np.ndarray, weights: np.ndarray, pairs: int) -> tuple[comp
     """
     import scipy.optimize
 
+    optimize: Any = scipy.optimize  # its types are incomplete
+
     angles, deepest = np.abs(np.angle(zeta)), math.log(1 - abs(zeta[0]))
     width = max(float(np.ptp(angles)), 0.01)
 
-    def zeros(v: np.ndarray) -> tuple[complex, ...]:
+    def zeros(v: Real) -> tuple[complex, ...]:
         angle = width * v[pairs : 2 * pairs]
         real = np.abs(np.sin(angle)) < _REAL  # at either end of the circle
         turned = np.where(real, np.sign(np.cos(angle)), np.exp(1j * angle))
         return tuple(a for a in (1 - np.exp(deepest * v[:pairs])) * turned for _ in range(1 if a.imag else 2))
 
-    def spare(v: np.ndarray) -> np.ndarray:
+    def spare(v: Real) -> Real:
         return np.log(_decay(zeta, zeros(v)) / weights) - v[-1]
 
     quantiles = np.round((1 - np.cos(np.pi * (np.arange(pairs) + 0.5) / pairs)) / 2 * (zeta.size - 1)).astype(int)
     starts = [np.concatenate([np.full(pairs, d), angles[quantiles] / width, [0.0]]) for d in np.linspace(0.02, 1.0, 25)]
+
+    def reached(v: Real) -> float:
+        return -v[-1]
+
+    def slope(v: Real) -> Real:
+        return -np.eye(1, v.size, v.size - 1)[0]
+
     start = max(starts, key=lambda v: spare(v).min())
     start[-1] = spare(start).min()
     bounds = [(1e-9, 1.0)] * pairs + [(0.0, np.pi / width)] * pairs + [(None, None)]
-    found = scipy.optimize.minimize(
-        lambda v: -v[-1],
+    found = optimize.minimize(
+        reached,
         start,
-        jac=lambda v: -np.eye(1, v.size, v.size - 1)[0],
+        jac=slope,
         bounds=bounds,
         constraints=[{"type": "ineq", "fun": spare}],
         method="SLSQP",
         options={"maxiter": 100, "ftol": 1e-5},
     ).x
-    return zeros(max((start, found), key=lambda v: spare(v).min() + v[-1]))
+    ends: list[Real] = [start, found]
+    return zeros(max(ends, key=lambda v: spare(v).min() + v[-1]))

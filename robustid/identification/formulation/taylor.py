@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, ClassVar
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections, shift_pair
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.ball import EntryProducts, SymmetricMap
+from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap
 from robustid.identification.formulation.base import Family, Formulation, Realisation, States
 from robustid.identification.formulation.columns import Columns
 from robustid.identification.formulation.functions import EntryColumns
@@ -25,6 +24,9 @@ from robustid.identification.formulation.taylor_columns import ShiftColumns, joi
 from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import taylor_interpolants
 from robustid.identification.truncation import balanced_from_impulse
+
+_linalg: Any = scipy.linalg  # its types are incomplete
+_fft: Any = scipy.fft  # its types are incomplete
 
 LONGEST_TAYLOR = 2000  # dense L x L matrices: 32 MB each, a dozen of them, and L^3 work per Newton step
 
@@ -72,9 +74,7 @@ class TaylorFormulation(Formulation):
         """The powers of the delay."""
         return self.repeated
 
-    @functools.cached_property
-    def sarason(self) -> ShiftMap:
-        """The map of the shift."""
+    def _sarason(self) -> ShiftMap:
         return ShiftMap(self.length, self.problem.entries)
 
     @property
@@ -93,7 +93,7 @@ class TaylorFormulation(Formulation):
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to an input, (T, L): the input, delayed."""
-        delayed = scipy.linalg.toeplitz(u, np.zeros(min(self.length, u.size)))
+        delayed = _linalg.toeplitz(u, np.zeros(min(self.length, u.size)))
         padded = np.zeros((u.size, self.length))
         padded[:, : delayed.shape[1]] = delayed
         return self.problem.prior.gain_bound * self.decay * padded
@@ -107,7 +107,7 @@ class TaylorFormulation(Formulation):
         prior, L, count = self.problem.prior, self.length, u.shape[0]
         energy = np.zeros(count)
         if count > L:
-            weights = prior.decay_rate ** (-2.0 * np.arange(L, count))
+            weights = prior.decay_rate ** (-2.0 * np.arange(L, len(u)))
             energy[L:] = np.convolve(np.sum(u**2, axis=1), weights)[: count - L]
         return prior.gain_bound * np.sqrt(energy)
 
@@ -180,11 +180,10 @@ class ShiftMap(SarasonMap):
 
     length: int
     entries: Entries = SINGLE
+    pair: InputNormalPair = dataclasses.field(init=False, repr=False)
 
-    @functools.cached_property
-    def pair(self) -> InputNormalPair:
-        """The pair of the shift."""
-        return shift_pair(self.length)
+    def __post_init__(self) -> None:
+        self._set(pair=shift_pair(self.length))
 
     def _matrices(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         padded = np.concatenate([np.zeros((*x.shape[:-1], max(self.length - 1, 0))), x], axis=-1)
@@ -218,7 +217,7 @@ class HankelMap(SymmetricMap):
 
     def __init__(self, size: int):
         self.size = size
-        self._length = scipy.fft.next_fast_len(2 * size - 1, real=True)
+        self._length = _fft.next_fast_len(2 * size - 1, real=True)
 
     def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """H(x)."""
@@ -238,10 +237,10 @@ class HankelMap(SymmetricMap):
         if self.size < _LONG:
             return self.matrix(x) @ M
         # Rows of H are windows of (0, ..., 0, x): a correlation with the columns of M.
-        spectrum = scipy.fft.rfft(np.concatenate([np.zeros(self.size - 1), x]), self._length)
-        turned = np.asarray(scipy.fft.rfft(M[::-1].T, self._length))
+        spectrum = _fft.rfft(np.concatenate([np.zeros(self.size - 1), x]), self._length)
+        turned = np.asarray(_fft.rfft(M[::-1].T, self._length))
         turned *= np.asarray(spectrum)
-        return np.asarray(scipy.fft.irfft(turned, self._length))[:, self.size - 1 : 2 * self.size - 1].T
+        return np.asarray(_fft.irfft(turned, self._length))[:, self.size - 1 : 2 * self.size - 1].T
 
     def curvature(self, pairs: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> NDArray[np.float64]:
         """Sum of tr(H_i P H_j Q)."""
@@ -251,13 +250,13 @@ class HankelMap(SymmetricMap):
             product *= self._transform(Q)
             total = product if total is None else total + product
         last = slice(self.size - 1, 2 * self.size - 1)
-        rows = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
-        full = np.asarray(scipy.fft.irfft(rows, self._length))[:, last]
+        rows = np.asarray(_fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(_fft.irfft(rows, self._length))[:, last]
         return (full + full.T) / 2
 
     def _transform(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Two-dimensional transform of P with zeros around; the zero rows are left out where they can be."""
-        return np.asarray(scipy.fft.fft(scipy.fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
+        return np.asarray(_fft.fft(_fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
 
 
 class HankelProducts(EntryProducts):
@@ -265,7 +264,7 @@ class HankelProducts(EntryProducts):
 
     def __init__(self, order: int):
         self._n = order
-        self._length = int(scipy.fft.next_fast_len(2 * self._n - 1, real=True) or 0)
+        self._length = int(_fft.next_fast_len(2 * self._n - 1, real=True) or 0)
         self._map = HankelMap(self._n)
 
     def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -276,20 +275,20 @@ class HankelProducts(EntryProducts):
         """Inner products <H_j, Y> of every entry, (p, q, n)."""
         return np.array([[self._map.adjoint(entry) for entry in row] for row in Y])
 
-    def transforms(self, corners: dict) -> dict:
+    def transforms(self, corners: Corners) -> Parts:
         """Two-dimensional transforms of all blocks, zeros around them."""
         return {place: self._transform(block) for place, block in corners.items()}
 
-    def block(self, P: dict, Q: dict, a: int, b: int, c: int, d: int) -> NDArray[np.float64]:
+    def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> NDArray[np.float64]:
         """The block of the curvature of two entries."""
         total = P[2, 1][b, c] * Q[1, 2][a, d]
         total += P[2, 2][b, d] * Q[1, 1][a, c]
         total += P[1, 1][a, c] * Q[2, 2][b, d]
         total += P[1, 2][a, d] * Q[2, 1][b, c]
         last = slice(self._n - 1, 2 * self._n - 1)
-        rows = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
-        return np.asarray(scipy.fft.irfft(rows, self._length))[:, last]
+        rows = np.asarray(_fft.ifft(total, axis=0, overwrite_x=True))[last]
+        return np.asarray(_fft.irfft(rows, self._length))[:, last]
 
     def _transform(self, blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
-        half = scipy.fft.rfft(blocks, self._length, axis=-1)
-        return np.asarray(scipy.fft.fft(half, self._length, axis=-2, overwrite_x=True))
+        half = _fft.rfft(blocks, self._length, axis=-1)
+        return np.asarray(_fft.fft(half, self._length, axis=-2, overwrite_x=True))

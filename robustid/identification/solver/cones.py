@@ -11,8 +11,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
-Pair = tuple[np.ndarray, np.ndarray]
+from robustid.core import Real
+
+_linalg: Any = scipy.linalg  # its types are incomplete
+
+Pair = tuple[Real, NDArray[Any]]
 
 
 class Cones:
@@ -26,31 +31,33 @@ class Cones:
         Number of the cone of each sample; None where sample k is alone in cone k.
     """
 
-    def __init__(self, count: int, cone: np.ndarray | None = None):
+    def __init__(self, count: int, cone: NDArray[np.intp] | None = None):
         self.count, self.cone = count, cone
 
-    def each(self, first: np.ndarray) -> np.ndarray:
+    def each(self, first: Real) -> Real:
         """The number of its cone for every sample, (N,)."""
         return first if self.cone is None else first[self.cone]
 
-    def sums(self, second: np.ndarray) -> np.ndarray:
+    def sums(self, second: Real) -> Real:
         """Sums of real numbers over every cone, (M,)."""
-        return second if self.cone is None else np.bincount(self.cone, second, minlength=self.count)
+        if self.cone is None:
+            return second
+        return np.asarray(np.bincount(self.cone, second, minlength=self.count), dtype=float)
 
     def followed_by(self, more: int) -> Cones:
         """These cones and further ones of one sample each."""
         cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
         return Cones(self.count + more, cone)
 
-    def dot(self, b: np.ndarray, d: np.ndarray) -> np.ndarray:
+    def dot(self, b: NDArray[Any], d: NDArray[Any]) -> Real:
         """Re <b, d>, (M,)."""
         return self.sums(np.real(b) * np.real(d) + np.imag(b) * np.imag(d))
 
-    def size(self, e: np.ndarray) -> np.ndarray:
+    def size(self, e: NDArray[Any]) -> Real:
         """||e||, (M,)."""
         return np.abs(e) if self.cone is None else np.sqrt(self.dot(e, e))
 
-    def determinant(self, s: Pair) -> np.ndarray:
+    def determinant(self, s: Pair) -> Real:
         """r^2 - |e|^2, positive inside the cone."""
         size = self.size(s[1])
         return (s[0] - size) * (s[0] + size)
@@ -114,7 +121,7 @@ class Scaling:
         return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) / each(self.squared)
 
     @property
-    def curvature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def curvature(self) -> tuple[Real, NDArray[Any], NDArray[Any] | None]:
         """The block of W^-2 on e as weights (a, b, c): e'W^-2 e = sum a |e|^2 + Re(b e^2) + sum (Re <c, e>)^2 over the cones.
 
         Samples alone in their cone need no c; it is None where all are.
@@ -132,15 +139,15 @@ class Scaling:
         return self.w[0] * d[0] + along, w1 * each(d[0] + along / (1 + self.w[0])) + d[1]
 
 
-def longest_step(factor: np.ndarray, direction: np.ndarray) -> float:
+def longest_step(factor: Real, direction: Real) -> float:
     """Largest a with LL' + a D >= 0, from the smallest eigenvalue of L^-1 D L^-T; a little less for large sizes."""
     n = factor.shape[0]
     if n == 0:
         return np.inf
     if n <= _DENSE:
-        half = scipy.linalg.solve_triangular(factor, direction, lower=True, check_finite=False)
-        scaled = scipy.linalg.solve_triangular(factor, half.T, lower=True, check_finite=False)
-        smallest = scipy.linalg.eigvalsh(scaled, subset_by_index=[0, 0], check_finite=False)[0]
+        half = _linalg.solve_triangular(factor, direction, lower=True, check_finite=False)
+        scaled = _linalg.solve_triangular(factor, half.T, lower=True, check_finite=False)
+        smallest = _linalg.eigvalsh(scaled, subset_by_index=[0, 0], check_finite=False)[0]
     else:
         smallest = 1.001 * _smallest(factor, direction)
     return -1 / smallest if smallest < 0 else np.inf
@@ -149,14 +156,14 @@ def longest_step(factor: np.ndarray, direction: np.ndarray) -> float:
 _DENSE = 160  # below, a dense eigenvalue routine is quicker than Lanczos
 
 
-def _smallest(factor: np.ndarray, direction: np.ndarray) -> float:
+def _smallest(factor: Real, direction: Real) -> float:
     import scipy.sparse.linalg
 
     upper = factor.T  # in Fortran's order as it is: no copies
 
-    def product(v: np.ndarray) -> np.ndarray:
-        v = scipy.linalg.blas.dtrsv(upper, v.ravel(), lower=0)
-        return scipy.linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
+    def product(v: Real) -> Real:
+        v = _linalg.blas.dtrsv(upper, v.ravel(), lower=0)
+        return _linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
 
     arpack: Any = scipy.sparse.linalg
     operator = arpack.LinearOperator(direction.shape, matvec=product, dtype=float)

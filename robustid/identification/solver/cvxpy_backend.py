@@ -1,5 +1,7 @@
 """Semidefinite programs through cvxpy: the only module that knows it."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import itertools
@@ -8,7 +10,9 @@ import warnings
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.errors import InputError, SolverError
 from robustid.identification.formulation.ball import Inequalities
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -28,14 +32,21 @@ _SEMIDEFINITE = ("CLARABEL", "SCS", "CVXOPT", "MOSEK", "SDPA", "COPT")
 _NAMES = {"auto": "CLARABEL", "cvxpy": "CLARABEL"}
 
 
+def _cvxpy() -> Any:
+    """The package: its types are incomplete, and it is loaded on first use."""
+    import cvxpy
+
+    return cvxpy
+
+
 def available_solvers() -> list[str]:
     """Installed cvxpy solvers that take semidefinite programs."""
-    import cvxpy as cp
+    cp = _cvxpy()
 
     return [name for name in _SEMIDEFINITE if name in cp.installed_solvers()]
 
 
-def solver_name(solver: str) -> str:
+def solver_name(solver: Any) -> str:
     """The cvxpy name of a solver, checked."""
     if not isinstance(solver, str):
         raise InputError(
@@ -58,7 +69,7 @@ def solve_conic(data: ConvexData, objective: str, *, solver: str, factor: float 
 
     The status of the solver is not looked at: the caller evaluates the numbers.
     """
-    import cvxpy as cp
+    cp = _cvxpy()
 
     name = solver_name(solver)
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
@@ -116,7 +127,7 @@ def _run(program: Any, name: str) -> None:
     raise SolverError(f"{name} failed: {failure}") from None
 
 
-_Group = tuple[np.ndarray, np.ndarray, bool]
+_Group = tuple[NDArray[np.intp], NDArray[np.intp], bool]
 
 
 def _sample_groups(rows: Rows) -> list[_Group]:
@@ -124,7 +135,7 @@ def _sample_groups(rows: Rows) -> list[_Group]:
     cone = np.arange(rows.y.size) if rows.cone is None else rows.cone
     order = np.argsort(cone[: rows.discs], kind="stable")
     numbers, first, count = np.unique(cone[: rows.discs][order], return_index=True, return_counts=True)
-    groups = []
+    groups: list[_Group] = []
     for d in np.unique(count):
         some = count == d
         groups.append((numbers[some], order[first[some] + np.arange(d)[:, None]], True))
@@ -133,9 +144,11 @@ def _sample_groups(rows: Rows) -> list[_Group]:
     return groups
 
 
-def _limit(reach: Any, residual: Any, samples: int, bounds: np.ndarray, members: np.ndarray, complex_: bool) -> list:
+def _limit(
+    reach: Any, residual: Any, samples: int, bounds: NDArray[np.intp], members: NDArray[np.intp], complex_: bool
+) -> list[Any]:
     """The constraints |e| <= reach of a group."""
-    import cvxpy as cp
+    cp = _cvxpy()
 
     if not complex_:
         return [residual[members[0]] <= reach[bounds], -residual[members[0]] <= reach[bounds]]
@@ -143,18 +156,18 @@ def _limit(reach: Any, residual: Any, samples: int, bounds: np.ndarray, members:
     return [cp.SOC(reach[bounds], parts, axis=0)]
 
 
-def _ball_cones(condition: Inequalities, unknown: Any, ball: Any) -> list:
+def _ball_cones(condition: Inequalities, unknown: Any, ball: Any) -> list[Any]:
     """||X|| <= ball as semidefinite constraints."""
-    import cvxpy as cp
+    cp = _cvxpy()
 
-    cones = []
+    cones: list[Any] = []
     for constant, coefficients in zip(condition.constants, condition.coefficients, strict=True):
         flat, shape = coefficients.reshape(coefficients.shape[0], -1), constant.shape
         cones.append(ball * constant + cp.reshape(flat.T @ unknown, shape, order="C") >> 0)
     return cones
 
 
-def _sample_multipliers(limits: list, groups: list[_Group], samples: int) -> np.ndarray:
+def _sample_multipliers(limits: list[list[Any]], groups: list[_Group], samples: int) -> Complex:
     """Multipliers l with Re<l, e> <= s sum|l|, in the order of the samples."""
     out = np.zeros(samples, complex)
     for constraints, (_, members, complex_) in zip(limits, groups, strict=True):
@@ -170,7 +183,7 @@ def _sample_multipliers(limits: list, groups: list[_Group], samples: int) -> np.
     return out
 
 
-def _ball_multiplier(cones: list, condition: Inequalities | None, data: ConvexData) -> np.ndarray:
+def _ball_multiplier(cones: list[Any], condition: Inequalities | None, data: ConvexData) -> Real:
     """Y with <Y, X> <= ||Y||_* on the ball, from the multipliers of the semidefinite blocks."""
     if condition is None or any(c.dual_value is None for c in cones):
         return np.zeros(data.sarason.shape)

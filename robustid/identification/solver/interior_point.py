@@ -11,10 +11,14 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse
+from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
+
+_linalg: Any = scipy.linalg  # its types are incomplete
 
 _log = logging.getLogger("robustid.identification.solver")
 
@@ -29,7 +33,7 @@ class Limits:
     """Radius of the ball and reach of the samples as affine functions of one number t: a + b t."""
 
     ball: tuple[float, float]
-    reach: tuple[np.ndarray, np.ndarray]
+    reach: tuple[Real, Real]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,10 +47,10 @@ class Program:
     ball: Ball
     design: Design
     cones: Cones
-    y: np.ndarray
+    y: NDArray[Any]
     limits: Limits
     cost: float | None
-    linear: np.ndarray
+    linear: Real
 
     @functools.cached_property
     def sums(self) -> Any:
@@ -70,9 +74,9 @@ class Iterate:
     linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
     """
 
-    v: np.ndarray
+    v: Real
     t: float
-    Z: list[np.ndarray]
+    Z: list[Real]
     z: Pair
     gap: float = np.inf
     dual: float = np.inf
@@ -92,8 +96,8 @@ class _State:
         self.S, self.s = _slacks(program, at.v, at.t)
         if min(cones.determinant(self.s).min(initial=1), cones.determinant(at.z).min(initial=1)) <= 0:
             raise np.linalg.LinAlgError("a sample has left its cone")
-        self.root_S = [np.linalg.cholesky(S) for S in self.S]
-        self.root_Z = [np.linalg.cholesky(Z) for Z in at.Z]
+        self.root_S = [_cholesky(S) for S in self.S]
+        self.root_Z = [_cholesky(Z) for Z in at.Z]
         self.inverse = [_inverse(root) for root in self.root_S]
         at.gap = inner(cones, self.S, at.Z, self.s, at.z)
         self.mu = at.gap / program.degree
@@ -103,9 +107,7 @@ class _State:
         if not cones.determinant(self.scaling.point).min(initial=1) > 0:
             raise np.linalg.LinAlgError("a scaled point has lost its digits")
 
-    def _dual_residual(
-        self, Z: list[np.ndarray], z: Pair, linear: np.ndarray | float, cost: float | None
-    ) -> np.ndarray:
+    def _dual_residual(self, Z: list[Real], z: Pair, linear: Real | float, cost: float | None) -> Real:
         """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
         program = self.program
         out = linear + program.design.adjoint(z[1])
@@ -135,7 +137,7 @@ class _State:
         self.scale = 1 / np.sqrt(np.diag(inside))
         self._solve = _solver(inside * self.scale * self.scale[:, None])
 
-    def _bordered(self, inside: np.ndarray) -> np.ndarray:
+    def _bordered(self, inside: Real) -> Real:
         """With the row of t."""
         program, n = self.program, self.program.ball.size
         slope, reach = program.limits.ball[1], program.limits.reach[1]
@@ -147,7 +149,7 @@ class _State:
             corner += slope**2 * sum(map(np.trace, mixed))
         return np.block([[inside, column[:, None]], [column, corner]])
 
-    def solve(self, right: np.ndarray) -> np.ndarray:
+    def solve(self, right: Real) -> Real:
         """Newton system, with one step of iterative refinement."""
         found = np.zeros_like(right)
         for _ in range(2):
@@ -155,7 +157,7 @@ class _State:
             found = found + self.scale * self._solve(self.scale * rest)
         return found
 
-    def direction(self, target: list[np.ndarray], aim: Pair) -> _Direction:
+    def direction(self, target: list[Real], aim: Pair) -> _Direction:
         """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step."""
         program, at, n = self.program, self.at, self.program.ball.size
         missing = self._dual_residual(target, aim, 0.0, 0.0)
@@ -208,11 +210,11 @@ class _State:
 class _Direction:
     """Changes of all variables; `turned` holds dS S^-1 of both blocks."""
 
-    dv: np.ndarray
+    dv: Real
     dt: float
-    dS: list[np.ndarray]
-    dZ: list[np.ndarray]
-    turned: list[np.ndarray]
+    dS: list[Real]
+    dZ: list[Real]
+    turned: list[Real]
     ds: Pair
     dz: Pair
 
@@ -222,20 +224,20 @@ class _Direction:
         return Iterate(at.v + primal * self.dv, at.t + primal * self.dt, Z, z)
 
 
-def inner(cones: Cones, S: list[np.ndarray], Z: list[np.ndarray], s: Pair, z: Pair) -> float:
+def inner(cones: Cones, S: list[Real], Z: list[Real], s: Pair, z: Pair) -> float:
     """<S, Z> + <s, z>."""
     blocks = sum(float(np.vdot(a, b)) for a, b in zip(S, Z, strict=True))
     return blocks + float(s[0] @ z[0] + np.sum(cones.dot(s[1], z[1])))
 
 
-def start(program: Program, v: np.ndarray, t: float) -> Iterate:
+def start(program: Program, v: Real, t: float) -> Iterate:
     """A strictly feasible (v, t) with multipliers mu (slack)^-1, mu such that those of t sum to its cost (1 without t).
 
     They are the gradient of mu times the barrier -sum log det S_k - sum log(r^2 - |e|^2).
     """
     limits = program.limits
     S, s = _slacks(program, v, t)
-    inverse = [_inverse(np.linalg.cholesky(block)) for block in S]
+    inverse = [_inverse(_cholesky(block)) for block in S]
     back, mu = program.cones.inverse(s), 1.0
     z = 2 * back[0], 2 * back[1]
     if program.cost is not None:
@@ -244,7 +246,7 @@ def start(program: Program, v: np.ndarray, t: float) -> Iterate:
     return Iterate(v, t, [mu * block for block in inverse], (mu * z[0], mu * z[1]))
 
 
-def _slacks(program: Program, v: np.ndarray, t: float) -> tuple[list[np.ndarray], Pair]:
+def _slacks(program: Program, v: Real, t: float) -> tuple[list[Real], Pair]:
     """The slacks S_k of the ball and (r, e) of the samples."""
     limits, n = program.limits, program.ball.size
     radius = limits.ball[0] + limits.ball[1] * t
@@ -292,7 +294,7 @@ def _state(program: Program, at: Iterate) -> _State | None:
         return None
 
 
-def center(program: Program, v: np.ndarray) -> Iterate:
+def center(program: Program, v: Real) -> Iterate:
     """The analytic centre of a program without objective, from a strictly feasible v.
 
     Newton's method on the barrier of `start`, whose Hessian is the condensed matrix at multipliers slack^-1.
@@ -323,14 +325,14 @@ def center(program: Program, v: np.ndarray) -> Iterate:
     return state.at
 
 
-def extent(program: Program, v: np.ndarray, w: np.ndarray) -> float:
+def extent(program: Program, v: Real, w: Real) -> float:
     """Largest w'dv over the ellipsoid dv'F dv <= 1, F the Hessian of the barrier at v: (w'F^-1 w)^(1/2)."""
     state = _State(program, start(program, v, 0.0))
     state.factorise()
     return float(np.sqrt(max(w @ state.solve(w), 0.0)))
 
 
-def _on_barrier(program: Program, v: np.ndarray) -> _State | None:
+def _on_barrier(program: Program, v: Real) -> _State | None:
     """The state at v with multipliers slack^-1; None where v is outside."""
     try:
         return _State(program, start(program, v, 0.0))
@@ -338,33 +340,37 @@ def _on_barrier(program: Program, v: np.ndarray) -> _State | None:
         return None
 
 
-def _inverse(root: np.ndarray) -> np.ndarray:
+def _cholesky(M: Real) -> Real:
+    return np.asarray(np.linalg.cholesky(M), dtype=float)
+
+
+def _inverse(root: Real) -> Real:
     """(LL')^-1."""
     if not root.size:
         return root
-    (invert,) = scipy.linalg.get_lapack_funcs(("potri",), (root,))
+    (invert,) = _linalg.get_lapack_funcs(("potri",), (root,))
     lower, info = invert(root, lower=1)
     if info:
         raise np.linalg.LinAlgError("singular factor")
     return np.tril(lower) + np.tril(lower, -1).T
 
 
-def _solver(M: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _solver(M: Real) -> Callable[[Real], Real]:
     """M^-1 by Cholesky; where rounding has made M indefinite, with its smallest eigenvalues raised to rounding level."""
     try:
-        factor = scipy.linalg.cho_factor(M, lower=True, check_finite=False)
-        return lambda right: scipy.linalg.cho_solve(factor, right, check_finite=False)
+        factor = _linalg.cho_factor(M, lower=True, check_finite=False)
+        return lambda right: _linalg.cho_solve(factor, right, check_finite=False)
     except np.linalg.LinAlgError:
         values, U = np.linalg.eigh(M)
         values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
         return lambda right: U @ ((U.T @ right) / values)
 
 
-def _shifted(M: np.ndarray, radius: float) -> np.ndarray:
+def _shifted(M: Real, radius: float) -> Real:
     """M + radius I, in the place of M."""
     M.flat[:: M.shape[0] + 1] += radius
     return M
 
 
-def _symmetric(M: np.ndarray) -> np.ndarray:
+def _symmetric(M: Real) -> Real:
     return (M + M.T) / 2

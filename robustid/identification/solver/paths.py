@@ -1,5 +1,7 @@
 """The programs that an identification poses: smallest margin, smallest gain, analytic centre, extreme of a functional."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -8,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -17,7 +20,7 @@ from robustid.identification.solver.interior_point import Iterate, Limits, Progr
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
 
-def _program(data: ConvexData, limits: Limits, cost: float | None, linear: np.ndarray | None = None) -> Program:
+def _program(data: ConvexData, limits: Limits, cost: float | None, linear: Real | None = None) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
     E, ball, y, cones = rows.E, data.sarason.ball(data.axes), data.y, Cones(rows.cones, rows.cone)
@@ -42,7 +45,7 @@ def _candidate(data: ConvexData, program: Program, at: Iterate) -> Candidate:
     return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
 
-def _unknowns(data: ConvexData, point: Candidate) -> np.ndarray:
+def _unknowns(data: ConvexData, point: Candidate) -> Real:
     """(y, q) of a point, y its coefficients along the axes."""
     y = point.x if data.axes is None else data.axes.T @ point.x
     return np.concatenate([y, data.orthonormal_parameters(point.p)])
@@ -108,7 +111,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
 
 
 def support_path(
-    data: ConvexData, inside: Candidate, level: float, direction: tuple[np.ndarray, np.ndarray], outer: bool = False
+    data: ConvexData, inside: Candidate, level: float, direction: tuple[Real, Real], outer: bool = False
 ) -> Iterator[tuple[Candidate, float, float]]:
     """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
 
