@@ -1,6 +1,7 @@
 """The shape of the package: rooms import only backwards, every public name is documented, nothing heavy at import."""
 
 import ast
+import functools
 import pathlib
 import subprocess
 import sys
@@ -28,28 +29,30 @@ NAMES = {".".join(("robustid", *path.relative_to(ROOT).with_suffix("").parts)): 
 MODULES = {name.removesuffix(".__init__"): path for name, path in NAMES.items()}
 
 
-def trees():
-    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+@functools.cache
+def tree(name):
+    """Parsed on first use: every worker collects this file, one runs its tests."""
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
 
 
-def names_bound(tree):
+@functools.cache
+def names_bound(face):
     """What a face re-exports."""
     return {
-        alias.asname or alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+        alias.asname or alias.name
+        for node in tree(face).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
     }
-
-
-TREES = trees()
-FACES = {name: names_bound(TREES[name]) for name, path in MODULES.items() if path.name == "__init__.py"}
 
 
 def imported(name):
     """Every module that a module imports, anywhere in it; `from package import module` is the module."""
-    for node in ast.walk(TREES[name]):
+    for node in ast.walk(tree(name)):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
-                is_module = inner in MODULES and (alias.name not in FACES[node.module] or node.module == name)
+                is_module = inner in MODULES and (alias.name not in names_bound(node.module) or node.module == name)
                 yield inner if is_module else node.module
         elif isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

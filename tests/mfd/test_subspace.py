@@ -195,7 +195,8 @@ def test_measured_mirror_is_followed_on_other_realisations():
     U, Y = spectra("train")
     G = Y @ np.linalg.pinv(U)
     z = np.exp(2j * np.pi * np.arange(1, 3840) / 8192)
-    estimate = subspace_estimate(G, z, 36, domain="z", feedthrough=True)
+    some = slice(None, None, 3)
+    estimate = subspace_estimate(G[some], z[some], 36, domain="z", feedthrough=True)
     U, Y = spectra("test")
     error = np.linalg.norm(Y - estimate.response(z) @ U, axis=(0, 2)) / np.linalg.norm(Y, axis=(0, 2))
     assert np.all(error < 0.1)  # measured 7.0, 8.4, 7.4 %; the raw G, with 3839 x 9 values, leaves 4.0, 4.4, 4.1 %

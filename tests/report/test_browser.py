@@ -13,7 +13,7 @@ import robustid as rid
 from robustid.mfd import suggest_order
 from robustid.report import write_report
 from support import matrix_pages
-from support.browser import CHROMIUM, framed, opened, plots
+from support.browser import CHROMIUM, Shown, framed, opened, plots
 from support.mfd_systems import noisy, random_modal_system
 from support.report_pages import identified, problem, with_circle
 
@@ -21,13 +21,11 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chr
 DRAWN = re.compile(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', re.S)
 
 
-def drawn(page: Path, width: int) -> dict[str, str]:
-    """The markup of each plot: all were drawn without an error, and nothing stands out sideways."""
-    dom, console, client, scroll = framed(page, width, page.parent)
-    assert console == []
-    assert width - 20 <= client <= width
-    assert scroll <= client
-    found = plots(dom)
+def drawn(page: Path, shown: Shown, width: int) -> dict[str, str]:
+    """The markup of each plot: all were drawn, and nothing stands out sideways."""
+    assert width - 20 <= shown.client <= width
+    assert shown.scroll <= shown.client
+    found = plots(shown.dom)
     assert len(found) == len(re.findall('<figure class="plot', page.read_text(encoding="utf-8")))
     for name, markup in found.items():
         assert 'class="main-svg"' in markup, name
@@ -37,7 +35,35 @@ def drawn(page: Path, width: int) -> dict[str, str]:
     return found
 
 
-def test_the_page_of_an_identification_with_every_section(tmp_path: Path) -> None:
+def test_pages_on_narrow_screens(tmp_path: Path) -> None:
+    """Four kinds of pages, each drawn without an error, with the plots that it should have."""
+    pages = {
+        tmp_path / f"{write.__name__}.html": (write, width)
+        for write, width in ((identification, 390), (mimo_identification, 360), (fit, 390), (response, 360))
+    }
+    for page, (write, _) in pages.items():
+        write(page)
+    every, console = framed({page: width for page, (_, width) in pages.items()}, tmp_path)
+    assert console == []
+    found = [drawn(page, shown, width) for (page, (_, width)), shown in zip(pages.items(), every, strict=True)]
+    check_identification(found[0])
+    assert len(found[1]) == 4 + 1 + 2 + 4 + 6 + 3
+    assert any("rotation [mrad] / torque [Nm]" in markup for markup in found[2].values())
+    entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
+    further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
+    assert set(found[3]) == entries | further
+
+
+def check_identification(found: dict[str, str]) -> None:
+    names = ["frequency-0", "time-0", "time-1", "residuals-0", "hankel-0", "poles-0", "poles-1", "guarantee-0"]
+    names += ["nyquist-0", "nyquist-1", "over_poles-0", "tube-0", "sensitivity-0", "sensitivity-1"]
+    assert set(found) == set(names)
+    assert "errorbar" in found["frequency-0"]
+    assert "displacement [mm] / force [N]" in found["frequency-0"]
+
+
+def identification(page: Path) -> None:
+    """With every section."""
     result = identified()
     modes = rid.flexible_structure().modes
     box = modes[:, :1] * [0.999, 1.001], modes[:, 1:] * [0.95, 1.05]
@@ -48,44 +74,32 @@ def test_the_page_of_an_identification_with_every_section(tmp_path: Path) -> Non
         "sensitivity": rid.sensitivity(result.problem, omega=[30.0]),
         "reduction": rid.balanced_truncation(result.model, order=4),
     }
-    page = tmp_path / "report.html"
     write_report(result, page, **sections)
-    found = drawn(page, 390)
-    names = ["frequency-0", "time-0", "time-1", "residuals-0", "hankel-0", "poles-0", "poles-1", "guarantee-0"]
-    names += ["nyquist-0", "nyquist-1", "over_poles-0", "tube-0", "sensitivity-0", "sensitivity-1"]
-    assert set(found) == set(names)
-    assert "errorbar" in found["frequency-0"]
-    assert "displacement [mm] / force [N]" in found["frequency-0"]
 
 
-def test_the_page_of_a_mimo_identification(tmp_path: Path) -> None:
+def mimo_identification(page: Path) -> None:
     names = [f"acceleration of the measuring beam at its position {k} [mm/s²]" for k in range(2)]
     data = matrix_pages.measured(lines=6, outputs=names), matrix_pages.record()
-    write_report(rid.identify(matrix_pages.problem(*data)), tmp_path / "report.html")
-    assert len(drawn(tmp_path / "report.html", 360)) == 4 + 1 + 2 + 4 + 6 + 3
+    write_report(rid.identify(matrix_pages.problem(*data)), page)
 
 
-def test_the_page_of_a_fit(tmp_path: Path) -> None:
+def fit(page: Path) -> None:
     """A 2 x 2 fit with one rigid-body mode, and a sweep over the order, on noisy data."""
     s = 2j * np.pi * np.geomspace(4, 1200, 60)
     flexible = noisy(np.random.default_rng(0), random_modal_system(3, 2, 2, 2).response(s))
     rigid = np.array([[1.0], [-0.3]]) @ np.array([[2.0, 1.0]]) * 1e4 / (s**2)[:, None, None]
     names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement [mm]", "rotation [mrad]"]}
-    data, page = rid.FrequencyResponse(np.abs(s), flexible + rigid, **names), tmp_path / "fit.html"
+    data = rid.FrequencyResponse(np.abs(s), flexible + rigid, **names)
     sweep = suggest_order(data, orders=range(5, 8), rigid_body=rid.RigidBody(1))
     write_report(sweep.fits[6], page, data=data, order_sweep=sweep)
-    assert any("rotation [mrad] / torque [Nm]" in markup for markup in drawn(page, 390).values())
 
 
-def test_the_page_of_a_response(tmp_path: Path) -> None:
+def response(page: Path) -> None:
     rng = np.random.default_rng(0)
     u = rng.standard_normal((2, 1500, 2))
     names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement of the table [mm]", "<b>angle</b>"]}
     records = [rid.TimeRecord(x, x @ [[1, 2], [1, -1]] + rng.standard_normal(x.shape), dt=0.01, **names) for x in u]
-    write_report(rid.estimate_frf(records), tmp_path / "frf.html", records=records)
-    entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
-    further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
-    assert set(drawn(tmp_path / "frf.html", 360)) == entries | further
+    write_report(rid.estimate_frf(records), page, records=records)
 
 
 def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:

@@ -26,32 +26,35 @@ def opened(page: Path, profile: Path, *flags: str) -> tuple[str, list[str]]:
 
 
 class Shown(NamedTuple):
-    """A page as a browser shows it: its document without the scripts, what they wrote to the console, its width and what it
-    would scroll.
-    """
+    """A page as a browser shows it: its document without the scripts, its width and what it would scroll."""
 
     dom: str
-    console: list[str]
     client: int
     scroll: int
 
 
-def framed(page: Path, width: int, folder: Path) -> Shown:
-    """A page in a frame of this width: the window of a headless browser has a least width of its own."""
+def framed(pages: dict[Path, int], folder: Path) -> tuple[list[Shown], list[str]]:
+    """Pages in frames of these widths, and what was written to the console; one browser for all, which takes a second to start.
+
+    In frames, since the window of a headless browser has a least width of its own.
+    """
     frame = folder / "frame.html"
     frame.write_text(
-        f'<iframe src="{page.as_uri()}" width="{width}" height="800" style="border:0"></iframe><script>'
-        'onload = () => setTimeout(() => { const page = document.querySelector("iframe").contentDocument.documentElement;'
-        ' document.title = page.clientWidth + " " + page.scrollWidth;'
+        "".join(
+            f'<iframe src="{page.as_uri()}" width="{width}" height="800" style="border:0"></iframe>'
+            for page, width in pages.items()
+        )
+        + '<script>onload = () => setTimeout(() => document.querySelectorAll("iframe").forEach((one) => {'
+        " const page = one.contentDocument.documentElement, copy = document.createElement('pre');"
+        ' copy.title = page.clientWidth + " " + page.scrollWidth;'
         ' page.querySelectorAll("script").forEach((script) => script.remove());'
-        ' const copy = document.createElement("pre"); copy.textContent = page.outerHTML; document.body.append(copy);'
-        " }, 3000)</script>",
+        " copy.textContent = page.outerHTML; document.body.append(copy);"
+        " }), 3000)</script>",
         encoding="utf-8",
     )
     dom, console = opened(frame, folder / "profile", "--allow-file-access-from-files")
-    client, scroll = re.search(r"<title>(\d+) (\d+)</title>", dom).groups()  # type: ignore[union-attr]
-    copy = dom[dom.index("<pre>") + 5 : dom.rindex("</pre>")]
-    return Shown(html.unescape(copy), console, int(client), int(scroll))
+    copies = re.findall(r'<pre title="(\d+) (\d+)">(.*?)</pre>', dom, re.S)
+    return [Shown(html.unescape(copy), int(client), int(scroll)) for client, scroll, copy in copies], console
 
 
 def plots(dom: str) -> dict[str, str]:
