@@ -7,6 +7,7 @@ parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c,
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -145,15 +146,28 @@ def longest_step(factor: Real, direction: Real) -> float:
     if n == 0:
         return np.inf
     if n <= _DENSE:
-        half = _linalg.solve_triangular(factor, direction, lower=True, check_finite=False)
-        scaled = _linalg.solve_triangular(factor, half.T, lower=True, check_finite=False)
-        smallest = _linalg.eigvalsh(scaled, subset_by_index=[0, 0], check_finite=False)[0]
+        smallest = _smallest_of_few(factor, direction)
     else:
         smallest = 1.001 * _smallest(factor, direction)
     return -1 / smallest if smallest < 0 else np.inf
 
 
 _DENSE = 160  # below, a dense eigenvalue routine is quicker than Lanczos
+_workspace = functools.cache(_linalg.lapack.dsyevr_lwork)
+
+
+def _smallest_of_few(factor: Real, direction: Real) -> float:
+    """By LAPACK directly: called four times a Newton system, where the checks of SciPy's functions cost as much as the numbers."""
+    upper, lapack = factor.T, _linalg.lapack  # in Fortran's order as it is
+    half, singular = lapack.dtrtrs(upper, direction, lower=0, trans=1)
+    scaled, _ = lapack.dtrtrs(upper, half.T, lower=0, trans=1)
+    size, integers, _ = _workspace(len(scaled))
+    values, *_, failed = lapack.dsyevr(
+        scaled, compute_v=0, range="I", il=1, iu=1, lower=1, lwork=int(size), liwork=int(integers), overwrite_a=1
+    )
+    if singular or failed:
+        raise np.linalg.LinAlgError("no eigenvalue of a step to the border")
+    return float(values[0])
 
 
 def _smallest(factor: Real, direction: Real) -> float:

@@ -357,13 +357,14 @@ def _inverse(root: Real) -> Real:
 
 def _solver(M: Real) -> Callable[[Real], Real]:
     """M^-1 by Cholesky; where rounding has made M indefinite, with its smallest eigenvalues raised to rounding level."""
-    try:
-        factor = _linalg.cho_factor(M, lower=True, check_finite=False)
-        return lambda right: _linalg.cho_solve(factor, right, check_finite=False)
-    except np.linalg.LinAlgError:
-        values, U = np.linalg.eigh(M)
-        values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
-        return lambda right: U @ ((U.T @ right) / values)
+    if not M.size:
+        return lambda right: right
+    factor, indefinite = _linalg.lapack.dpotrf(M, lower=1, clean=0)  # as in `longest_step`
+    if not indefinite:
+        return lambda right: _linalg.lapack.dpotrs(factor, right, lower=1)[0]
+    values, U = np.linalg.eigh(M)
+    values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
+    return lambda right: U @ ((U.T @ right) / values)
 
 
 def _shifted(M: Real, radius: float) -> Real:
