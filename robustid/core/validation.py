@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from robustid.core.printing import short_repr
 from robustid.errors import InputError, InputTypeError
 
 Kind = TypeVar("Kind")
@@ -25,7 +26,19 @@ class Signal(NamedTuple):
 
 
 class Frozen:
-    """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only."""
+    """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only.
+
+    They print in at most a screen (`short_repr`).
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Keep the dataclass from writing a `__repr__` that prints every number."""
+        super().__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = cls.__repr__  # in the class itself, where the decorator looks for one
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
         fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]

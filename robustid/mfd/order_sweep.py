@@ -128,6 +128,11 @@ class OrderSweep(Frozen, Drawable):
         rounding = next(iter(self.fits.values())).problem.rounding
         return self.equations * np.log(np.maximum(self.costs, rounding) / self.equations)
 
+    def __repr__(self) -> str:
+        orders = f"{len(self.fits)} orders from {min(self.fits)} to {max(self.fits)}"
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        return f"<OrderSweep: {orders}{failed}; suggested {self.suggested}>"
+
     def summary(self) -> str:
         """A table with one line per order, then the suggestion."""
         lines = [" order  parameters        cost     level    MDL-min    AIC-min  poles"]
