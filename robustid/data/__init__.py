@@ -7,7 +7,7 @@ from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, wi
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.data.excitation import Excitation, multisine
-from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
 from robustid.data.io.files import load
@@ -28,6 +28,7 @@ __all__ = [
     "SimulatedExperiment",
     "TangentialResponse",
     "TimeRecord",
+    "as_frequency_response",
     "bound_ratio",
     "bounds_from_noise_floor",
     "datasets",

@@ -340,7 +340,14 @@ class FrequencyResponse(FrequencyPoints, Drawable):
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:
-        """From `control.FrequencyResponseData` (whose arrays are (ny, nu, F)); `options` as for the class."""
+        """From `control.FrequencyResponseData` (whose arrays are (ny, nu, F)), with the names; `options` as for the class.
+
+        Examples
+        --------
+        >>> import control, robustid as rid
+        >>> rid.FrequencyResponse.from_control(control.FRD([1 - 0.1j, 0.5j], [10.0, 20.0], inputs="force"))
+        <FrequencyResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 1x1>
+        """
         import control
 
         if not isinstance(frd, control.FrequencyResponseData):
@@ -349,6 +356,9 @@ class FrequencyResponse(FrequencyPoints, Drawable):
             if frd.dt is True:
                 raise InputError("`frd` is of discrete time without a sample time; give `dt` in s")
             options["dt"] = frd.dt or None
+        for side, labels, letter in (("inputs", frd.input_labels, "u"), ("outputs", frd.output_labels, "y")):
+            if labels != [f"{letter}[{k}]" for k in range(len(labels))]:
+                options.setdefault(side, labels)
         return cls(frd.omega, np.moveaxis(frd.frdata, -1, 0), **options)
 
     def to_control(self) -> Any:
@@ -357,3 +367,15 @@ class FrequencyResponse(FrequencyPoints, Drawable):
 
         self.require_complete("`to_control`")
         return control.FRD(np.moveaxis(self.values, 0, -1), self.omega, dt=0 if self.dt is None else self.dt)
+
+
+def as_frequency_response(name: str, value: Any) -> FrequencyResponse:
+    """A FrequencyResponse as it is, or what a `control.FRD` says."""
+    if isinstance(value, FrequencyResponse):
+        return value
+    if type(value).__module__.startswith("control."):
+        import control
+
+        if isinstance(value, control.FrequencyResponseData):
+            return FrequencyResponse.from_control(value)
+    raise InputTypeError(f"`{name}` must be a FrequencyResponse or a control.FRD; got {type(value).__name__}")

@@ -113,7 +113,7 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
         At an optimum; elsewhere the numbers have no meaning.
     noise : float, optional
         Variance E|e|^2 of the weighted noise per complex entry: 1 where the weight is the inverse standard deviation,
-        as with the default weight of data with a covariance. None: estimated from what the fit leaves,
+        as with the default weight of data with a covariance that counts as exact. None: estimated from what the fit leaves,
         ``v = cost / (real equations - free coefficients)``, which takes model errors for noise.
 
     Returns

@@ -12,7 +12,7 @@ from robustid.core import Frozen, as_array, as_float, freeze
 from robustid.errors import InputError
 
 # Eigenvalues of a covariance below this part of the largest one are rounding, not information.
-_SINGULAR = 1e-13
+SINGULAR = 1e-13
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -29,6 +29,8 @@ class Weight(Frozen):
     output : (F, ny, ny) array, optional
     input : (F, nu, nu) array, optional
     matrix : (F, ny*nu, ny*nu) array, optional
+    note : str, optional
+        Where the weight comes from, for reports.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class Weight(Frozen):
     output: np.ndarray | None = None
     input: np.ndarray | None = None
     matrix: np.ndarray | None = None
+    note: str = ""
 
     def __post_init__(self) -> None:
         entries = as_array("entries", self.entries, ndim=3)
@@ -143,6 +146,7 @@ class Weight(Frozen):
             output=None if self.input is None else self.input.transpose(0, 2, 1),
             input=None if self.output is None else self.output.transpose(0, 2, 1),
             matrix=None if self.matrix is None else self.matrix[:, swap][:, :, swap],
+            note=self.note,
         )
 
     def scaled(self, factors: Any) -> Weight:
@@ -200,11 +204,12 @@ class Weight(Frozen):
         spread = np.sqrt(np.maximum(np.real(np.diagonal(hermitian, axis1=1, axis2=2)), 0.0))
         scale = np.where(spread > 0, spread, 1.0)
         values, vectors = np.linalg.eigh(hermitian / (scale[:, :, None] * scale[:, None, :]))
-        bad = np.flatnonzero((values[:, 0] <= _SINGULAR * values[:, -1]) | np.any(spread <= 0, axis=1))
+        bad = np.flatnonzero((values[:, 0] <= SINGULAR * values[:, -1]) | np.any(spread <= 0, axis=1))
         if bad.size:
             raise InputError(
                 f"`covariance` must be positive definite; at frequency point {bad[0]} it isn't ({bad.size} of {lines})."
-                " An estimate needs more periods or realisations than entries; else use its diagonal"
+                " An estimate needs more periods or realisations than entries; else use its diagonal, or leave the"
+                " weight of a fit out, which shrinks it"
             )
         root = (vectors / np.sqrt(values)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
         return cls(np.ones((lines, ny, nu)), matrix=root / scale[:, None, :])

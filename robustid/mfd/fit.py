@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen
-from robustid.data import FrequencyResponse
+from robustid.core import Frozen, Savable
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
@@ -31,7 +30,7 @@ _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement no
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MatrixFraction(Frozen, Drawable):
+class MatrixFraction(Frozen, Drawable, Savable):
     """A fitted model P = N D^{-1} (or D^{-1} N), and how it was found.
 
     Attributes
@@ -70,6 +69,15 @@ class MatrixFraction(Frozen, Drawable):
         """The `control.StateSpace`, of order = McMillan degree."""
         return self.fraction.model
 
+    def to_control(self) -> Any:
+        """`model`, for those who look for this name on every object that python-control understands."""
+        return self.model
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles in s (rad/s) or z, (order,); those of rigid-body modes, exact, last."""
+        return self.fraction.poles
+
     @property
     def numerator(self) -> Callable[[np.ndarray], np.ndarray]:
         """N as a function of complex points s or z: (m,) to (m, ny, nu)."""
@@ -79,6 +87,11 @@ class MatrixFraction(Frozen, Drawable):
     def denominator(self) -> Callable[[np.ndarray], np.ndarray]:
         """D as a function of complex points s or z: (m,) to (m, nu, nu), or (m, ny, ny) of a left fraction."""
         return self.fraction.denominator
+
+    @property
+    def weight_choice(self) -> str:
+        """Which weight the residuals have, and why, in words."""
+        return self.problem.weight.note or "as given"
 
     @property
     def condition_numbers(self) -> np.ndarray:
@@ -106,9 +119,18 @@ class MatrixFraction(Frozen, Drawable):
         """True if every pole but those of rigid-body modes lies inside the stability region."""
         return not np.any(unstable_poles(self.fraction))
 
+    def __repr__(self) -> str:
+        fraction, (points, *shape) = self.fraction, self.problem.values.shape
+        ny, nu = shape[::-1] if fraction.form == "left" else shape
+        domain = "continuous" if fraction.dt is None else f"dt={fraction.dt:.6g} s"
+        return (
+            f"<MatrixFraction: order {len(fraction.A)}, {ny}x{nu}, {domain}, {'stable' if self.stable else 'unstable'};"
+            f" cost {self.cost:.6g} on {points} frequency points, {self.status.name.lower()} after {len(self.history)} steps>"
+        )
+
 
 def fit_mfd(
-    frf: FrequencyResponse,
+    frf: Any,
     *,
     order: int,
     domain: str | None = None,
@@ -130,7 +152,7 @@ def fit_mfd(
 
     Parameters
     ----------
-    frf : FrequencyResponse
+    frf : FrequencyResponse or control.FRD
         Entries that are missing have no weight.
     order : int
         McMillan degree, with the two states of every rigid-body mode.
@@ -139,8 +161,9 @@ def fit_mfd(
     form : {"right", "left"}, optional
         N D^{-1} (default) or D^{-1} N (default with rigid-body modes of side "output").
     weight : Weight or (F, ny, nu) array, optional
-        Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood),
-        else relative, 1/|P| per entry.
+        Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood);
+        one that was estimated, as its `dof` says, or that is singular, is shrunk first, and a tenth of the response's level is
+        added for what the model misses; else relative, 1/|P| per entry. See `MatrixFraction.weight_choice`.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
     rigid_body : RigidBody, optional
@@ -167,7 +190,7 @@ def fit_mfd(
     Raises
     ------
     InputError, InputTypeError
-        Wrong arguments; an order larger than the data allow; a singular covariance; constraints that contradict.
+        Wrong arguments; an order larger than the data allow; constraints that contradict.
 
     Notes
     -----

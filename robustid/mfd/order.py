@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_count
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.constraints import as_constraints
 from robustid.mfd.criterion import Weight
+from robustid.mfd.default_weight import exact_covariance
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.order_sweep import OrderSweep
@@ -38,7 +39,7 @@ _SAME_COST = 1e-6
 
 
 def suggest_order(
-    frf: FrequencyResponse,
+    frf: Any,
     *,
     orders: Iterable[int] | None = None,
     weight: Weight | np.ndarray | None = None,
@@ -54,11 +55,12 @@ def suggest_order(
 
     Parameters
     ----------
-    frf : FrequencyResponse
+    frf : FrequencyResponse or control.FRD
     orders : sequence of int, optional
         Default: a dozen around the number of singular values of the subspace estimate that lie above the noise.
     weight, domain
-        As in `fit_mfd`. The noise counts as known where the data have a covariance and no other weight is given.
+        As in `fit_mfd`. The noise counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no
+        other weight is given.
     executor : concurrent.futures.Executor, optional
         Where the orders are fitted; default this process, one after the other. The result is the same.
     progress : callable, optional
@@ -81,10 +83,10 @@ def suggest_order(
     Notes
     -----
     Assumes circular complex Gaussian noise, independent between frequency points. Known: ``E|W e|^2 = 1`` per entry, so that V
-    is the negative log-likelihood; a covariance that was estimated from few periods counts as exact. Unknown: that
-    times one factor. With few points the latter takes single points for modes: of 8 simulated SISO systems of
-    order 4, MDL found 6 with 100 points, 6 with 200; compare with `OrderSweep.subspace_order`. MDL finds the true
-    order as N grows; AIC keeps too much. A model error (a nonlinearity, leakage) counts as dynamics.
+    is the negative log-likelihood. Unknown: that times one factor, also for a covariance of stated degrees of freedom, whose
+    default weight leaves room for what the model misses. With few points the latter takes single points for modes: of 8
+    simulated SISO systems of order 4, MDL found 6 with 100 points, 6 with 200; compare with `OrderSweep.subspace_order`.
+    MDL finds the true order as N grows; AIC keeps too much. A model error (a nonlinearity, leakage) counts as dynamics.
 
     An order whose cost lies above that of a lower one is fitted again, from there: it ended in a local minimum. The
     criteria are those of plain maximum likelihood, ``stable=False``, which is also faster; stable fits of too high an
@@ -102,8 +104,7 @@ def suggest_order(
     >>> suggest_order(frf, orders=range(1, 5)).suggested
     2
     """
-    if not isinstance(frf, FrequencyResponse):
-        raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
+    frf = as_frequency_response("frf", frf)
     if not isinstance(executor, Executor | None):
         raise InputTypeError(f"`executor` must be a concurrent.futures.Executor; got {type(executor).__name__}")
     for name in options:
@@ -112,7 +113,7 @@ def suggest_order(
     if "constraints" in options:
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
-    noise_known = weight is None and frf.covariance is not None
+    noise_known = weight is None and exact_covariance(frf)
     singular_values, edge = subspace_singular_values(
         frf, weight, domain, noise_known, options.get("feedthrough", False)
     )

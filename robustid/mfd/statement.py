@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import as_array, as_count
-from robustid.data import FrequencyResponse, stacked
+from robustid.data import FrequencyResponse, as_frequency_response, stacked
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.criterion import Weight
+from robustid.mfd.default_weight import default_weight, exact_covariance
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples
@@ -28,8 +29,7 @@ def stated(
     frf: Any, order: Any, domain: str | None, form: str | None, weight: Any, feedthrough: bool, body: Any
 ) -> Statement:
     """Check the arguments of `fit_mfd` and fill in what was left out."""
-    if not isinstance(frf, FrequencyResponse):
-        raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
+    frf = as_frequency_response("frf", frf)
     if body is not None and not isinstance(body, RigidBody):
         raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
     needed = None if body is None else {"input": "right", "output": "left"}[body.side]
@@ -53,7 +53,7 @@ def stated(
     given, measured = weight is not None, ~frf.missing
     frf = _filled(frf)
     if not given:
-        weight = _default_weight(frf, measured)
+        weight = default_weight(frf, measured)
     elif not isinstance(weight, Weight):
         weight = Weight(as_array("weight", weight, ndim=3))
     weight = _only(weight, measured) if given else weight
@@ -69,7 +69,9 @@ def stated(
     if body is not None:
         body.check(problem.values, order, problem.omega)
     data = _samples(problem, frf, form)
-    return Statement(problem, data if given or data.noise is None else data._replace(weight=data.noise), form)
+    if not given and data.noise is not None and exact_covariance(frf):
+        data = data._replace(weight=data.noise)
+    return Statement(problem, data, form)
 
 
 def _filled(frf: FrequencyResponse) -> FrequencyResponse:
@@ -93,15 +95,6 @@ def _only(weight: Weight, measured: np.ndarray) -> Weight:
     if weight.shape != measured.shape:
         raise InputError(f"`weight` must have shape {measured.shape} as the values; got {weight.shape}")
     return weight.scaled(measured)
-
-
-def _default_weight(frf: FrequencyResponse, measured: np.ndarray) -> Weight:
-    if not np.any(frf.values):
-        raise InputError("`frf` is zero everywhere; there is nothing to fit")
-    if frf.covariance is None:
-        return Weight.relative(np.where(measured, frf.values, 1)).scaled(measured)
-    full = Weight.from_covariance(frf.covariance, *measured.shape[1:])
-    return dataclasses.replace(full, entries=full.entries * measured)
 
 
 def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str) -> Samples:
