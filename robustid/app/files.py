@@ -24,13 +24,15 @@ def load(
 ) -> Any:
     r"""Open a file: a saved result, an excitation, a model, or measurements from anywhere.
 
-    Results are rebuilt from their numbers, and every claim of an identification is verified again; `certified` and `verify`
-    evaluate the certificates of bounds again. What was attained is read as it was found: certificates are there of the bounds.
+    Results are rebuilt from their numbers; every claim of an identification, the cost and the state space of a fit are verified
+    again; `certified` and `verify` evaluate the certificates of bounds again. What was attained is read as it was found:
+    certificates are there of the bounds.
 
     Parameters
     ----------
     path : str or path
-        * NAME, NAME.npz or NAME.json of an `Identification`, a `WorstCaseError` or a `WorstCaseOverPoles` that was saved;
+        * NAME, NAME.npz or NAME.json of an `Identification`, a `WorstCaseError`, a `WorstCaseOverPoles` or a `MatrixFraction`
+          that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model;
         * measurements: ``.csv``, ``.tsv``, ``.txt`` (first line: column names; lines that start with ``#`` are skipped),
@@ -67,8 +69,8 @@ def load(
 
     Returns
     -------
-    Identification, WorstCaseError, WorstCaseOverPoles, Excitation, control.StateSpace, FrequencyResponse, TangentialResponse or
-    TimeRecord
+    Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, FrequencyResponse,
+    TangentialResponse or TimeRecord
         Row and column vectors of MATLAB become (N,). Other axes of measurements are taken as they are: time or frequency
         first.
 
@@ -118,8 +120,11 @@ def load(
 
 
 def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
-    """Load a saved result of one of these kinds ("identification", "worst-case error", "band over poles"); default: of any."""
-    from robustid import guarantees  # noqa: F401 - with it come all rooms that have results to load
+    """Load a saved result of one of these kinds ("identification", "matrix fraction", "worst-case error", "band over poles").
+
+    Default: of any.
+    """
+    from robustid import guarantees, mfd  # noqa: F401 - with them come all rooms that have results to load
 
     return core.load_saved(path, *kinds)
 
@@ -137,8 +142,9 @@ def save(path: str | os.PathLike[str], thing: Any) -> None:
         arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names of the signals. Of an
         excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
     thing : object
-        Identification, WorstCaseError, WorstCaseOverPoles, Excitation, control.StateSpace, FrequencyResponse, TangentialResponse or
-        TimeRecord; of measurements with their bounds and what these mean, covariance, names of the signals and note.
+        Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, FrequencyResponse,
+        TangentialResponse or TimeRecord; of measurements with their bounds and what these mean, covariance, names of the signals
+        and note.
 
     Raises
     ------

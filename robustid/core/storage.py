@@ -27,7 +27,8 @@ Arrays = dict[str, np.ndarray]
 Record = dict[str, Any]
 PathLike = str | os.PathLike[str]
 
-_INSIDE = "claim/x"  # an array of every saved result: each has its identification inside
+# Arrays that show a saved result: an identification, which bounds have inside too, or a fit.
+_INSIDE = frozenset({"claim/x.npy", "fit/nodes/denominators.npy"})
 
 
 class _Kept(NamedTuple):
@@ -195,7 +196,7 @@ def saved_kind(path: PathLike) -> str | None:
         return found[1]
     try:
         with zipfile.ZipFile(numbers) as archive:
-            return "result" if f"{_INSIDE}.npy" in archive.namelist() else None
+            return "result" if _INSIDE.intersection(archive.namelist()) else None
     except Exception:  # zipfile has many for damaged bytes; a file of measurements, whose reader has the sentence
         return None
 

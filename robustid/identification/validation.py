@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,6 @@ from scipy.special import chdtrc
 from robustid.core import Complex, Frozen, Real, as_kind, freeze, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-
-if TYPE_CHECKING:
-    import control
 
 _WHITE = 0.01  # a white residual is called coloured in 1 % of the cases
 _LAGS = 20
@@ -98,13 +95,14 @@ class Validation(Frozen):
         return f"direction {index[1] + 1} -> sensor {index[0] + 1}"
 
 
-def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
+def validate(model: Any, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
     """Hold a model against a time record, a frequency response or a response in directions.
 
     Parameters
     ----------
-    model : control.StateSpace
-        Discrete with the dt of the data, or continuous for a frequency response without dt.
+    model : control.StateSpace, or a result that has a model
+        Discrete with the dt of the data, or continuous for a frequency response without dt. Of an Identification, a
+        MatrixFraction, a Reduction and other results their `model` is taken.
     data : TimeRecord, FrequencyResponse or TangentialResponse
         A time record is simulated as its `initial` says: from zero initial conditions; from the initial state that fits best
         (least squares, each sample weighted by 1/bound, else each output by its size); or in periodic steady
@@ -134,7 +132,7 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     >>> round(validation.ratio, 6), validation.outside
     (0.5, 0)
     """
-    system = check_model("model", model)
+    system = check_model("model", _model_of(model))
     kinds = TimeRecord, FrequencyResponse, TangentialResponse
     as_kind("data", data, kinds, "a TimeRecord, FrequencyResponse or TangentialResponse")
     if isinstance(data, TimeRecord):
@@ -158,6 +156,12 @@ def validate(model: control.StateSpace, data: TimeRecord | FrequencyResponse | T
     if isinstance(data, TimeRecord):
         result["whiteness"] = np.array([_ljung_box(residuals[:, i], used[:, i]) for i in range(shape[0])])
     return Validation(data, predicted=predicted, residuals=residuals, fit=_fit(measured, residuals, used), **result)
+
+
+def _model_of(thing: Any) -> Any:
+    """The model of a result; everything else as it is."""
+    model = getattr(thing, "model", None) if isinstance(thing, Frozen) else None
+    return model if _is_state_space(model) else thing
 
 
 def check_model(name: str, model: Any) -> Any:

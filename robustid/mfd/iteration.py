@@ -44,8 +44,10 @@ class FitStatus(enum.Enum):
     FLAT = "converged: a full step no longer lowers the criterion, but for rounding or a part of what noise does to it"
     EXACT = "exact: the model passes through the data to 1e-10"
     BOUNDARY = "at the stability boundary: the criterion falls further only through unstable poles"
-    LIMIT = "not converged: the iteration limit was reached; allow more steps"
-    STALLED = "not converged: no step along the Gauss-Newton direction lowers the criterion; try another start"
+    LIMIT = (
+        "not converged: the iteration limit was reached; fit again with `start` = the model found, to go on from there"
+    )
+    STALLED = "not converged: no step along the Gauss-Newton direction lowers the criterion; give another `start`"
 
     @property
     def converged(self) -> bool:

@@ -32,7 +32,7 @@ def verify(
 
     console = terminal.console()
     with in_words({"exact": "--exact"}):
-        result = load_result(source)
+        result = load_result(source, "identification", "worst-case error", "band over poles")
         failed = _identification_failures(console, getattr(result, "identification", result), exact)
         if isinstance(result, WorstCaseError):
             failed += _bound_failures(console, result, exact)

@@ -1,0 +1,103 @@
+"""A fit as numbers and text, and made from them again: its cost and its realisation are verified anew."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Arrays, Record, StateMatrices, keep
+from robustid.mfd.conditions import Condition, RigidModes
+from robustid.mfd.criterion import Weight
+from robustid.mfd.fit import MatrixFraction
+from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.model import FractionModel
+from robustid.mfd.node_fraction import Held, NodeFraction
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.vector_polynomials import VectorPolynomials
+
+_CLASSES: dict[str, Any] = {
+    cls.__name__: cls
+    for cls in (
+        Condition,
+        FitStep,
+        FractionModel,
+        FractionProblem,
+        Held,
+        MatrixFraction,
+        NodeFraction,
+        RigidModes,
+        StateMatrices,
+        VectorPolynomials,
+        Weight,
+    )
+}
+_SAME = 1e-6  # relative difference of a cost or response that was saved from the one evaluated again
+
+
+def pack(fit: MatrixFraction) -> tuple[Record, Arrays]:
+    """Text and numbers of a fit."""
+    arrays: Arrays = {}
+    return {"fit": _described(fit, "fit", arrays)}, arrays
+
+
+def unpack(record: Record, arrays: Arrays) -> MatrixFraction:
+    """The fit that was packed so; cost and state space are evaluated again."""
+    fit = _made(record["fit"], arrays)
+    if not isinstance(fit, MatrixFraction):
+        raise ValueError("it holds no fit")
+    problem = fit.problem
+    again, rounding = problem.cost(fit.nodes), problem.rounding
+    if not abs(again - fit.cost) <= _SAME * again + rounding:
+        raise ValueError(f"its cost is {again:.6g}, and not {fit.cost:.6g}")
+    response = fit.fraction.response(problem.omega)
+    response = response.transpose(0, 2, 1) if fit.fraction.form == "left" else response
+    size = float(np.linalg.norm(fit.nodes.response))
+    if not np.linalg.norm(response - fit.nodes.response) <= (_SAME + fit.fraction.error) * size:
+        raise ValueError("its state-space model is not that of its fraction")
+    return fit
+
+
+def _described(value: Any, path: str, arrays: Arrays) -> Any:
+    """What JSON can hold of a value; arrays by their path."""
+    if isinstance(value, np.ndarray):
+        arrays[path] = value
+        return {"$array": path}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, complex):
+        return {"$complex": [value.real, value.imag]}
+    if isinstance(value, enum.Enum):
+        return {"$status": value.name}
+    if type(value).__name__ in _CLASSES:
+        return {"$class": type(value).__name__} | {
+            name: _described(getattr(value, name), f"{path}/{name}", arrays) for name in _names(type(value))
+        }
+    if isinstance(value, tuple | list):
+        return [_described(item, f"{path}/{k}", arrays) for k, item in enumerate(value)]
+    return value
+
+
+def _made(text: Any, arrays: Arrays) -> Any:
+    """The value that was described so; sequences become tuples."""
+    if isinstance(text, list):
+        return tuple(_made(item, arrays) for item in text)
+    if not isinstance(text, dict):
+        return text
+    if "$array" in text:
+        return arrays[text["$array"]]
+    if "$complex" in text:
+        return complex(*text["$complex"])
+    if "$status" in text:
+        return FitStatus[text["$status"]]
+    cls = _CLASSES[text["$class"]]
+    return cls(**{name: _made(text[name], arrays) for name in _names(cls) if name in text})
+
+
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else cls._fields
+
+
+keep(MatrixFraction, "matrix fraction", words="fit", pack=pack, unpack=unpack)
