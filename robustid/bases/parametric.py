@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.linalg  # type: ignore[reportMissingTypeStubs]
+import scipy.linalg
 
 from robustid.bases.input_normal import solve_stein
 from robustid.core import Frozen, StateMatrices, as_array, as_count, as_positive, freeze
@@ -17,7 +17,6 @@ from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
 _INTEGRATOR_RADIUS = 1e-7
-_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -209,12 +208,11 @@ def as_basis(value: Any, dt: float) -> ParametricBasis:
 
 
 def _from_statespace(value: Any, dt: float) -> ParametricBasis:
-    import control  # type: ignore[reportMissingTypeStubs]
+    import control
 
-    tools: Any = control  # its types are incomplete
-    if isinstance(value, tools.TransferFunction):
-        value = tools.ss(value)
-    if not isinstance(value, tools.StateSpace):
+    if isinstance(value, control.TransferFunction):
+        value = control.ss(value)
+    if not isinstance(value, control.StateSpace):
         raise InputTypeError(
             "`parametric` must be a basis from `kautz`, a control.StateSpace, or a sequence of them;"
             f" got {type(value).__name__}"
@@ -235,7 +233,7 @@ def stack_bases(parts: Sequence[ParametricBasis]) -> ParametricBasis:
         return parts[0]
     if len({p.dt for p in parts}) > 1:
         raise InputError(f"`parametric` mixes sample times {sorted({p.dt for p in parts})}; use one dt")
-    A, C = (np.asarray(_linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
+    A, C = (np.asarray(scipy.linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
     B, D = (np.vstack([getattr(p, name) for p in parts]) for name in "BD")
     labels = tuple(label for p in parts for label in p.labels)
     return ParametricBasis(A, B, C, D, parts[0].dt, labels, np.concatenate([p.poles for p in parts]))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg  # type: ignore[reportMissingTypeStubs]
+import scipy.linalg
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
-
-_linalg: Any = scipy.linalg  # its types are incomplete
 
 
 class Balancing(NamedTuple):
@@ -64,5 +62,5 @@ class Balancing(NamedTuple):
 
 def balancing(left: Real, right: Real) -> Balancing:
     """Balanced coordinates from factors of the observability and of the controllability Gramian."""
-    U, hankel, Vt = _linalg.svd(left.T @ right, full_matrices=False)
+    U, hankel, Vt = scipy.linalg.svd(left.T @ right, full_matrices=False)
     return Balancing(left, right, U, hankel, Vt)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy.linalg  # type: ignore[reportMissingTypeStubs]
+import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
 
 
@@ -44,7 +43,7 @@ def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     if not A.size:
         return A, B, C
     with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        balanced, (scale, _) = _linalg.matrix_balance(A, permute=False, separate=True)
+        balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     return balanced, B / scale[:, None], C * scale
 
 
@@ -65,7 +64,7 @@ class Response:
         A, B, C, D = system
         self._feedthrough = np.asarray(D, dtype=float)
         if A.size:
-            self._schur, basis = _linalg.schur(A, output="complex")
+            self._schur, basis = scipy.linalg.schur(A, output="complex")
             self._right, self._left = basis.conj().T @ B, C @ basis
         else:
             self._schur, self._right, self._left = (np.asarray(part, dtype=complex) for part in (A, B, C))

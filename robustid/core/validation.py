@@ -75,10 +75,9 @@ def _pack(value: Any) -> Any:
 
 def _unpack(value: Any) -> Any:
     if isinstance(value, _PackedModel):
-        import control  # type: ignore[reportMissingTypeStubs]
+        import control
 
-        tools: Any = control  # its types are incomplete
-        return tools.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
+        return control.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
     return value
 
 

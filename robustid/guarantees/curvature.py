@@ -12,8 +12,6 @@ from robustid.core import Real
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, Prior, parametric_states
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 StateSpace = tuple[Real, Real, Real]  # A, B, C
 
 
@@ -100,7 +98,7 @@ def known_part(model: Any, identification: Identification) -> StateSpace:
         return A, B, C
     residues = identification.parameters.reshape(-1, *model.D.shape)
     a, b, c, _ = parametric_states(problem, residues)
-    return _linalg.block_diag(A, a), np.vstack([B, b]), np.hstack([C, c])
+    return scipy.linalg.block_diag(A, a), np.vstack([B, b]), np.hstack([C, c])
 
 
 def interpolant_part(identification: Identification) -> StateSpace:
@@ -114,5 +112,5 @@ def _scaled(A: Real, B: Real, C: Real) -> StateSpace:
     """A similar realisation with diagonal scaling by powers of two."""
     if not A.shape[0]:
         return A, B, C
-    balanced, (scale, _) = _linalg.matrix_balance(A, permute=False, separate=True)
+    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     return balanced, B / scale[:, None], C * scale

@@ -123,8 +123,7 @@ def diameter(
     import control
 
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
-    tools: Any = control  # its types are incomplete
-    nothing = tools.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
+    nothing = control.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
     error = worst_case_error(
         identify(_without_values(problem)),
         model=nothing,

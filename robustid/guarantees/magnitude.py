@@ -7,7 +7,7 @@ every such ratio without zeros and poles on x >= 0 belongs to a stable minimum-p
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,8 +207,6 @@ def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real
     """
     import scipy.optimize
 
-    optimize: Any = scipy.optimize  # its types are incomplete
-
     m, k = len(top), int(top.shape[1])
     rows = [
         np.hstack([-low[:, None] * top, bottom, np.zeros((m, 1))]),
@@ -221,7 +219,7 @@ def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real
     cost = np.eye(1, 2 * k + 1, 2 * k)[0]
     solution = np.zeros(2 * k + 1)
     for _ in range(30):
-        found = optimize.linprog(
+        found = scipy.optimize.linprog(
             cost,
             np.vstack([r[c] for r, c in zip(rows, chosen, strict=True)]),
             np.concatenate([b[c] for b, c in zip(right, chosen, strict=True)]),

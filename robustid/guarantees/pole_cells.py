@@ -107,11 +107,9 @@ class PoleCell(Frozen):
         """
         import scipy.special
 
-        special: Any = scipy.special  # its types are incomplete
-
         k = np.arange(count)[:, None] - self.delay
         largest = np.abs(self.middle) + self.radius
-        ways = special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
+        ways = scipy.special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
         return 2 * self.amplitude * self.radius**_REPEAT * ways * largest ** np.maximum(k - _REPEAT, 0)
 
     def relaxed(self, problem: MixedProblem) -> MixedProblem | None:

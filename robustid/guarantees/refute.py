@@ -316,11 +316,9 @@ def _nearest(errors: Complex) -> complex:
     """Approximately the number of least modulus in the convex hull of attained errors: a convex combination, hence attained too."""
     import scipy.optimize
 
-    optimize: Any = scipy.optimize  # its types are incomplete
-
     size, heavy = float(np.abs(errors).max()), 1e3
     rows = np.stack([np.real(errors) / size, np.imag(errors) / size, np.full(errors.size, heavy)])
-    weights = optimize.nnls(rows, np.array([0.0, 0.0, heavy]))[0]
+    weights = scipy.optimize.nnls(rows, np.array([0.0, 0.0, heavy]))[0]
     mixed, single = complex(weights @ errors / weights.sum()), complex(errors[np.argmin(np.abs(errors))])
     return min(mixed, single, key=abs)
 

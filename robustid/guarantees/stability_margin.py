@@ -19,7 +19,6 @@ from robustid.reduction import doubtful_distance
 if TYPE_CHECKING:
     import control
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the condition has
 
 
@@ -154,7 +153,7 @@ def _loop(plant: Any, controller: Any, kind: str) -> Any:
 
     (A, B, C, D), (Ak, Bk, Ck, Dk) = ([np.asarray(getattr(m, name)) for name in "ABCD"] for m in (plant, controller))
     direct = np.eye(plant.noutputs) + D @ Dk
-    if np.linalg.cond(_linalg.matrix_balance(direct)[0]) > 1e12:
+    if np.linalg.cond(scipy.linalg.matrix_balance(direct)[0]) > 1e12:
         raise InputError("`controller` and `nominal` form a loop that is not well-posed: I + D Dk is singular")
     seen = np.linalg.solve(direct, np.hstack([C, -D @ Ck, np.eye(plant.noutputs)]))  # y + v from x, xk and v
     given = (

@@ -135,8 +135,7 @@ def _nominal(matrices: Arrays, identification: Identification) -> Any:
         return identification.model
     import control
 
-    tools: Any = control  # its types are incomplete
-    return as_nominal(tools.ss(*(matrices[name] for name in "ABCD"), identification.problem.dt), identification)
+    return as_nominal(control.ss(*(matrices[name] for name in "ABCD"), identification.problem.dt), identification)
 
 
 def _parameters(arrays: Arrays, identification: Identification) -> ParameterIntervals:

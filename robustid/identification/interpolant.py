@@ -13,8 +13,6 @@ from robustid.bases import InputNormalPair
 from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, series_at
 from robustid.errors import InputError
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Interpolants(Frozen):
@@ -168,12 +166,12 @@ def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArra
     # D'D = R'R = W, so with thin QR factors V = Q_R (R_R R_D^{-1}) Q_D' and the middle factor is orthogonal.
     QD, RD = np.linalg.qr(D, mode="complete")
     QR, RR = np.linalg.qr(R, mode="complete")
-    middle = _linalg.solve_triangular(RD[:size].T, RR[:size].T, lower=True).T if n else np.zeros((0, 0))
+    middle = scipy.linalg.solve_triangular(RD[:size].T, RR[:size].T, lower=True).T if n else np.zeros((0, 0))
     left, _, mid_right = np.linalg.svd(middle)
     V = QR[:, :size] @ (left @ mid_right) @ QD[:, :size].T
     kept = np.eye(size)
     if n and pair.d[0, 0] == 0:
-        lost = _linalg.solve_triangular(root.T, B, lower=True)
+        lost = scipy.linalg.solve_triangular(root.T, B, lower=True)
         kept = np.linalg.qr(lost, mode="complete")[0][:, q:]
     return Interpolants(V, QR[:, size:], QD[:, size:], float(gaps.min(initial=1.0)), kept, transposed)
 

@@ -20,8 +20,6 @@ from robustid.identification.formulation.tails import smallest_bound
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 _SHARE = 1e-2  # of the smallest bound that the states left out may cost; less where that is too much
 _SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are rounding
 _SAME_POLE = 1e-9
@@ -91,14 +89,12 @@ def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[n
     """State space of F = p'P + G; the parametric states follow those of G."""
     import control
 
-    tools: Any = control  # its types are incomplete
-
     A, B, C, D = realised
     if problem.parametric is not None:
         a, b, c, d = parametric_states(problem, residue_matrices(problem, rows, p))
-        A, B = _linalg.block_diag(A, a), np.vstack([B, b])
+        A, B = scipy.linalg.block_diag(A, a), np.vstack([B, b])
         C, D = np.hstack([C, c]), D + d
-    return tools.ss(A, B, C, D, problem.dt, **signal_names(problem))
+    return control.ss(A, B, C, D, problem.dt, **signal_names(problem))
 
 
 def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> States:
@@ -170,7 +166,7 @@ class Mode(Frozen):
 
 def modes_of(basis: ParametricBasis, residues: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
-    values, *vectors = _linalg.eig(basis.A, left=True)
+    values, *vectors = scipy.linalg.eig(basis.A, left=True)
     left, right = (np.asarray(side) for side in vectors)
     overlap = np.sum(left.conj() * right, axis=0)
     near = np.abs(values[:, None] - values) <= _SAME_POLE

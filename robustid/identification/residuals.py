@@ -110,8 +110,6 @@ def _least_largest(columns: Real, right: Real) -> Real:
     """The w with the smallest max |right - columns w|: a linear program."""
     import scipy.optimize
 
-    optimize: Any = scipy.optimize  # its types are incomplete
-
     count = columns.shape[1]
     if not count:
         return np.zeros(0)
@@ -119,7 +117,9 @@ def _least_largest(columns: Real, right: Real) -> Real:
     rows = np.block([[columns, -ones], [-columns, -ones]])
     free = [(None, None)] * count + [(0, None)]
     size = max(float(np.abs(right).max()), np.finfo(float).tiny)
-    found = optimize.linprog(np.eye(1, count + 1, count)[0], rows, np.concatenate([right, -right]) / size, bounds=free)
+    found = scipy.optimize.linprog(
+        np.eye(1, count + 1, count)[0], rows, np.concatenate([right, -right]) / size, bounds=free
+    )
     if found.x is None:
         return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=float)
     return found.x[:count] * size

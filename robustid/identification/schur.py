@@ -68,13 +68,11 @@ class TaylorInterpolants(Frozen):
         """The first `count` Taylor coefficients of phi_E, E a number in [-1, 1]."""
         import scipy.signal
 
-        signal: Any = scipy.signal  # its types are incomplete
-
         pulse, E = np.zeros(as_count("count", count)), _constant(E)
         pulse[:1] = 1.0
         P, Q = self.central()
         above, below = np.append(P, 0.0), np.append(Q, 0.0)
-        return np.asarray(signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
+        return np.asarray(scipy.signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
 
     def evaluate(self, zeta: NDArray[Any], E: float = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| <= 1, E a number in [-1, 1]; O(L) per point."""

@@ -4,7 +4,7 @@
 # Matrices have capital letters.
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from robustid.core import as_array, as_positive, balancing
 from robustid.errors import InputError
-
-_linalg: Any = scipy.linalg  # its types are incomplete
 
 _EPS = float(np.finfo(float).eps)
 
@@ -135,8 +133,8 @@ def _leading(g: NDArray[np.float64], rank: int) -> tuple[NDArray[np.float64], ND
         triangle = np.append(g[-1], np.zeros(n - 1)), g[::-1]  # Toeplitz: the Hankel matrix, columns reversed
         Q = np.random.default_rng(0).standard_normal((n, rank))
         for _ in range(2):
-            Q = np.linalg.qr(_linalg.matmul_toeplitz(triangle, Q[::-1]))[0]
-        HQ = _linalg.matmul_toeplitz(triangle, Q[::-1])
+            Q = np.linalg.qr(scipy.linalg.matmul_toeplitz(triangle, Q[::-1]))[0]
+        HQ = scipy.linalg.matmul_toeplitz(triangle, Q[::-1])
         values, turn = np.linalg.eigh(Q.T @ HQ)
         parts = [slice(i, i + _ROWS) for i in range(0, n, _ROWS)]
         rest = 2 * float(sum(np.linalg.norm(rows[part] - HQ[part] @ Q.T, axis=1).sum() for part in parts))
@@ -197,6 +195,6 @@ def _factor(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float6
         moved = power @ R
         if not np.linalg.norm(moved) > _EPS * np.linalg.norm(R):
             return R
-        U, size, _ = _linalg.svd(np.hstack([R, moved]), full_matrices=False)
+        U, size, _ = scipy.linalg.svd(np.hstack([R, moved]), full_matrices=False)
         kept = size > _EPS * size[0]
         R, power = U[:, kept] * size[kept], power @ power

@@ -29,7 +29,6 @@ __all__ = [  # with what other rooms take from here
     "hankel_singular_values",
 ]
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
 # Two Hankel singular values count as one in the bound only if they agree to rounding.
@@ -299,7 +298,7 @@ def hankel_singular_values(model: control.StateSpace) -> Real:
     """
     system = check_model("model", model)
     left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
-    return np.asarray(_linalg.svdvals(left.T @ right))
+    return np.asarray(scipy.linalg.svdvals(left.T @ right))
 
 
 def _error_bounds(hankel: Real) -> Real:
@@ -315,7 +314,7 @@ def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: Real) -> contr
     import control
 
     return control.StateSpace(
-        _linalg.block_diag(kept.a, small.a),
+        scipy.linalg.block_diag(kept.a, small.a),
         np.vstack([kept.b, small.b]),
         np.hstack([kept.c, small.c]),
         feedthrough,

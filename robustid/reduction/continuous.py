@@ -17,7 +17,6 @@ from robustid.reduction.gramians import Parts, doubtful_distance
 if TYPE_CHECKING:
     import control
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _GRID = 400
 _ON_CIRCLE = 1e-9
 _USELESS = 1e-6  # a relative error above this is a failed logarithm, not rounding
@@ -97,7 +96,7 @@ def to_continuous(model: control.StateSpace) -> ContinuousModel:
     dt, error = float(system.dt), np.inf
     log, drive = _inverse_hold(parts.a, parts.b)
     if np.all(np.isfinite(log)) and np.all(np.isfinite(drive)):
-        error = _error(system, _like(system, _linalg.expm(log), _hold(log) @ drive, parts.c, dt))
+        error = _error(system, _like(system, scipy.linalg.expm(log), _hold(log) @ drive, parts.c, dt))
     if not error <= _USELESS:
         first = np.argsort(np.abs(poles))[:4]
         raise InputError(
@@ -116,7 +115,7 @@ def _inverse_hold(a: Real, b: Real) -> tuple[Real, Real]:
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
-            log = np.real(_linalg.logm(a))
+            log = np.real(scipy.linalg.logm(a))
             return log, np.asarray(np.linalg.solve(_hold(log), b), dtype=float)
         except (ValueError, np.linalg.LinAlgError):
             return np.full(a.shape, np.nan), np.full(b.shape, np.nan)
@@ -125,7 +124,7 @@ def _inverse_hold(a: Real, b: Real) -> tuple[Real, Real]:
 def _hold(log: Real) -> Real:
     """Integral of exp(log t) over 0 <= t <= 1."""
     n = log.shape[0]
-    return _linalg.expm(np.block([[log, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:]
+    return scipy.linalg.expm(np.block([[log, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:]
 
 
 def _like(model: Any, a: Real, b: Real, c: Real, dt: float) -> control.StateSpace:

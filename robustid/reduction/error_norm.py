@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -17,8 +17,6 @@ from robustid.reduction.gramians import Parts, split
 if TYPE_CHECKING:
     import control
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-_optimize: Any = scipy.optimize
 
 _RTOL = 1e-6
 _ROUNDS = 30
@@ -83,7 +81,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
     (a, kept), (b, held) = split(first, "keep"), split(second, "keep")
     if kept.a.shape != held.a.shape:
         return PeakError(np.inf, np.nan)
-    difference = Parts(_linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
+    difference = Parts(scipy.linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
     dt = first.dt if first.nstates else second.dt
     value, angle = _Peak(difference, first.D - second.D, discrete=bool(dt)).search()
     return PeakError(value, angle / float(dt) if dt else angle)
@@ -140,7 +138,7 @@ class _Peak:
                 return -self._at(np.array([omega]))[0]
 
             options = {"xatol": 1e-9 * high}
-            peak = _optimize.minimize_scalar(lowered, bounds=(low, high), method="bounded", options=options)
+            peak = scipy.optimize.minimize_scalar(lowered, bounds=(low, high), method="bounded", options=options)
             self._look([peak.x])
 
     def _around(self, crossings: Real) -> tuple[float, float]:
@@ -156,7 +154,7 @@ class _Peak:
         left = np.linalg.inv(np.eye(d.shape[1]) - d.T @ d)
         a = a + b @ left @ d.T @ c
         right = np.eye(d.shape[0]) + d @ left @ d.T
-        values: Complex = _linalg.eigvals(np.block([[a, b @ left @ b.T], [-c.T @ right @ c, -a.T]]))
+        values: Complex = scipy.linalg.eigvals(np.block([[a, b @ left @ b.T], [-c.T @ right @ c, -a.T]]))
         near = np.abs(np.real(values)) <= _NEAR * np.max(np.abs(values))
         omega = np.unique(np.abs(np.imag(values[near])))
         return 2 * np.arctan(omega) if self.discrete else omega

@@ -12,7 +12,6 @@ from robustid.core import Complex, Real, scaled_states
 from robustid.errors import InputError
 from robustid.identification import describe_poles
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
 # A double integrator, rounded in any coordinates, moves by about the square root of eps.
@@ -49,10 +48,10 @@ def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
     def leads(real: float, imag: float = 0.0) -> bool:
         return bool(stable[np.argmin(np.abs(poles - complex(real, imag)))])
 
-    schur, basis, first = _linalg.schur(parts.a, output="real", sort=leads)
+    schur, basis, first = scipy.linalg.schur(parts.a, output="real", sort=leads)
     b, c = basis.T @ parts.b, parts.c @ basis
     a, coupling, rest = schur[:first, :first], schur[:first, first:], schur[first:, first:]
-    x = _linalg.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
+    x = scipy.linalg.solve_sylvester(a, -rest, -coupling)  # a x - x rest = -coupling decouples the blocks
     kept = Parts(rest, b[first:], c[:, first:] + c[:, :first] @ x)
     return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
 
@@ -72,7 +71,7 @@ def doubtful_distance(a: Real) -> tuple[Complex, Real]:
     """
     if a.size == 0:
         return np.zeros(0, dtype=complex), np.zeros(0)
-    poles, left, right = _linalg.eig(a, left=True, right=True)
+    poles, left, right = scipy.linalg.eig(a, left=True, right=True)
     cosine = np.abs(np.sum(left.conj() * right, axis=0))
     move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), _MOST_DOUBT)
     return poles, move * np.linalg.norm(a, 2)
@@ -96,7 +95,7 @@ def _complex_schur(a: Real) -> tuple[Complex, Complex]:
     LAPACK leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down:
     the damping p comes through exactly.
     """
-    schur, basis = (matrix.astype(complex) for matrix in _linalg.schur(a, output="real"))
+    schur, basis = (matrix.astype(complex) for matrix in scipy.linalg.schur(a, output="real"))
     first = np.flatnonzero(np.diagonal(schur, -1))
     second = first + 1
     upper, lower = schur[first, second].real, schur[second, first].real
@@ -159,6 +158,6 @@ def _solve_shifted(a: Complex, shift: complex, factor: complex, right: Complex) 
         rows = slice(max(0, end - _BLOCK), end)
         matrix = factor * a[rows, rows]
         matrix[np.diag_indices_from(matrix)] += shift
-        x[rows] = _linalg.solve_triangular(matrix, x[rows], check_finite=False)
+        x[rows] = scipy.linalg.solve_triangular(matrix, x[rows], check_finite=False)
         x[: rows.start] -= factor * (a[: rows.start, rows] @ x[rows])
     return x

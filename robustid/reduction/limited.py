@@ -23,7 +23,6 @@ from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Factors, Parts, gramian_factors, is_stable
 
-_linalg: Any = scipy.linalg  # its types are incomplete
 _EPS = np.finfo(float).eps
 
 Share = Callable[[Real], Real]
@@ -64,8 +63,10 @@ def _below(a: Real, omega: float, step: float) -> Real:
     if np.isinf(omega) or (step and omega * step >= np.pi):
         return eye / 2
     if step:
-        return omega * step / (2 * np.pi) * eye + np.imag(_linalg.logm(eye - np.exp(-1j * omega * step) * a)) / np.pi
-    return np.imag(_linalg.logm(1j * omega * eye - a)) / np.pi
+        return (
+            omega * step / (2 * np.pi) * eye + np.imag(scipy.linalg.logm(eye - np.exp(-1j * omega * step) * a)) / np.pi
+        )
+    return np.imag(scipy.linalg.logm(1j * omega * eye - a)) / np.pi
 
 
 def _horizon_share(model: Any, horizon: Any) -> Share:
@@ -76,7 +77,7 @@ def _horizon_share(model: Any, horizon: Any) -> Share:
         raise InputError(f"`horizon` must hold a sample, {step:g} s, at least; got {seconds:g} s")
 
     def share(a: Real) -> Real:
-        over = np.linalg.matrix_power(a, samples) if step else _linalg.expm(a * seconds)
+        over = np.linalg.matrix_power(a, samples) if step else scipy.linalg.expm(a * seconds)
         return np.eye(a.shape[0]) - over @ over.T
 
     return share
@@ -103,7 +104,7 @@ def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
 
 def _root(share: Real) -> Real:
     """A factor of a matrix between 0 and I, without what is rounding of the I."""
-    values, vectors = _linalg.eigh(share)
+    values, vectors = scipy.linalg.eigh(share)
     held = values > share.shape[0] * _EPS
     return vectors[:, held] * np.sqrt(values[held])
 

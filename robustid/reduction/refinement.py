@@ -25,8 +25,6 @@ from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.minimax import orthonormal_columns, smallest_maximum
 from robustid.reduction.sample_map import SampleMap, Signals
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 Poles = NDArray[Any]  # complex, or real where all of them are
 
 _STEPS = 40  # of one descent
@@ -126,7 +124,7 @@ def normal_functions(pair: Pair, weights: Real) -> Pair:
     values = np.maximum(values, 1e-9 * values[0])  # functions that depend on the others are left as small as they are
     A = (values[:, None] * Vt) @ A @ (Vt.T / values)
     C = C @ (Vt.T / values)
-    schur, basis = _linalg.schur(A, output="real")[:2]
+    schur, basis = scipy.linalg.schur(A, output="real")[:2]
     size = np.sqrt(np.maximum(1 - np.abs(_schur_poles(schur)) ** 2, np.finfo(float).eps))
     return Pair(schur, C @ basis, size)
 

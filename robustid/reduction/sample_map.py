@@ -22,8 +22,6 @@ from robustid.data import FrequencyResponse, TimeRecord, tilted
 from robustid.identification import MixedProblem, excited_lines
 from robustid.identification.formulation import initial_state, measured_entries
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 Samples = NDArray[Any]  # real in time, complex at frequency points and spectral lines
 Signals = list[Samples]
 
@@ -60,13 +58,12 @@ class Track:
         if self.points is None:
             import scipy.signal
 
-            signal: Any = scipy.signal  # its types are incomplete
-            return signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0)
+            return scipy.signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0)
         return signals / (self.points - pole)[:, None]
 
     def states(self, A: Real, c: Real, signals: Samples) -> Samples:
         """The responses of the row c (zI - A)^-1 to each signal, (L, m, n): complex Schur form, forward substitution."""
-        T, Q = _linalg.schur(A, output="complex")[:2]
+        T, Q = scipy.linalg.schur(A, output="complex")[:2]
         into = c @ Q
         v = np.empty((*signals.shape, into.size), complex)
         for j in range(into.size):
@@ -131,7 +128,7 @@ class SampleMap:
                 for input in range(self.inputs)
             ]
             direct.append(np.stack(each, axis=2).reshape(track.y.size, -1))
-        return np.hstack([np.vstack(direct), _linalg.block_diag(*(t.free for t in self.tracks))])
+        return np.hstack([np.vstack(direct), scipy.linalg.block_diag(*(t.free for t in self.tracks))])
 
     @functools.cached_property
     def weights(self) -> Real:
@@ -272,7 +269,7 @@ def _time_track(record: TimeRecord, problem: MixedProblem) -> Track:
     used = _used(record)
     parts = {i: initial_state(problem, record, at, i) for i, at in used.items()}
     bounds = {i: record.bound.radius[at, i] + parts[i][1] for i, at in used.items()}
-    free = _linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used))
+    free = scipy.linalg.block_diag(*(parts[i][0] / bounds[i][:, None] for i in used))
     last = max(at[-1] for at in used.values())
     return _record_track(record, record.u[: last + 1], None, bounds, lambda v: v, free)
 

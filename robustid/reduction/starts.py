@@ -19,8 +19,6 @@ from robustid.reduction.minimax import orthonormal_columns
 from robustid.reduction.refinement import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles
 from robustid.reduction.sample_map import SampleMap
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 _SK_STEPS = 10
 RICH = 24  # states of the truncated model that stands for the data of SK steps
 _MOST_LINES = 1500  # points of a subspace estimate: beyond, every so many
@@ -77,7 +75,7 @@ def _without_chains(pair: Pair, integrators: int) -> Pair:
     def leads(real: float, imag: float = 0.0) -> bool:
         return abs(complex(real, imag) - 1) >= near
 
-    schur, basis, size = _linalg.schur(pair.A, sort=leads)
+    schur, basis, size = scipy.linalg.schur(pair.A, sort=leads)
     return Pair(schur[:size, :size], pair.C @ basis[:, :size])
 
 
@@ -132,7 +130,7 @@ def mode_pair(pole: complex, direction: NDArray[Any]) -> Pair:
 
 def joined(*pairs: Pair) -> Pair:
     """All their functions."""
-    return Pair(_linalg.block_diag(*(pair.A for pair in pairs)), np.hstack([pair.C for pair in pairs]))
+    return Pair(scipy.linalg.block_diag(*(pair.A for pair in pairs)), np.hstack([pair.C for pair in pairs]))
 
 
 def without_integrators(poles: Poles, count: int) -> Poles:
@@ -262,7 +260,7 @@ def statespace(samples: SampleMap, fit: Fit, like: Any) -> Any:
     D = fit.fixed[:entries].reshape(samples.outputs, samples.inputs)
     gains = powers.reshape(count, samples.outputs, samples.inputs)
     gains = gains.swapaxes(1, 2) if samples.flipped else gains
-    A = _linalg.block_diag(fit.pair.A, np.kron(chain, np.eye(h)))
+    A = scipy.linalg.block_diag(fit.pair.A, np.kron(chain, np.eye(h)))
     B = np.vstack([fit.X, gains.reshape(count * h, samples.tails)])
     C = np.hstack([fit.pair.C, np.kron(np.eye(1, count), np.eye(h))])
     labels = {"inputs": like.input_labels, "outputs": like.output_labels, "name": "reduced"}

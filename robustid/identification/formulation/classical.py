@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -15,8 +15,6 @@ from robustid.identification.formulation.ball import Inequalities
 from robustid.identification.formulation.exact import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.problem import MixedProblem
-
-_linalg: Any = scipy.linalg  # its types are incomplete
 
 _TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -74,11 +72,11 @@ def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rat
         starts.append(np.eye(1, taylor)[0])
         directions.append([np.eye(taylor, k=k) for k in range(taylor)])
     start = np.concatenate(starts)
-    V = solve_stein(pair.A.T, _linalg.block_diag(*blocks), pair.c.T @ start[None, :])
+    V = solve_stein(pair.A.T, scipy.linalg.block_diag(*blocks), pair.c.T @ start[None, :])
     zeros = [np.zeros_like(block) for block in blocks]
     basis = np.stack(
         [
-            _linalg.block_diag(*zeros[:i], direction, *zeros[i + 1 :])
+            scipy.linalg.block_diag(*zeros[:i], direction, *zeros[i + 1 :])
             for i, group in enumerate(directions)
             for direction in group
         ]
@@ -99,7 +97,7 @@ class ClassicalMap(PairMap):
         form, n = self.form, self.pair.order
         both = np.zeros((n, 2 * n, 2 * n))
         both[:, :n, n:], both[:, n:, :n] = form.data_basis, form.data_basis.transpose(0, 2, 1)
-        constant = _linalg.block_diag(np.linalg.inv(form.gram), form.gram)
+        constant = scipy.linalg.block_diag(np.linalg.inv(form.gram), form.gram)
 
         def multiplier(Z: list[NDArray[np.float64]]) -> NDArray[np.float64]:
             return -2 * np.linalg.inv(form.V).T @ Z[0][:n, n:] @ form.V.T

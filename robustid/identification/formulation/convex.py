@@ -14,8 +14,6 @@ from robustid.core import Frozen
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConvexData(Frozen):
@@ -91,7 +89,7 @@ class ConvexData(Frozen):
         """The p of q; those that rounding has put outside of their interval are put back."""
         p = self.origin.copy()
         if q.size:
-            p[self._loose] += _linalg.solve_triangular(self.orthonormal[1], q)
+            p[self._loose] += scipy.linalg.solve_triangular(self.orthonormal[1], q)
         return np.clip(p, *self.rows.ends.T)
 
     def orthonormal_parameters(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,7 +106,7 @@ class ConvexData(Frozen):
     def direction(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
         """The w with w'q = along'(p - origin)."""
         R = self.orthonormal[1]
-        return _linalg.solve_triangular(R, along[self._loose], trans=1) if R.size else np.zeros(0)
+        return scipy.linalg.solve_triangular(R, along[self._loose], trans=1) if R.size else np.zeros(0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -14,8 +14,6 @@ from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, DenseColumns
 from robustid.identification.problem import MixedProblem
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 EntryColumns = Callable[[NDArray[np.bool_], float, float, NDArray[np.float64], NDArray[np.complex128] | None], Columns]
 
 _SHORT = 1000  # samples; above, responses come by FFT: a matrix of all delays takes too much memory
@@ -79,5 +77,5 @@ class Functions(abc.ABC):
 def filtered_by(u: NDArray[np.float64], impulse: NDArray[np.float64]) -> NDArray[Any]:
     """Responses to u of systems with these impulse responses (T, m), from zero initial conditions."""
     if u.size <= _SHORT:
-        return _linalg.toeplitz(u, np.zeros(u.size)) @ impulse
-    return _linalg.matmul_toeplitz((u, np.zeros(u.size)), impulse)
+        return scipy.linalg.toeplitz(u, np.zeros(u.size)) @ impulse
+    return scipy.linalg.matmul_toeplitz((u, np.zeros(u.size)), impulse)

@@ -18,8 +18,6 @@ from robustid.identification.formulation.columns import BlockColumns, ColumnPart
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.problem import MixedProblem
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rows(Frozen):
@@ -115,7 +113,7 @@ def measurement_rows(functions: Functions) -> Rows:
 def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -> Rows:
     """All blocks as one system."""
     entries = problem.entries
-    free = _linalg.block_diag(*(b.free for b in blocks))
+    free = scipy.linalg.block_diag(*(b.free for b in blocks))
     P = np.hstack([np.vstack([b.P for b in blocks]), free])
     y = np.concatenate([b.y for b in blocks])
     E = _joined(blocks, functions.count * entries.count, functions)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,8 +88,6 @@ def _best_zeros(zeta: Complex, weights: Real, pairs: int) -> tuple[complex, ...]
     """
     import scipy.optimize
 
-    optimize: Any = scipy.optimize  # its types are incomplete
-
     angles, deepest = np.abs(np.angle(zeta)), math.log(1 - abs(zeta[0]))
     width = max(float(np.ptp(angles)), 0.01)
 
@@ -115,7 +112,7 @@ def _best_zeros(zeta: Complex, weights: Real, pairs: int) -> tuple[complex, ...]
     start = max(starts, key=lambda v: spare(v).min())
     start[-1] = spare(start).min()
     bounds = [(1e-9, 1.0)] * pairs + [(0.0, np.pi / width)] * pairs + [(None, None)]
-    found = optimize.minimize(
+    found = scipy.optimize.minimize(
         reached,
         start,
         jac=slope,

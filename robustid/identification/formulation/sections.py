@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.fft
@@ -22,8 +22,6 @@ from robustid.identification.formulation.section_choice import shortest_sections
 from robustid.identification.formulation.tails import SHARE, taylor_tail
 from robustid.identification.formulation.taylor import TaylorFormulation
 from robustid.identification.problem import MixedProblem
-
-_fft: Any = scipy.fft  # its types are incomplete
 
 LONGEST_SECTIONS = 1000  # coefficients; minutes begin here, with N x n columns of the frequency points
 
@@ -116,14 +114,12 @@ class SectionsFormulation(Formulation):
         """
         import scipy.signal
 
-        signal: Any = scipy.signal  # its types are incomplete
-
         prior, n, total = self.problem.prior, self.sections.order, np.zeros(u.shape[0])
         slow, fast = [1.0, -1 / prior.decay_rate], [1.0, -(prior.decay_rate**-2.0)]
         for one in u.T:
             v = self._driven(one)[1]
-            energy, size = (np.sqrt(signal.lfilter([1.0], fast, a**2)) for a in (v, one))
-            rounding = 2 * (n + 3) ** 1.5 * np.finfo(float).eps * signal.lfilter([1.0], slow, size)
+            energy, size = (np.sqrt(scipy.signal.lfilter([1.0], fast, a**2)) for a in (v, one))
+            rounding = 2 * (n + 3) ** 1.5 * np.finfo(float).eps * scipy.signal.lfilter([1.0], slow, size)
             total = np.hypot(total, energy + rounding)
         return prior.gain_bound * total
 
@@ -220,7 +216,7 @@ class BlockHankelMap(SymmetricMap):
     def __init__(self, sarason: SectionMap):
         self._map, self.size = sarason, sarason.pair.order
         self._shape = sarason.sections.repeats, sarason.sections.degree
-        self._length = int(_fft.next_fast_len(2 * self._shape[0], real=True) or 0)  # one place beyond is zero
+        self._length = int(scipy.fft.next_fast_len(2 * self._shape[0], real=True) or 0)  # one place beyond is zero
         tau = sarason.sections.section.symmetry()
         self._tau, (self._U, self._V) = tau, (_symmetrised(tau @ part) for part in sarason.maps)
 
@@ -251,15 +247,15 @@ class BlockHankelMap(SymmetricMap):
                 below = (right @ q.transpose(1, 2, 0)).reshape(R, m, m * m)
                 total[k] += above @ below.transpose(0, 2, 1)
         last = slice(M - 1, 2 * M - 1)
-        half = np.asarray(_fft.ifft(total, axis=0, overwrite_x=True))[last]
-        full = np.asarray(_fft.irfft(half, N, axis=1))[:, last].transpose(0, 2, 1, 3).reshape(self.size, self.size)
+        half = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(half, N, axis=1))[:, last].transpose(0, 2, 1, 3).reshape(self.size, self.size)
         return (full + full.T) / 2
 
     def _transform(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
         """(N, m, N/2 + 1, m)."""
         M, m = self._shape
-        half = _fft.rfft(P.reshape(M, m, M, m), self._length, axis=2)
-        return np.asarray(_fft.fft(half, self._length, axis=0, overwrite_x=True))
+        half = scipy.fft.rfft(P.reshape(M, m, M, m), self._length, axis=2)
+        return np.asarray(scipy.fft.fft(half, self._length, axis=0, overwrite_x=True))
 
 
 def _symmetrised(stack: NDArray[np.float64]) -> NDArray[np.float64]:

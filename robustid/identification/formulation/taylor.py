@@ -25,9 +25,6 @@ from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import taylor_interpolants
 from robustid.identification.truncation import balanced_from_impulse
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-_fft: Any = scipy.fft  # its types are incomplete
-
 LONGEST_TAYLOR = 2000  # dense L x L matrices: 32 MB each, a dozen of them, and L^3 work per Newton step
 
 _LONG = 300  # from here on, Hankel products by FFT are quicker than dense ones
@@ -93,7 +90,7 @@ class TaylorFormulation(Formulation):
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to an input, (T, L): the input, delayed."""
-        delayed = _linalg.toeplitz(u, np.zeros(min(self.length, u.size)))
+        delayed = scipy.linalg.toeplitz(u, np.zeros(min(self.length, u.size)))
         padded = np.zeros((u.size, self.length))
         padded[:, : delayed.shape[1]] = delayed
         return self.problem.prior.gain_bound * self.decay * padded
@@ -217,7 +214,7 @@ class HankelMap(SymmetricMap):
 
     def __init__(self, size: int):
         self.size = size
-        self._length = _fft.next_fast_len(2 * size - 1, real=True)
+        self._length = scipy.fft.next_fast_len(2 * size - 1, real=True)
 
     def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """H(x)."""
@@ -237,10 +234,10 @@ class HankelMap(SymmetricMap):
         if self.size < _LONG:
             return self.matrix(x) @ M
         # Rows of H are windows of (0, ..., 0, x): a correlation with the columns of M.
-        spectrum = _fft.rfft(np.concatenate([np.zeros(self.size - 1), x]), self._length)
-        turned = np.asarray(_fft.rfft(M[::-1].T, self._length))
+        spectrum = scipy.fft.rfft(np.concatenate([np.zeros(self.size - 1), x]), self._length)
+        turned = np.asarray(scipy.fft.rfft(M[::-1].T, self._length))
         turned *= np.asarray(spectrum)
-        return np.asarray(_fft.irfft(turned, self._length))[:, self.size - 1 : 2 * self.size - 1].T
+        return np.asarray(scipy.fft.irfft(turned, self._length))[:, self.size - 1 : 2 * self.size - 1].T
 
     def curvature(self, pairs: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> NDArray[np.float64]:
         """Sum of tr(H_i P H_j Q)."""
@@ -250,13 +247,13 @@ class HankelMap(SymmetricMap):
             product *= self._transform(Q)
             total = product if total is None else total + product
         last = slice(self.size - 1, 2 * self.size - 1)
-        rows = np.asarray(_fft.ifft(total, axis=0, overwrite_x=True))[last]
-        full = np.asarray(_fft.irfft(rows, self._length))[:, last]
+        rows = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(rows, self._length))[:, last]
         return (full + full.T) / 2
 
     def _transform(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Two-dimensional transform of P with zeros around; the zero rows are left out where they can be."""
-        return np.asarray(_fft.fft(_fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
+        return np.asarray(scipy.fft.fft(scipy.fft.rfft(P, self._length), self._length, axis=0, overwrite_x=True))
 
 
 class HankelProducts(EntryProducts):
@@ -264,7 +261,7 @@ class HankelProducts(EntryProducts):
 
     def __init__(self, order: int):
         self._n = order
-        self._length = int(_fft.next_fast_len(2 * self._n - 1, real=True) or 0)
+        self._length = int(scipy.fft.next_fast_len(2 * self._n - 1, real=True) or 0)
         self._map = HankelMap(self._n)
 
     def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -286,9 +283,9 @@ class HankelProducts(EntryProducts):
         total += P[1, 1][a, c] * Q[2, 2][b, d]
         total += P[1, 2][a, d] * Q[2, 1][b, c]
         last = slice(self._n - 1, 2 * self._n - 1)
-        rows = np.asarray(_fft.ifft(total, axis=0, overwrite_x=True))[last]
-        return np.asarray(_fft.irfft(rows, self._length))[:, last]
+        rows = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        return np.asarray(scipy.fft.irfft(rows, self._length))[:, last]
 
     def _transform(self, blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
-        half = _fft.rfft(blocks, self._length, axis=-1)
-        return np.asarray(_fft.fft(half, self._length, axis=-2, overwrite_x=True))
+        half = scipy.fft.rfft(blocks, self._length, axis=-1)
+        return np.asarray(scipy.fft.fft(half, self._length, axis=-2, overwrite_x=True))

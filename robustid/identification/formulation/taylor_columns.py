@@ -16,10 +16,6 @@ from robustid.core import freeze
 from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, Design
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-_fft: Any = scipy.fft  # its types are incomplete
-_sparse: Any = scipy.sparse
-
 _TABLE = 2**21  # complex entries of a generated block of frequency points: 32 MiB
 _WIDTH = 16  # grid points under the kernel: 14 digits at twofold oversampling
 _SHAPE = 2.3 * _WIDTH
@@ -163,7 +159,7 @@ class ShiftDesign(Design):
                 )
             toeplitz = np.real(self._short.over_angles(columns.gain**2 * first))
             hankel = np.real(self._long.over_angles(columns.gain**2 * second))
-            both = _linalg.toeplitz(toeplitz) + np.lib.stride_tricks.sliding_window_view(hankel, L)
+            both = scipy.linalg.toeplitz(toeplitz) + np.lib.stride_tricks.sliding_window_view(hankel, L)
             inner += both * columns.decay * columns.decay[:, None]
         if not self._Q.shape[1]:
             return inner
@@ -206,7 +202,7 @@ class NonuniformSums:
 
     def __init__(self, angles: NDArray[np.float64], count: int):
         self.count = count
-        self._grid = int(_fft.next_fast_len(max(2 * count, 2 * _WIDTH)) or 0)
+        self._grid = int(scipy.fft.next_fast_len(max(2 * count, 2 * _WIDTH)) or 0)
         h = 2 * np.pi / self._grid
         # Exponents run around 0 on the grid, where the kernel's transform is largest.
         self._centre = count // 2
@@ -217,7 +213,7 @@ class NonuniformSums:
         values = np.exp(_SHAPE * (np.sqrt(np.maximum(1 - distance**2, 0.0)) - 1))
         rows = np.arange(0, places.size + 1, _WIDTH)
         shape = (angles.size, self._grid)
-        self._kernel = _sparse.csr_array((values.ravel(), (places % self._grid).ravel(), rows), shape=shape)
+        self._kernel = scipy.sparse.csr_array((values.ravel(), (places % self._grid).ravel(), rows), shape=shape)
         self._spread = self._kernel.T.tocsr()
         nodes, weights = np.polynomial.legendre.leggauss(4 * _WIDTH)
         exponents = np.arange(count) - self._centre
@@ -228,10 +224,10 @@ class NonuniformSums:
     def over_angles(self, weights: NDArray[Any]) -> NDArray[Any]:
         """sum_k weights_k exp(-i m theta_k) for every m, (..., count), of weights (..., F)."""
         gridded = (self._spread @ (weights * self._phase).T).T
-        return np.asarray(_fft.fft(gridded))[..., self._at] * self._correction
+        return np.asarray(scipy.fft.fft(gridded))[..., self._at] * self._correction
 
     def over_exponents(self, weights: NDArray[Any]) -> NDArray[Any]:
         """sum_m weights_m exp(-i m theta_k) for every angle, (F,)."""
         gridded = np.zeros(self._grid, complex)
         gridded[self._at] = weights * self._correction
-        return self._phase * (self._kernel @ np.asarray(_fft.fft(gridded)))
+        return self._phase * (self._kernel @ np.asarray(scipy.fft.fft(gridded)))

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from robustid.core import Real
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 Pair = tuple[Real, NDArray[Any]]
 
 
@@ -153,12 +151,12 @@ def longest_step(factor: Real, direction: Real) -> float:
 
 
 _DENSE = 160  # below, a dense eigenvalue routine is quicker than Lanczos
-_workspace = functools.cache(_linalg.lapack.dsyevr_lwork)
+_workspace = functools.cache(scipy.linalg.lapack.dsyevr_lwork)
 
 
 def _smallest_of_few(factor: Real, direction: Real) -> float:
     """By LAPACK directly: called four times a Newton system, where the checks of SciPy's functions cost as much as the numbers."""
-    upper, lapack = factor.T, _linalg.lapack  # in Fortran's order as it is
+    upper, lapack = factor.T, scipy.linalg.lapack  # in Fortran's order as it is
     half, singular = lapack.dtrtrs(upper, direction, lower=0, trans=1)
     scaled, _ = lapack.dtrtrs(upper, half.T, lower=0, trans=1)
     size, integers, _ = _workspace(len(scaled))
@@ -171,15 +169,14 @@ def _smallest_of_few(factor: Real, direction: Real) -> float:
 
 
 def _smallest(factor: Real, direction: Real) -> float:
-    import scipy.sparse.linalg
+    import scipy.sparse.linalg as arpack
 
     upper = factor.T  # in Fortran's order as it is: no copies
 
     def product(v: Real) -> Real:
-        v = _linalg.blas.dtrsv(upper, v.ravel(), lower=0)
-        return _linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
+        v = scipy.linalg.blas.dtrsv(upper, v.ravel(), lower=0)
+        return scipy.linalg.blas.dtrsv(upper, direction @ v, lower=0, trans=1)
 
-    arpack: Any = scipy.sparse.linalg
     operator = arpack.LinearOperator(direction.shape, matvec=product, dtype=float)
     start = np.ones(direction.shape[0])
     try:

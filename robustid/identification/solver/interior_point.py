@@ -18,8 +18,6 @@ from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
 
-_linalg: Any = scipy.linalg  # its types are incomplete
-
 _log = logging.getLogger("robustid.identification.solver")
 
 _SYSTEMS = 60  # Newton systems per problem: 15 to 30 are usual
@@ -348,7 +346,7 @@ def _inverse(root: Real) -> Real:
     """(LL')^-1."""
     if not root.size:
         return root
-    (invert,) = _linalg.get_lapack_funcs(("potri",), (root,))
+    (invert,) = scipy.linalg.get_lapack_funcs(("potri",), (root,))
     lower, info = invert(root, lower=1)
     if info:
         raise np.linalg.LinAlgError("singular factor")
@@ -359,9 +357,9 @@ def _solver(M: Real) -> Callable[[Real], Real]:
     """M^-1 by Cholesky; where rounding has made M indefinite, with its smallest eigenvalues raised to rounding level."""
     if not M.size:
         return lambda right: right
-    factor, indefinite = _linalg.lapack.dpotrf(M, lower=1, clean=0)  # as in `longest_step`
+    factor, indefinite = scipy.linalg.lapack.dpotrf(M, lower=1, clean=0)  # as in `longest_step`
     if not indefinite:
-        return lambda right: _linalg.lapack.dpotrs(factor, right, lower=1)[0]
+        return lambda right: scipy.linalg.lapack.dpotrs(factor, right, lower=1)[0]
     values, U = np.linalg.eigh(M)
     values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
     return lambda right: U @ ((U.T @ right) / values)
