@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -11,16 +13,27 @@ import scipy.linalg
 
 from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
+from robustid.mfd.block_model import BlockModel
 from robustid.mfd.chains import input_priority
-from robustid.mfd.iteration import FitStep, FractionFit, fit_fraction
+from robustid.mfd.exchange import PER_ROUND, exchange
+from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, reflected
 from robustid.mfd.steps import into_form
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
+# Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
+_CORRELATED = 5.0
+_NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
+_FORMED = 1e-6  # part of the cost that forming the fraction may add
+_WORK = 2e10  # products of equations and squared coordinates that a fit may take before it tries no further way
+_FEW, _MANY = 40, 300  # steps, whatever they cost
+_MUCH = 0.99  # an unstable fit of this part of the cost says that the stability boundary ended the descent
+_STEPS, _BEYOND = 100, 30  # of the refinement; beyond the stability boundary, and back
 _PULLS = 4  # attempts to keep a reflected pole inside after the way back into fraction form
 
 
@@ -32,6 +45,7 @@ class Attempt(NamedTuple):
     start_cost: float
     reflected: int
     unstable_cost: float
+    refined: bool = False  # in state-space coordinates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +57,8 @@ class Settings:
     form: str
     stable: bool
     progress: Callable[[FitStep], None] | None
+    rounds: int = 0  # of the way out of local minima
+    deadline: float = math.inf
 
 
 def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
@@ -60,6 +76,8 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
     if settings.body is not None:
         model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
         problem = rigid_modes(problem, data, model, directions, settings.body)
+    if refinable(problem, settings):
+        return _refined(problem, data, model, settings)
     problem, first = _best_form(problem, model, data, "iv" not in settings.phases)
     fit = fit_fraction(problem, start=first, method="+".join(settings.phases), report=settings.progress)
     if not fit.status.converged and "lm" in settings.phases:
@@ -74,6 +92,122 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
         found = realise(problem, fit.fraction, form=settings.form)
     _check_conditions(problem, found)
     return Attempt(fit, found, problem.cost(first), count if settings.stable else 0, cost)
+
+
+def refinable(problem: FractionProblem, settings: Settings) -> bool:
+    """Tell whether a state space can keep what is asked for; constraints on coefficients need the fraction."""
+    free = not problem.conditions and problem.roll_off == 1 and not np.any(problem.zeros)
+    return settings.phases == ["lm"] and free and (problem.rigid is None or problem.rigid.outside)
+
+
+def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
+    """The attempt in state-space coordinates; the fraction is formed of its end."""
+    start_cost = _distance(problem, data, model)
+    if len(model.A) != problem.order:
+        form, first = _best_form(problem, model, data, True)
+        model = realise(form, first).matrices
+    refined, count, free_cost = _descended(problem, data, model, settings)
+    fitted = refined.fitted
+    end = fitted.state_space(problem.scale)
+    if _flipped(problem):
+        end = StateMatrices(end.A.T, end.C.T, end.B.T, end.D.T)
+    if problem.rigid is not None:
+        problem = dataclasses.replace(
+            problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
+        )
+    problem, nodes = _best_form(problem, end, data, True)
+    fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
+    if fit.cost > max((1 + _FORMED) * fitted.cost, problem.rounding):
+        # Not a generic system: its degrees aren't those of the staircase.
+        admit = functools.partial(_admitted, problem, data) if settings.stable else None
+        fit = fit_fraction(problem, start=nodes, method="lm", admit=admit, report=settings.progress)
+        fit = dataclasses.replace(fit, history=refined.history + fit.history)
+    return Attempt(fit, realise(problem, fit.fraction, form=settings.form), start_cost, count, free_cost, True)
+
+
+def _flipped(problem: FractionProblem) -> bool:
+    """Tell whether the transposed response is refined: the larger side is the one that is projected out."""
+    return problem.rigid is None and problem.values.shape[2] > problem.values.shape[1]
+
+
+def _descended(
+    problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings
+) -> tuple[Refined, int, float]:
+    """End of the refinement; number and cost of the unstable poles of a better fit without stability."""
+    rigid, scale = problem.rigid, problem.scale
+    if _flipped(problem):
+        problem, data = problem.transposed(), data.transposed()
+        model = StateMatrices(model.A.T, model.C.T, model.B.T, model.D.T)
+    directions = free = None
+    flexible = len(model.A)
+    if rigid is not None:
+        flexible -= 2 * rigid.count
+        directions, free = rigid.directions, np.zeros(rigid.directions.shape, dtype=bool)
+        free[:, np.setdiff1d(np.arange(problem.values.shape[2]), rigid.pivots)] = rigid.free
+    A, B = model.A[:flexible, :flexible] / scale, model.B[:flexible] / scale
+    start = BlockModel.of(A, B, discrete=problem.dt is not None, directions=directions, free=free)
+    budget = Budget(settings.deadline, settings.progress)
+    if settings.stable:
+        inside, outputs = start.reflected(), Outputs(problem)
+        start = min(inside, inside.resolved(problem.xi), key=lambda model: outputs.fitted(model).cost)
+    steps = _allowance(problem)
+    found = refine(problem, start, stable=settings.stable, limit=min(_STEPS, steps), budget=budget)
+    rounds = min(settings.rounds, (steps - len(found.history)) // PER_ROUND)
+    if rounds > 0 and suspicious(problem, found.fitted.response, found.status):
+        found = exchange(problem, data, found, stable=settings.stable, rounds=rounds, budget=budget)
+        steps -= rounds * PER_ROUND
+    left = steps - len(found.history)
+    if found.status is FitStatus.SLOW and left > 0 and not budget.spent:
+        more = refine(problem, found.fitted.model, stable=settings.stable, limit=left, patient=True, budget=budget)
+        found = more._replace(history=found.history + more.history)
+    if settings.stable and found.bound and found.status is not FitStatus.INTERRUPTED and not budget.spent:
+        return _beyond(problem, found, budget)
+    return found, 0, np.nan
+
+
+def _allowance(problem: FractionProblem) -> int:
+    """Number of steps, by what one costs: the same on every machine, some seconds on most."""
+    directions = problem.order * min(problem.values.shape[1:])
+    return int(np.clip(_WORK / (problem.equations * directions**2), _FEW, _MANY))
+
+
+def _beyond(problem: FractionProblem, found: Refined, budget: Budget) -> tuple[Refined, int, float]:
+    """What the criterion would fall by without stability; the way back from there may end lower than the way along."""
+    free = refine(problem, found.fitted.model, stable=False, limit=_BEYOND, budget=budget._replace(report=None))
+    poles = free.fitted.model.poles
+    unstable = int(np.sum(np.abs(poles) >= 1 if problem.dt is not None else poles.real >= 0))
+    back = refine(problem, free.fitted.model.resolved(problem.xi), stable=True, limit=_BEYOND, budget=budget)
+    if back.fitted.cost < found.fitted.cost:
+        found = back._replace(history=found.history + back.history)
+    if not unstable or free.fitted.cost >= found.fitted.cost:
+        return found, 0, np.nan
+    if free.fitted.cost < _MUCH * found.fitted.cost:
+        found = found._replace(status=FitStatus.BOUNDARY)
+    return found, unstable, free.fitted.cost
+
+
+def suspicious(problem: FractionProblem, response: np.ndarray, status: FitStatus) -> bool:
+    """Tell whether the residual still has a shape over frequency: a mode missed by a poor start, or an order too small."""
+    residual = problem.residual(response)
+    size = float(np.linalg.norm(residual)) ** 2
+    if size <= (_NOTHING_LEFT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2:
+        return False
+    if not status.converged:
+        return True
+    correlation = float(np.real(np.vdot(residual[1:], residual[:-1]))) / size
+    return correlation * np.sqrt(2 * np.count_nonzero(residual)) > _CORRELATED
+
+
+def _distance(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
+    """Cost of a state space."""
+    cost = float(np.linalg.norm(problem.residual(response_at(model, data.points)))) ** 2
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _admitted(problem: FractionProblem, data: Samples, fraction: NodeFraction) -> NodeFraction | None:
+    """The fraction, or one with its unstable poles reflected."""
+    model = realise(problem, fraction)
+    return _reflection(problem, fraction, model, data, pulls=1) if np.any(unstable_poles(model)) else fraction
 
 
 def _check_conditions(problem: FractionProblem, found: FractionModel) -> None:
@@ -129,11 +263,7 @@ def _stabilised(
     settings: Settings,
 ) -> FractionFit:
     """Descend among the stable models, from the fit with its poles reflected or from where it began."""
-
-    def admit(fraction: NodeFraction) -> NodeFraction | None:
-        model = realise(problem, fraction)
-        return _reflection(problem, fraction, model, data, pulls=1) if np.any(unstable_poles(model)) else fraction
-
+    admit = functools.partial(_admitted, problem, data)
     starts = [_reflection(problem, fit.fraction, found, data), first if admit(first) is first else None]
     begin = min((start for start in starts if start is not None), key=problem.cost, default=None)
     if begin is None:

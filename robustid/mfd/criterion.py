@@ -107,6 +107,19 @@ class Weight(Frozen):
             weighted = weighted @ self.input
         return self._finish((self.entries * weighted).transpose(0, 2, 1)[..., None])[..., 0]
 
+    def apply_all(self, changes: np.ndarray) -> np.ndarray:
+        """W(k) vec(R_t(k)) for T residuals at once, (F, ny, nu, T): (F, ny*nu, T)."""
+        if self.output is not None:
+            changes = np.einsum("kab,kbjt->kajt", self.output, changes, optimize=True)
+        if self.input is not None:
+            changes = np.einsum("kijt,kjl->kilt", changes, self.input, optimize=True)
+        return self._finish((self.entries[..., None] * changes).transpose(0, 2, 1, 3))
+
+    @property
+    def entries_only(self) -> bool:
+        """True where the weight is one number an entry, so that outputs don't mix."""
+        return self.output is None and self.input is None and self.matrix is None
+
     def linearised(self, inverse: np.ndarray, left: np.ndarray) -> np.ndarray:
         """``W(k) (inverse^T kron left)``, the columns that a linearisation needs, without forming Kronecker products.
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable
+from robustid.core import Frozen, Savable, as_positive
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.mfd.attempt import Attempt, Settings, attempt, unstable_poles
+from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
@@ -24,9 +26,7 @@ from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
 
-# Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
-_CORRELATED = 5.0
-_NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
+_ROUNDS = 3  # of adding a mode and taking the least important one away, where a fit may have missed one
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -143,12 +143,15 @@ def fit_mfd(
     constraints: Iterable[Constraint] = (),
     stable: bool = True,
     restart: bool = True,
+    time_limit: float | None = None,
     progress: Callable[[FitStep], None] | None = None,
 ) -> MatrixFraction:
     """Fit a matrix fraction of a given McMillan degree by least squares on the weighted residuals.
 
-    Subspace estimate, brought into fraction form by Sanathanan-Koerner steps on its noise-free response, then
-    Levenberg-Marquardt, all in polynomials that these data make orthonormal: every normal matrix has condition number one.
+    Subspace estimate, then Levenberg-Marquardt in local coordinates of the realisation whose tangent space is made
+    orthonormal; the end is brought into fraction form by Sanathanan-Koerner steps on its noise-free response, in polynomials
+    that these data make orthonormal. With constraints on the coefficients, and other methods than "lm", the descent is one
+    of fractions in these polynomials. Every normal matrix has condition number one.
 
     Parameters
     ----------
@@ -178,8 +181,11 @@ def fit_mfd(
     stable : bool
         Reflect unstable poles of the best fit and refine within the stable models. False: leave them.
     restart : bool
-        Try a second start, the strongest modes of a richer fit, where the first one ends without convergence or with
-        residuals that are correlated over frequency; the better end is kept. It takes two to three times as long.
+        Where the first descent ends without convergence or with residuals that are correlated over frequency: add a mode
+        that the residual asks for, refine, take the least important mode away, refine; the best end is kept. It takes
+        two to four times as long.
+    time_limit : float, optional
+        Seconds after which the best model so far is returned, with the status that says so; so does Ctrl-C.
     progress : callable, optional
         Called with every FitStep.
 
@@ -205,14 +211,16 @@ def fit_mfd(
     >>> fit.model.nstates, fit.stable, fit.status.converged
     (2, True, True)
     """
+    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
     problem, data, form = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
-    settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress)
+    rounds = _ROUNDS if restart else 0
+    settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
     for constraint in as_constraints(constraints):
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
-    best = attempt(problem, data, first_model(problem, data, start, form, rigid_body), settings)
-    if restart and _suspicious(best):
+    best = attempt(problem, data, first_model(problem, data, start, form, rigid_body, deadline), settings)
+    if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
         if (
             other is not None
@@ -239,21 +247,10 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Atte
     try:
         richer = dataclasses.replace(problem, order=problem.order + EXTRA)
         quiet = dataclasses.replace(settings, progress=None)
-        found = attempt(richer, data, first_model(richer, data, None, settings.form, settings.body), quiet).found
+        found = attempt(
+            richer, data, first_model(richer, data, None, settings.form, settings.body, settings.deadline), quiet
+        ).found
     except (InputError, np.linalg.LinAlgError):
         return None
     model = strongest(found, data, problem.feedthrough)
     return None if model is None else attempt(problem, data, model, settings)
-
-
-def _suspicious(ended: Attempt) -> bool:
-    """Tell whether the residual still has a shape over frequency: a mode missed by a poor start, or an order too small."""
-    fit = ended.fit
-    residual = fit.problem.residual(fit.fraction.response)
-    size = float(np.linalg.norm(residual)) ** 2
-    if size <= (_NOTHING_LEFT * float(np.linalg.norm(fit.problem.weight.apply(fit.problem.values)))) ** 2:
-        return False
-    if not fit.status.converged:
-        return True
-    correlation = float(np.real(np.vdot(residual[1:], residual[:-1]))) / size
-    return correlation * np.sqrt(2 * np.count_nonzero(residual)) > _CORRELATED

@@ -43,11 +43,14 @@ class FitStatus(enum.Enum):
     STATIONARY = "converged: the gradient of the criterion vanishes at the model, within 1 % of what noise does to it"
     FLAT = "converged: a full step no longer lowers the criterion, but for rounding or a part of what noise does to it"
     EXACT = "exact: the model passes through the data to 1e-10"
+    SLOW = "almost converged: the last steps lowered the criterion by less than 0.1 % together"
     BOUNDARY = "at the stability boundary: the criterion falls further only through unstable poles"
     LIMIT = (
         "not converged: the iteration limit was reached; fit again with `start` = the model found, to go on from there"
     )
     STALLED = "not converged: no step along the Gauss-Newton direction lowers the criterion; give another `start`"
+    TIME = "stopped at the time limit: the best model so far; give a larger `time_limit`, or `start` = the model found"
+    INTERRUPTED = "interrupted: the best model so far; fit again with `start` = the model found, to go on from there"
 
     @property
     def converged(self) -> bool:
@@ -60,7 +63,7 @@ class FitStep(NamedTuple):
 
     method: str  # as in `fit_fraction`
     cost: float  # criterion after the step, sum |W vec(P_o - P)|^2
-    condition: float  # of the normal matrix of the step
+    condition: float  # of the normal matrix that the step solved for coefficients
     step: float  # 1 for a full step, less when damped
     slope: float  # before the step: part of the residual in the tangent space (gn, lm); nan (sk, iv)
 

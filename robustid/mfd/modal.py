@@ -99,12 +99,8 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     origin = 1.0 if system.dt else 0.0
     if not len(A):
         return ModalForm(system, (), 0, np.zeros((0, 0)), 1.0, 0.0)
-    balanced, scaling = scipy.linalg.matrix_balance(A, permute=False)
-    T, Z = scipy.linalg.schur(balanced, output="real")[:2]
-    poles = schur_poles(T)
-    parts, rigid = _split(T, Z, poles, origin)
-    right = scaling @ np.hstack([part.right for part in parts])
-    left = np.vstack([part.left for part in parts]) @ np.linalg.inv(scaling)
+    parts, rigid, poles = modal_parts(A, origin)
+    right, left = np.hstack([part.right for part in parts]), np.vstack([part.left for part in parts])
     ends = np.cumsum([0, *(len(part.block) for part in parts)])
     blocks = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
     result = _state_space(
@@ -115,7 +111,18 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     return ModalForm(result, blocks, rigid, right, condition, _response_error(system, result, flexible))
 
 
-class _Part(NamedTuple):
+def modal_parts(A: np.ndarray, origin: float) -> tuple[list[ModalPart], int, np.ndarray]:
+    """Groups of poles with their invariant subspaces, the rigid body first; its number of states; all poles."""
+    balanced, scaling = scipy.linalg.matrix_balance(A, permute=False)
+    T, Z = scipy.linalg.schur(balanced, output="real")[:2]
+    poles = schur_poles(T)
+    parts, rigid = _split(T, Z, poles, origin)
+    scales = np.diagonal(scaling)
+    scaled = [part._replace(right=scales[:, None] * part.right, left=part.left / scales) for part in parts]
+    return scaled, rigid, poles
+
+
+class ModalPart(NamedTuple):
     """A group of poles: ``left A = block left``, ``A right = right block``, ``left right = I``."""
 
     members: np.ndarray
@@ -123,9 +130,9 @@ class _Part(NamedTuple):
     right: np.ndarray
     left: np.ndarray
 
-    def changed(self, basis: np.ndarray, block: np.ndarray) -> _Part:
+    def changed(self, basis: np.ndarray, block: np.ndarray) -> ModalPart:
         """The part in another basis of the same subspaces, where the block is known."""
-        return _Part(self.members, block, self.right @ basis, np.linalg.solve(basis, self.left))
+        return ModalPart(self.members, block, self.right @ basis, np.linalg.solve(basis, self.left))
 
 
 def schur_poles(T: np.ndarray) -> np.ndarray:
@@ -137,7 +144,7 @@ def schur_poles(T: np.ndarray) -> np.ndarray:
     return poles
 
 
-def _split(T: np.ndarray, Z: np.ndarray, poles: np.ndarray, origin: float) -> tuple[list[_Part], int]:
+def _split(T: np.ndarray, Z: np.ndarray, poles: np.ndarray, origin: float) -> tuple[list[ModalPart], int]:
     """Groups as small as well-conditioned projectors allow, by distance; size of the rigid body, which comes first."""
     starts = np.flatnonzero(np.r_[True, np.diag(T, -1) == 0])
     groups = [np.arange(a, b) for a, b in zip(starts, np.r_[starts[1:], len(T)], strict=True)]
@@ -146,7 +153,7 @@ def _split(T: np.ndarray, Z: np.ndarray, poles: np.ndarray, origin: float) -> tu
     rigid, held = _rigid_body(T, Z, groups, distance, origin)
     if held:
         groups = [np.sort(np.concatenate(groups[:held])), *groups[held:]]
-    parts: dict[bytes, _Part] = {}
+    parts: dict[bytes, ModalPart] = {}
     while True:
         for group in groups:
             if group.tobytes() not in parts:
@@ -171,7 +178,7 @@ def _gap(some: np.ndarray, others: np.ndarray) -> float:
 
 def _rigid_body(
     T: np.ndarray, Z: np.ndarray, groups: list[np.ndarray], distance: np.ndarray, origin: float
-) -> tuple[_Part | None, int]:
+) -> tuple[ModalPart | None, int]:
     """The part of the rigid body, if rounding alone keeps it from being exact, and the number of groups to hold."""
     size = float(np.linalg.norm(T, 2))
     far = np.array([*(distance[group[0]] for group in groups), np.inf])
@@ -186,7 +193,7 @@ def _rigid_body(
     return None, int(close[-1]) + 1 if close.size else 0
 
 
-def _chains(part: _Part, origin: float, tolerance: float) -> _Part | None:
+def _chains(part: ModalPart, origin: float, tolerance: float) -> ModalPart | None:
     """The part as exact chains of one or two integrators, if it is that up to the tolerance."""
     k = len(part.block)
     U, sizes, Vt = np.linalg.svd(part.block - origin * np.eye(k))
@@ -204,7 +211,7 @@ def _chains(part: _Part, origin: float, tolerance: float) -> _Part | None:
     return part.changed(np.hstack([U[:, :rank] * root, Vt[:rank].T / root, rest]), block)
 
 
-def _rotation(part: _Part) -> _Part:
+def _rotation(part: ModalPart) -> ModalPart:
     """A conjugate pair as [[a, b], [-b, a]] with b > 0; every other part as it is."""
     M = part.block
     if len(M) != 2 or M[0, 1] * M[1, 0] >= 0:
@@ -215,11 +222,11 @@ def _rotation(part: _Part) -> _Part:
     return part.changed(np.diag([1.0, scale]), block)
 
 
-def _part(T: np.ndarray, Z: np.ndarray, members: np.ndarray) -> _Part:
+def _part(T: np.ndarray, Z: np.ndarray, members: np.ndarray) -> ModalPart:
     """Invariant subspaces of the chosen poles."""
     n, k = len(T), members.size
     if k == n:
-        return _Part(members, T, Z, Z.T)
+        return ModalPart(members, T, Z, Z.T)
     chosen = np.zeros(n, dtype=np.int32)
     chosen[members] = 1
     (reorder,) = scipy.linalg.get_lapack_funcs(("trsen",), (T, Z))
@@ -228,7 +235,7 @@ def _part(T: np.ndarray, Z: np.ndarray, members: np.ndarray) -> _Part:
         raise np.linalg.LinAlgError("poles too close to be reordered")
     # [I Y] S = S_11 [I Y] with S_11 Y - Y S_22 = S_12
     Y = scipy.linalg.solve_sylvester(S[:k, :k], -S[k:, k:], S[:k, k:])
-    return _Part(members, S[:k, :k], Q[:, :k], Q[:, :k].T + Y @ Q[:, k:].T)
+    return ModalPart(members, S[:k, :k], Q[:, :k], Q[:, :k].T + Y @ Q[:, k:].T)
 
 
 def _state_space(system: Any, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weight
 EXTRA = 2  # states that the richer fit has more
 
 
-def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
+def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list[StateMatrices]:
     """Subspace estimates: with the entries' weights, with those of the noise, and relative, where they are something else.
 
     The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
@@ -33,9 +35,20 @@ def _estimates(problem: FractionProblem, data: Samples) -> list[StateMatrices]:
     ratio = data.weight[used & (size > 0)] * size[used & (size > 0)]
     if np.all(size[used] > 0) and ratio.size and ratio.max() > _SAME_WEIGHT * ratio.min():
         weights.append(relative)
-    options = {"feedthrough": problem.feedthrough, "domain": data.domain}
-    found = [subspace_estimate(data.values, data.points, problem.order, weight=w, **options) for w in weights]
-    return [StateMatrices(one.A, one.B, one.C, one.D) for one in found]
+    found: list[StateMatrices] = []
+    for weight in weights:
+        if not found or time.monotonic() < deadline:
+            one = subspace_estimate(
+                data.values,
+                data.points,
+                problem.order,
+                weight=weight,
+                feedthrough=problem.feedthrough,
+                domain=data.domain,
+                deadline=deadline,
+            )
+            found.append(StateMatrices(one.A, one.B, one.C, one.D))
+    return found
 
 
 def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
@@ -56,11 +69,11 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
 
 
 def first_model(
-    problem: FractionProblem, data: Samples, start: Any, form: str, body: RigidBody | None
+    problem: FractionProblem, data: Samples, start: Any, form: str, body: RigidBody | None, deadline: float = math.inf
 ) -> StateMatrices:
     """The subspace estimate, the model that was given, or what SK makes of poles."""
     if start is None:
-        return min(_estimates(problem, data), key=lambda model: _start_cost(problem, data, model))
+        return min(_estimates(problem, data, deadline), key=lambda model: _start_cost(problem, data, model))
     import control
 
     if not isinstance(start, control.StateSpace):

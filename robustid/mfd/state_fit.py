@@ -23,6 +23,12 @@ class Samples(NamedTuple):
     domain: str
     noise: np.ndarray | None = None  # (F, ny, nu)
 
+    def transposed(self) -> Samples:
+        """Samples of the transposed response."""
+        values, weight = self.values.transpose(0, 2, 1), self.weight.transpose(0, 2, 1)
+        noise = None if self.noise is None else self.noise.transpose(0, 2, 1)
+        return self._replace(values=values, weight=weight, noise=noise)
+
 
 def diagonal_blocks(*blocks: np.ndarray) -> np.ndarray:
     """Block-diagonal matrix."""
@@ -52,8 +58,7 @@ def fit_inputs(data: Samples, A: np.ndarray, C: np.ndarray, feedthrough: bool) -
 
 def fit_outputs(data: Samples, A: np.ndarray, B: np.ndarray, feedthrough: bool) -> tuple[np.ndarray, np.ndarray]:
     """C, D by weighted linear least squares, one problem per output."""
-    flipped = data._replace(values=data.values.transpose(0, 2, 1), weight=data.weight.transpose(0, 2, 1))
-    C, D, _ = fit_inputs(flipped, A.T, B.T, feedthrough)
+    C, D, _ = fit_inputs(data.transposed(), A.T, B.T, feedthrough)
     return C.T, D.T
 
 

@@ -16,6 +16,7 @@ from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polyn
 # Equations that contradict each other leave this much of themselves.
 _CONTRADICTION = 1e-6
 _RETRACTIONS = 8  # cheap SK steps on a noise-free response; two suffice up to order 40
+_REPRODUCED = 1e-3  # of what counts as an exact fit: a response reproduced to this needs no further step
 _FREE = 1e8  # times easier for polynomials that vanish on the data
 _LINES = 100  # that hold a relaxed fraction away from zero; all of them would cost as much as the basis
 
@@ -154,6 +155,7 @@ def retract(
     """
     target = dataclasses.replace(problem, values=response)
     best, error = None, np.inf
+    rounding = target.rounding * _REPRODUCED**2
     for step in range(columnwise + steps):
         try:
             if step < columnwise:
@@ -167,6 +169,8 @@ def retract(
         reached = target.cost(fraction)
         if best is None or reached < error:
             best, error = fraction, reached
+        if error <= rounding and step > 0:
+            break
         denominators, held = fraction.denominators, fraction.held
     if best is None:
         raise InputError("`steps` must be at least 1")

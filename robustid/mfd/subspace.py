@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 
 import numpy as np
 import scipy.linalg
@@ -56,6 +57,7 @@ def subspace_estimate(
     feedthrough: bool = False,
     domain: str = "s",
     stable: bool = True,
+    deadline: float = math.inf,
 ) -> SubspaceEstimate:
     """A state-space model of given order from samples on any grid, by one singular value decomposition.
 
@@ -82,6 +84,8 @@ def subspace_estimate(
     domain : {"s", "z"}
     stable : bool
         Reflect unstable poles at the stability boundary and fit B and D anew.
+    deadline : float
+        Time, of `time.monotonic`, after which nothing further is tried.
 
     Returns
     -------
@@ -121,6 +125,8 @@ def subspace_estimate(
     best = None
     for rows in _block_row_sizes(data, order, block_rows):
         for poles in pole_choices(data.points, rows - 1, domain):
+            if best is not None and time.monotonic() > deadline:
+                return best
             A, C, singular_values = _dynamics(data, order, poles)
             A, Z = scipy.linalg.schur(A, output="real")[:2]
             C = C @ Z

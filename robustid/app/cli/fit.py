@@ -41,6 +41,9 @@ def fit(
     ] = False,
     points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
+    time_limit: Annotated[
+        float | None, typer.Option(help="Seconds after which the best model so far is taken; so does Ctrl-C.")
+    ] = None,
     response: Annotated[ResponseSource, only("dt", "unit", "fields")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
@@ -64,6 +67,7 @@ def fit(
     console = terminal.console()
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "feedthrough": feedthrough}
+    asked["time_limit"] = time_limit
     asked["rigid_body"] = RigidBody(rigid_body) if rigid_body else None
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}

@@ -19,7 +19,10 @@ _WORDS = {
     FitStatus.FLAT: ("consistent", "Converged"),
     FitStatus.EXACT: ("consistent", "Exact"),
     FitStatus.BOUNDARY: ("weak", "At the stability boundary"),
+    FitStatus.SLOW: ("weak", "Almost converged"),
     FitStatus.LIMIT: ("undecided", "Not converged"),
+    FitStatus.TIME: ("undecided", "Stopped at the time limit"),
+    FitStatus.INTERRUPTED: ("undecided", "Interrupted"),
     FitStatus.STALLED: ("undecided", "Not converged"),
 }
 SIGMA = (

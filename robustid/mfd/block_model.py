@@ -1,0 +1,359 @@
+"""A realisation in real blocks of two poles: its states, its tangent space modulo similarities, its steps."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Frozen, freeze
+from robustid.mfd.chains import chain
+from robustid.mfd.modal import modal_parts
+from robustid.mfd.state_fit import diagonal_blocks
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# A step takes a pole at most this part of its way to the stability boundary.
+_KEPT = 0.1
+# A mode whose damping is below this part of the spacing of the frequency points is one that they don't resolve.
+RESOLVED = 0.02
+_EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes) no pole goes
+_DOUBLE = 1e-2  # a block of a double pole is coupled by this part of the pole's distance from the boundary
+
+
+_LEAST_COUPLING = 1e-6  # of a block of a double pole on the stability boundary
+_PAIRED = ("centre", "coupling", "fall", "inputs")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BlockModel(Frozen):
+    """A and B of a realisation: blocks ``[[a, s], [-v, a]]`` of two poles ``a ± sqrt(-s v)``, single poles, chains.
+
+    The coupling s is fixed, so that a complex pair becomes two real poles smoothly where v passes zero. Modulo
+    similarities the model has n*nu coordinates in (A, B): two a block for its poles, and what of the inputs isn't moved by
+    the block's commutant (I and the off-diagonal part of the block), which C takes up. With C, n*(ny + nu) in all: the
+    dimension of the model set.
+
+    Attributes
+    ----------
+    centre, coupling, fall : (m,) arrays
+        a, s and v of the blocks.
+    inputs : (m, 2, nu) array
+        B of the blocks, of norm one.
+    single : (r,) array
+        Real poles without a partner.
+    single_inputs : (r, nu) array
+    directions : (count, nu) array
+        Velocity rows of the rigid-body chains (count may be 0).
+    free : (count, nu) bool array
+        Entries of the directions that are refined.
+    discrete : bool
+    """
+
+    centre: Real
+    coupling: Real
+    fall: Real
+    inputs: Real
+    single: Real
+    single_inputs: Real
+    directions: Real
+    free: NDArray[np.bool_]
+    discrete: bool
+
+    def __post_init__(self) -> None:
+        self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "discrete"})
+
+    @classmethod
+    def of(cls, A: Real, B: Real, *, discrete: bool, directions: Real | None = None, free: Any = None) -> BlockModel:
+        """Blocks of a state space in the unit of the nodes, and chains of integrators that these directions drive."""
+        nu = B.shape[1]
+        directions = np.zeros((0, nu)) if directions is None else directions
+        free = np.zeros(directions.shape, dtype=bool) if free is None else free
+        pairs, single, single_inputs = _split(A, B, float(discrete))
+        return cls(
+            np.array([pair.centre for pair in pairs]),
+            np.array([pair.coupling for pair in pairs]),
+            np.array([pair.fall for pair in pairs]),
+            np.array([pair.inputs for pair in pairs]).reshape(-1, 2, nu),
+            single,
+            single_inputs,
+            directions,
+            free,
+            discrete,
+        ).normalised()
+
+    def normalised(self) -> BlockModel:
+        """The same poles and input directions with balanced blocks and inputs of norm one."""
+        product = self.coupling * self.fall
+        s = np.maximum(np.sqrt(np.abs(product)), _DOUBLE * self.distances[: self.centre.size])
+        s = np.maximum(s, _LEAST_COUPLING)
+        ratio = self.coupling / s  # x_2 -> ratio x_2
+        inputs = self.inputs * np.stack([np.ones(ratio.size), ratio], axis=1)[:, :, None]
+        size = np.linalg.norm(inputs, axis=(1, 2), keepdims=True)
+        single = np.linalg.norm(self.single_inputs, axis=1, keepdims=True)
+        return dataclasses.replace(
+            self,
+            coupling=s,
+            fall=product / s,
+            inputs=inputs / np.where(size > 0, size, 1.0),
+            single_inputs=self.single_inputs / np.where(single > 0, single, 1.0),
+        )
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return 2 * self.centre.size + self.single.size + 2 * len(self.directions)
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of the blocks, each pair together, then single ones; without rigid-body modes."""
+        swing = np.sqrt((-self.coupling * self.fall).astype(complex))
+        pairs = np.stack([self.centre + swing, self.centre - swing], axis=1).ravel()
+        return np.concatenate([pairs, self.single]).astype(np.complex128)
+
+    @property
+    def distances(self) -> Real:
+        """Distance of the blocks and of the single poles from the stability boundary, negative outside."""
+        pairs = _distance(self.centre, self.coupling * self.fall, self.discrete)
+        return np.concatenate([pairs, _distance(self.single, np.zeros(self.single.size), self.discrete)])
+
+    def matrices(self) -> tuple[Real, Real]:
+        """A and B."""
+        count, nu = len(self.directions), self.inputs.shape[2]
+        blocks = [np.array([[a, s], [-v, a]]) for a, s, v in zip(self.centre, self.coupling, self.fall, strict=True)]
+        A = diagonal_blocks(*blocks, np.diag(self.single), chain(count, float(self.discrete)))
+        parts = [self.inputs.reshape(-1, nu), self.single_inputs, np.zeros((count, nu)), self.directions]
+        return A, np.concatenate(parts)
+
+    def states(self, xi: Complex) -> Complex:
+        """``(xi I - A)^{-1} B``, (F, n, nu)."""
+        lines, nu = xi.size, self.inputs.shape[2]
+        out = np.empty((lines, self.order, nu), dtype=complex)
+        flexible, m = 2 * self.centre.size, self.single.size
+        first, second = self.inputs[:, 0], self.inputs[:, 1]
+        shifted, inverse = self._resolvent(xi)
+        out[:, 0:flexible:2] = inverse[..., None] * (shifted[..., None] * first + self.coupling[:, None] * second)
+        out[:, 1:flexible:2] = inverse[..., None] * (shifted[..., None] * second - self.fall[:, None] * first)
+        out[:, flexible : flexible + m] = self.single_inputs / (xi[:, None] - self.single)[..., None]
+        distance = 1 / (xi - float(self.discrete))[:, None, None] if len(self.directions) else np.ones((lines, 1, 1))
+        count = len(self.directions)
+        out[:, flexible + m : flexible + m + count] = distance**2 * self.directions
+        out[:, flexible + m + count :] = distance * self.directions
+        return out
+
+    def output_rows(self, xi: Complex, C: Real) -> Complex:
+        """``C (xi I - A)^{-1}``, (F, ny, n)."""
+        out = np.empty((xi.size, len(C), self.order), dtype=complex)
+        flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
+        shifted, inverse = self._resolvent(xi)
+        first, second = C[:, 0:flexible:2], C[:, 1:flexible:2]
+        out[:, :, 0:flexible:2] = inverse[:, None] * (shifted[:, None] * first - self.fall * second)
+        out[:, :, 1:flexible:2] = inverse[:, None] * (shifted[:, None] * second + self.coupling * first)
+        out[:, :, flexible : flexible + m] = C[:, flexible : flexible + m] / (xi[:, None] - self.single)[:, None]
+        if count:
+            distance = 1 / (xi - float(self.discrete))[:, None, None]
+            position, velocity = C[:, -2 * count : self.order - count], C[:, self.order - count :]
+            out[:, :, -2 * count : self.order - count] = distance * position
+            out[:, :, self.order - count :] = distance**2 * position + distance * velocity
+        return out
+
+    def tangent(self, xi: Complex, states: Complex, C: Real) -> Complex:
+        """Derivatives (F, ny, nu, T) of the response in the coordinates of `moved`: ``dP = C R (dA R B + dB)``."""
+        lines, _, nu = states.shape
+        rows = self.output_rows(xi, C)
+        flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
+        left, right = rows[:, :, None, :], states.transpose(0, 2, 1)[:, None]
+        diagonal = left[..., : flexible + m] * right[..., : flexible + m]
+        parts = [
+            diagonal[..., 0:flexible:2] + diagonal[..., 1:flexible:2],
+            -left[..., 1:flexible:2] * right[..., 0:flexible:2],
+            diagonal[..., flexible:],
+        ]
+        pair_moves, single_moves = self._input_moves()
+        blocks = rows[:, :, :flexible].reshape(lines, len(C), -1, 2)
+        blocks = np.einsum("fomr,mruq->foumq", blocks, pair_moves, optimize=True)
+        alone = np.einsum("fom,muq->foumq", rows[:, :, flexible : flexible + m], single_moves, optimize=True)
+        for part in (blocks, alone):
+            parts.append(part.reshape(*part.shape[:3], part.shape[3] * part.shape[4]))
+        for i, j in np.argwhere(self.free):
+            change = np.zeros((lines, len(C), nu, 1), dtype=complex)
+            change[:, :, j, 0] = rows[:, :, self.order - count + i]
+            parts.append(change)
+        return np.concatenate(parts, axis=3)
+
+    def reach(self, xi: Complex) -> Real:
+        """Scale of every coordinate (T,): distance of a pole from the nearest frequency point, size of the inputs."""
+        poles = self.poles
+        near = np.array([np.abs(xi - pole).min() for pole in poles])
+        blocks = near[: 2 * self.centre.size].reshape(-1, 2).min(axis=1)
+        nu = self.inputs.shape[2]
+        ones = self.centre.size * (2 * nu - 2) + self.single.size * (nu - 1)
+        sizes = np.abs(self.directions).max(axis=1, initial=0.0)[:, None] * np.ones(nu)
+        return np.concatenate([blocks, blocks, near[2 * self.centre.size :], np.ones(ones), sizes[self.free]])
+
+    def normals(self) -> Real:
+        """Gradients (m + r, T') of the `distances` in the coordinates of the poles, the first of `tangent`."""
+        product = self.coupling * self.fall
+        swing = np.sqrt(np.maximum(np.abs(product), np.finfo(float).tiny))
+        real = product <= 0
+        along = np.where(real, -self.coupling / (2 * swing), 0.0)
+        across, single = np.ones(self.centre.size), np.ones(self.single.size)
+        if self.discrete:
+            radius = np.hypot(self.centre, swing)
+            across = np.where(real, np.sign(self.centre), self.centre / radius)
+            along = np.where(real, along, self.coupling / (2 * radius))
+            single = np.sign(self.single)
+        pairs = np.hstack([np.diag(across), np.diag(along)])
+        return -diagonal_blocks(pairs, np.diag(single))
+
+    def least_distances(self, xi: Complex, resolved: float) -> Real:
+        """How near a step may bring the poles to the stability boundary: a part of the way, and what the data resolve."""
+        here = self.distances
+        floor = np.minimum(resolved * self.spacing(xi), here)
+        return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, _EDGE)])
+
+    def spacing(self, xi: Complex) -> Real:
+        """Distance between the frequency points where the blocks and the single poles are."""
+        poles = np.concatenate([self.poles[: 2 * self.centre.size : 2], self.single])
+        gap = np.abs(np.gradient(xi)) if xi.size > 1 else np.ones(1)
+        return gap[np.abs(xi[:, None] - poles).argmin(axis=0)]
+
+    def moved(self, step: Real, least: Real | None = None) -> BlockModel:
+        """The model after a step in the coordinates of `tangent`, poles kept at least so far inside."""
+        m, r, nu = self.centre.size, self.single.size, self.inputs.shape[2]
+        pair_moves, single_moves = self._input_moves()
+        ends = np.cumsum([m, m, r, m * pair_moves.shape[3], r * single_moves.shape[2]])
+        centre, fall, single, pair, alone, rest = np.split(step, ends)
+        directions = self.directions.copy()
+        directions[self.free] += rest
+        trial = dataclasses.replace(
+            self,
+            centre=self.centre + centre,
+            fall=self.fall + fall,
+            inputs=self.inputs + np.einsum("mruq,mq->mru", pair_moves, pair.reshape(m, 2 * nu - 2)),
+            single=self.single + single,
+            single_inputs=self.single_inputs + np.einsum("muq,mq->mu", single_moves, alone.reshape(r, nu - 1)),
+            directions=directions,
+        )
+        return (trial if least is None else trial._inside(least)).normalised()
+
+    def without(self, block: int) -> BlockModel:
+        """The model without a block of two poles."""
+        parts = {name: np.delete(getattr(self, name), block, axis=0) for name in _PAIRED}
+        return dataclasses.replace(self, **parts)
+
+    def joined(self, other: BlockModel) -> BlockModel:
+        """The model with the blocks of two poles of another one."""
+        parts = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in _PAIRED}
+        return dataclasses.replace(self, **parts)
+
+    def reflected(self) -> BlockModel:
+        """The model with unstable poles reflected: -conj(s), 1/conj(z)."""
+        return self._inside(np.full(self.centre.size + self.single.size, _EDGE), reflect=True).normalised()
+
+    def resolved(self, xi: Complex) -> BlockModel:
+        """The model with unstable poles reflected and at least the damping that the frequency points resolve."""
+        inside = self.reflected()
+        return inside._inside(RESOLVED * inside.spacing(xi)).normalised()
+
+    def _inside(self, least: Real, *, reflect: bool = False) -> BlockModel:
+        """Poles at least so far from the boundary: pulled in, or reflected."""
+        m = self.centre.size
+        distance, least = self.distances, np.maximum(least, _EDGE)
+        out = distance < least
+        if not np.any(out):
+            return self
+        if not self.discrete:
+            wanted = np.maximum(np.abs(distance), least) if reflect else least
+            shift = np.where(out, distance - wanted, 0.0)
+            return dataclasses.replace(self, centre=self.centre + shift[:m], single=self.single + shift[m:])
+        radius = 1 - distance
+        target = np.where(reflect & (radius > 1), np.minimum(1 / np.maximum(radius, 1e-300), 1 - least), 1 - least)
+        factor = np.where(out, target / np.maximum(radius, 1e-300), 1.0)
+        return dataclasses.replace(
+            self, centre=self.centre * factor[:m], fall=self.fall * factor[:m] ** 2, single=self.single * factor[m:]
+        )
+
+    def _resolvent(self, xi: Complex) -> tuple[Complex, Complex]:
+        """``xi - a`` and the inverse of ``(xi - a)^2 + s v``, (F, m): by factors, which keeps lightly damped poles exact."""
+        shifted = xi[:, None] - self.centre
+        swing = np.sqrt((-self.coupling * self.fall).astype(complex))
+        return shifted, 1 / ((shifted - swing) * (shifted + swing))
+
+    def _input_moves(self) -> tuple[Real, Real]:
+        """Orthonormal moves of the inputs that no scaling within a block makes: (m, 2, nu, 2 nu - 2), (r, nu, nu - 1)."""
+        m, _, nu = self.inputs.shape
+        turned = np.stack([self.coupling[:, None] * self.inputs[:, 1], -self.fall[:, None] * self.inputs[:, 0]], axis=1)
+        both = np.stack([self.inputs.reshape(m, 2 * nu), turned.reshape(m, 2 * nu)], axis=2)
+        pairs = np.linalg.svd(both)[0][:, :, 2:].reshape(m, 2, nu, 2 * nu - 2)
+        return pairs, np.linalg.svd(self.single_inputs[:, :, None])[0][:, :, 1:]
+
+
+def _distance(centre: Real, product: Real, discrete: bool) -> Real:
+    """Distance of the poles ``centre ± sqrt(-product)`` from the stability boundary."""
+    swing = np.sqrt(np.maximum(-product, 0.0))
+    if not discrete:
+        return -(centre + swing)
+    return 1 - np.where(product > 0, np.hypot(centre, np.sqrt(np.maximum(product, 0.0))), np.abs(centre) + swing)
+
+
+class _Pair(NamedTuple):
+    """A block of two poles."""
+
+    centre: float
+    coupling: float
+    fall: float
+    inputs: Real  # (2, nu)
+
+
+def _split(A: Real, B: Real, origin: float) -> tuple[list[_Pair], Real, Real]:
+    """Blocks of two poles; poles without a partner and their inputs. Two real neighbours make a block."""
+    pairs: list[_Pair] = []
+    alone: list[tuple[float, Real]] = []
+    if not len(A):
+        return pairs, np.zeros(0), np.zeros((0, B.shape[1]))
+    parts, rigid, _ = modal_parts(A, origin)
+    for number, part in enumerate(parts):
+        block, inputs = part.block, np.asarray(part.left @ B, dtype=float)
+        if number == 0 and rigid:
+            count = int(np.sum(block[np.triu_indices(rigid, 1)] != 0))  # chains of two integrators
+            pairs += [_Pair(origin, 1.0, 0.0, inputs[[k, count + k]]) for k in range(count)]
+            alone += [(origin, row) for row in inputs[2 * count :]]
+        elif len(block) == 1:
+            alone.append((float(block[0, 0]), inputs[0]))
+        elif len(block) == 2 and np.any(block != block[0, 0] * np.eye(2)):
+            pairs.append(_cyclic(block, inputs))
+        else:
+            poles, V = np.linalg.eig(block)
+            rows = np.linalg.solve(V.astype(complex), inputs.astype(complex))
+            pairs += [
+                _Pair(pole.real, pole.imag, pole.imag, np.stack([2 * row.real, -2 * row.imag]))
+                for pole, row in zip(poles, rows, strict=True)
+                if pole.imag > 0
+            ]
+            alone += [(pole.real, row.real) for pole, row in zip(poles, rows, strict=True) if pole.imag == 0]
+    alone.sort(key=lambda item: item[0])
+    even = len(alone) // 2 * 2
+    single = alone[even:]
+    for (low, first), (high, second) in zip(alone[:even:2], alone[1:even:2], strict=True):
+        if low == high:  # two modes of one pole: no block of two coordinates holds them
+            single += [(low, first), (high, second)]
+        else:
+            pairs.append(_cyclic(np.diag([low, high]), np.stack([first, second])))
+    return pairs, np.array([pole for pole, _ in single]), np.array([row for _, row in single]).reshape(-1, B.shape[1])
+
+
+def _cyclic(block: Real, inputs: Real) -> _Pair:
+    """Two poles as ``[[a, s], [-v, a]]``, in the basis (N t/s, t) of N = block - a I for a vector t that N turns most."""
+    a = float(np.trace(block)) / 2
+    N = block - a * np.eye(2)
+    s = math.sqrt(abs(float(np.linalg.det(N)))) or float(np.linalg.norm(N))
+    turned = np.array([N[1], -N[0]])  # t' turned t = det [t, N t]
+    values, vectors = np.linalg.eigh(turned + turned.T)
+    t = vectors[:, np.argmax(np.abs(values))]
+    basis = np.stack([N @ t / s, t], axis=1)
+    return _Pair(a, s, float(np.linalg.det(N)) / s, np.asarray(np.linalg.solve(basis, inputs), dtype=np.float64))

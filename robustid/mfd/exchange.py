@@ -1,0 +1,74 @@
+"""The way out of a local minimum: a block more where the residual asks for it, the least important one away."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robustid.errors import InputError
+from robustid.mfd.block_model import BlockModel
+from robustid.mfd.iteration import FitStatus
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.refinement import Budget, Outputs, Refined, refine
+from robustid.mfd.state_fit import Samples
+from robustid.mfd.subspace import subspace_estimate
+
+_GAIN = 1e-3  # an exchange that lowers the criterion by less than this part was not worth it
+_PART = 4  # blocks for one that is exchanged first
+_RICHER, _AFTER = 12, 40  # steps with the blocks more, and after as many were taken away
+PER_ROUND = 2 * _RICHER + _AFTER  # the richer ones cost more
+
+
+def exchange(
+    problem: FractionProblem, data: Samples, found: Refined, *, stable: bool, rounds: int, budget: Budget
+) -> Refined:
+    """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine.
+
+    A quarter of the blocks first, then half as many. The criterion never rises: an exchange that doesn't lower it isn't
+    made.
+    """
+    outputs = Outputs(problem)
+    count = max(found.fitted.model.centre.size // _PART, 1)
+    for _ in range(rounds):
+        if budget.spent or found.status in (FitStatus.EXACT, FitStatus.INTERRUPTED):
+            break
+        more = _blocks(problem, data, found, count)
+        if more is None:
+            break
+        richer = refine(
+            problem,
+            found.fitted.model.joined(more.resolved(problem.xi) if stable else more),
+            stable=stable,
+            limit=_RICHER,
+            budget=budget._replace(report=None),
+        )
+        fitted = richer.fitted
+        for _ in range(more.centre.size):  # one by one: of two equal blocks each seems needless beside the other
+            fitted = outputs.fitted(fitted.model.without(int(np.argmin(outputs.importance(fitted)))))
+        other = refine(problem, fitted.model, stable=stable, limit=_AFTER, budget=budget)
+        before = found.fitted.cost
+        if other.fitted.cost < before:
+            found = other._replace(history=found.history + other.history)
+        if FitStatus.INTERRUPTED in (richer.status, other.status):
+            return found._replace(status=FitStatus.INTERRUPTED)
+        if found.fitted.cost > (1 - _GAIN) * before and count == 1:
+            break
+        count = max(count // 2, 1)
+    return found
+
+
+def _blocks(problem: FractionProblem, data: Samples, found: Refined, count: int) -> BlockModel | None:
+    """Blocks that the residual shows; None where the data don't carry as many."""
+    unknowns = (problem.order + 2 * count) * sum(problem.values.shape[1:])
+    if unknowns > problem.equations // 2:
+        return None
+    residual = problem.values - found.fitted.response
+    try:
+        more = subspace_estimate(residual, data.points, 2 * count, weight=data.weight, domain=data.domain)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    if not math.isfinite(more.residual):
+        return None
+    model = BlockModel.of(more.A / problem.scale, more.B / problem.scale, discrete=data.domain == "z")
+    return model if model.centre.size else None
