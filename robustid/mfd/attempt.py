@@ -23,7 +23,7 @@ from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, reflected
-from robustid.mfd.steps import into_form
+from robustid.mfd.steps import into_form, scalar_form
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
 # Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
@@ -96,8 +96,7 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
 
 def refinable(problem: FractionProblem, settings: Settings) -> bool:
     """Tell whether a state space can keep what is asked for; constraints on coefficients need the fraction."""
-    free = not problem.conditions and problem.roll_off == 1 and not np.any(problem.zeros)
-    return settings.phases == ["lm"] and free and (problem.rigid is None or problem.rigid.outside)
+    return settings.phases == ["lm"] and problem.free and (problem.rigid is None or problem.rigid.outside)
 
 
 def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
@@ -240,6 +239,9 @@ def _best_form(
     """Degrees by ones or by twos, whichever reproduces the first model better."""
     states = response_at((model.A, model.B, np.eye(len(model.A)), np.zeros(model.B.shape)), data.points)
     values = model.C @ states + model.D
+    if problem.free and problem.rigid is None and problem.values.shape[2] == 1 and len(model.A) == problem.order:
+        form = dataclasses.replace(problem, pairs=False, priority=(0,))
+        return form, scalar_form(form, np.linalg.eigvals(model.A) / problem.scale, values)
     states = states / np.linalg.norm(values, axis=(1, 2), keepdims=True)
     forms: list[tuple[FractionProblem, NodeFraction]] = []
     for pairs in (False, True)[: 1 + may_pair]:

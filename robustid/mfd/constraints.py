@@ -26,6 +26,10 @@ class Constraint(Protocol):
         """The constraint on P^T, for left fractions."""
         ...
 
+    def stacked(self, shape: tuple[int, ...]) -> Constraint:
+        """The constraint on the entries of P, of shape (ny, nu), as one column: row by row, for shared poles."""
+        ...
+
 
 def as_constraints(constraints: Any) -> tuple[Constraint, ...]:
     """The constraints of a fit, checked."""
@@ -73,6 +77,12 @@ class StaticGain(Frozen):
         """P^T(0) = gain^T."""
         return StaticGain(self.gain.T)
 
+    def stacked(self, shape: tuple[int, ...]) -> StaticGain:
+        """The gains of all entries as one column."""
+        if self.gain.shape != shape:
+            raise InputError(f"`gain` must have shape (ny, nu) = {shape}; got {self.gain.shape}")
+        return StaticGain(self.gain.reshape(-1, 1))
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Zero(Frozen):
@@ -111,6 +121,15 @@ class Zero(Frozen):
         """Return the constraint itself; the direction changes its side."""
         return self
 
+    def stacked(self, shape: tuple[int, ...]) -> Zero:
+        """Return the constraint itself, of a blocking zero."""
+        if self.direction is not None:
+            raise InputError(
+                '`direction` of a zero ties the residues of entries to each other, which form "shared" leaves free; take'
+                ' form "right" or "left", or a blocking zero without direction'
+            )
+        return self
+
 
 @dataclasses.dataclass(frozen=True)
 class RollOff(Frozen):
@@ -138,6 +157,10 @@ class RollOff(Frozen):
         return dataclasses.replace(problem, roll_off=self.degree)
 
     def transposed(self) -> RollOff:
+        """Return the constraint itself."""
+        return self
+
+    def stacked(self, shape: tuple[int, ...]) -> RollOff:
         """Return the constraint itself."""
         return self
 
@@ -176,3 +199,9 @@ class ZeroEntries(Frozen):
     def transposed(self) -> ZeroEntries:
         """The pattern of P^T."""
         return ZeroEntries(self.mask.T)
+
+    def stacked(self, shape: tuple[int, ...]) -> ZeroEntries:
+        """The pattern of the entries as one column."""
+        if self.mask.shape != shape:
+            raise InputError(f"`mask` must have shape (ny, nu) = {shape}; got {self.mask.shape}")
+        return ZeroEntries(self.mask.reshape(-1, 1))

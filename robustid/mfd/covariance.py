@@ -88,15 +88,14 @@ class FitCovariance(Frozen):
             omega = as_array("omega", omega, ndim=1)
             points = 1j * omega if model.dt is None else np.exp(1j * omega * model.dt)
             xi, D, P = points / model.scale, model.denominator(points), model.response(omega)
-            if model.form == "left":
-                D, P = D.transpose(0, 2, 1), P.transpose(0, 2, 1)
+            D, P = D if model.form == "right" else D.transpose(0, 2, 1), model.fitted(P)
         std = np.empty(P.shape)
         for start in range(0, xi.size, _LINES_AT_ONCE):
             part = slice(start, start + _LINES_AT_ONCE)
             changes = _admissible(response_changes(self.basis, xi[part], D[part], P[part]), self.basis, self.forbidden)
             std[part] = np.linalg.norm(changes, axis=-1).reshape(-1, *P.shape[:0:-1]).transpose(0, 2, 1)
         std *= np.sqrt(self.variance)
-        return std.transpose(0, 2, 1) if model.form == "left" else std
+        return model.oriented(std)
 
 
 def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCovariance:

@@ -162,6 +162,26 @@ class Weight(Frozen):
             note=self.note,
         )
 
+    def stacked(self) -> Weight:
+        """The weight of residuals as one column, entry (i, j) in row i*nu + j: what a fraction of shared poles sees."""
+        lines, ny, nu = self.shape
+        swap = np.arange(ny * nu).reshape(nu, ny).T.ravel()  # the rows of R one after the other = vec(R)[swap]
+        entries, matrix = self.entries.reshape(lines, -1, 1), self.matrix
+        if self.output is not None or self.input is not None:
+            every = np.eye(ny * nu).reshape(ny * nu, nu, ny).transpose(2, 1, 0)
+            matrix = self.apply_all(np.broadcast_to(every, (lines, *every.shape)))
+            entries = np.broadcast_to(np.any(entries, axis=1, keepdims=True), entries.shape).astype(float)
+        return Weight(entries, matrix=None if matrix is None else matrix[:, swap][:, :, swap], note=self.note)
+
+    def without_correlations(self) -> Weight:
+        """The weight per entry that counts every entry with its own variance: the inverse root of the diagonal of (W^H W)^{-1}."""
+        if self.matrix is None:
+            return self
+        _, ny, nu = self.shape
+        variance = np.linalg.norm(np.linalg.inv(self.matrix), axis=2) ** 2
+        entries = self.entries / np.sqrt(variance).reshape(-1, nu, ny).transpose(0, 2, 1)
+        return Weight(entries, output=self.output, input=self.input, note=self.note)
+
     def scaled(self, factors: Any) -> Weight:
         """Multiplied by a factor >= 0 per frequency point (F,), or per point and entry (F, ny, nu); 0 or False masks.
 

@@ -17,6 +17,7 @@ from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstabl
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
+from robustid.mfd.form import constraint_of
 from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
@@ -31,12 +32,12 @@ _ROUNDS = 3  # of adding a mode and taking the least important one away, where a
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MatrixFraction(Frozen, Drawable, Savable):
-    """A fitted model P = N D^{-1} (or D^{-1} N), and how it was found.
+    """A fitted model P = N D^{-1} (or D^{-1} N, or N/d with poles that all entries share), and how it was found.
 
     Attributes
     ----------
     problem : FractionProblem
-        What was asked; for a left fraction the transposed problem.
+        What was asked; for a left fraction the transposed problem, for shared poles that of the entries as one column.
     nodes : NodeFraction
         The fraction at the frequency points, of that problem.
     fraction : FractionModel
@@ -66,7 +67,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
 
     @property
     def model(self) -> Any:
-        """The `control.StateSpace`, of order = McMillan degree."""
+        """The `control.StateSpace`, of order = McMillan degree; shared poles are there for every signal of the smaller side."""
         return self.fraction.model
 
     def to_control(self) -> Any:
@@ -85,7 +86,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
 
     @property
     def denominator(self) -> Callable[[np.ndarray], np.ndarray]:
-        """D as a function of complex points s or z: (m,) to (m, nu, nu), or (m, ny, ny) of a left fraction."""
+        """D as a function of complex points s or z: (m,) to (m, nu, nu); left fraction (m, ny, ny), shared poles (m, 1, 1)."""
         return self.fraction.denominator
 
     @property
@@ -120,11 +121,12 @@ class MatrixFraction(Frozen, Drawable, Savable):
         return not np.any(unstable_poles(self.fraction))
 
     def __repr__(self) -> str:
-        fraction, (points, *shape) = self.fraction, self.problem.values.shape
-        ny, nu = shape[::-1] if fraction.form == "left" else shape
+        fraction = self.fraction
+        points, ny, nu = fraction.oriented(self.problem.values).shape
+        states = f" shared by all entries, {fraction.states_in_all} states" if fraction.form == "shared" else ""
         domain = "continuous" if fraction.dt is None else f"dt={fraction.dt:.6g} s"
         return (
-            f"<MatrixFraction: order {len(fraction.A)}, {ny}x{nu}, {domain}, {'stable' if self.stable else 'unstable'};"
+            f"<MatrixFraction: order {len(fraction.A)}{states}, {ny}x{nu}, {domain}, {'stable' if self.stable else 'unstable'};"
             f" cost {self.cost:.6g} on {points} frequency points, {self.status.name.lower()} after {len(self.history)} steps>"
         )
 
@@ -161,8 +163,11 @@ def fit_mfd(
         McMillan degree, with the two states of every rigid-body mode.
     domain : {"s", "z"}, optional
         Default "z" where the data have a sample time, else "s".
-    form : {"right", "left"}, optional
-        N D^{-1} (default) or D^{-1} N (default with rigid-body modes of side "output").
+    form : {"right", "left", "shared"}, optional
+        N D^{-1} (default), D^{-1} N (default with rigid-body modes of side "output"), or N/d: every entry has all poles and
+        residues of its own, as in vector fitting, ``P = sum_k R_k/(s - p_k) + D``. `order` is then the number of poles, and
+        the model has order*min(ny, nu) states; not with `rigid_body`. Its default weight takes the variances of the
+        covariance alone, so that the work grows with the number of entries and no faster.
     weight : Weight or (F, ny, nu) array, optional
         Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood);
         one that was estimated, as its `dof` says, or that is singular, is shrunk first, and a tenth of the response's level is
@@ -212,13 +217,13 @@ def fit_mfd(
     (2, True, True)
     """
     deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
-    problem, data, form = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
+    problem, data, form, shape = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
     for constraint in as_constraints(constraints):
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
-        problem = (constraint.transposed() if form == "left" else constraint).apply(problem)
+        problem = constraint_of(constraint, form, shape).apply(problem)
     best = attempt(problem, data, first_model(problem, data, start, form, rigid_body, deadline), settings)
     if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
@@ -232,7 +237,7 @@ def fit_mfd(
     return MatrixFraction(
         fit.problem,
         fit.fraction,
-        best.found,
+        dataclasses.replace(best.found, shape=shape if form == "shared" else None),
         fit.cost,
         best.start_cost,
         fit.status,

@@ -11,6 +11,7 @@ import scipy.linalg
 from robustid.core import Frozen, StateMatrices, freeze, response_at
 from robustid.errors import InputError
 from robustid.mfd.chains import split_rigid
+from robustid.mfd.form import fitted, oriented, shared_model
 from robustid.mfd.krylov_blocks import stacked, times_xi
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
@@ -37,8 +38,9 @@ class FractionModel(Frozen):
     scale : float
         ``s = scale*xi`` (1 in discrete time).
     dt : float or None
-    form : {"right", "left"}
-        "left": the realisation of the transposed data, ``P^T``; `model` and `numerator`, `denominator` transpose back.
+    form : {"right", "left", "shared"}
+        "left": the realisation of the transposed data, ``P^T``; "shared": that of their entries as one column. `model`,
+        `response`, `numerator` and `denominator` are those of the data.
     error : float
         Largest difference of the state-space model from N D^{-1} at the frequency points, relative to its norm there.
     rigid : StateMatrices or None
@@ -46,6 +48,8 @@ class FractionModel(Frozen):
         and `response` are taken from it.
     rigid_count : int
         Number of rigid-body modes.
+    shape : tuple of int or None
+        (ny, nu) of the data where poles are shared; None: of the right fraction.
 
     Notes
     -----
@@ -66,6 +70,7 @@ class FractionModel(Frozen):
     select: np.ndarray | None = None
     rigid: StateMatrices | None = None
     rigid_count: int = 0
+    shape: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in (*"ABCD", "degrees")})
@@ -85,6 +90,8 @@ class FractionModel(Frozen):
         A, B, C, D = self.matrices
         if self.form == "left":
             A, B, C, D = A.T, C.T, B.T, D.T
+        elif self.form == "shared" and self.shape is not None:
+            A, B, C, D = shared_model(self.matrices, self.shape)
         return control.ss(A, B, C, D, 0 if self.dt is None else self.dt)
 
     @property
@@ -98,18 +105,31 @@ class FractionModel(Frozen):
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu) at omega in rad/s."""
         omega = np.asarray(omega, dtype=float)
-        values = response_at(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
-        return values.transpose(0, 2, 1) if self.form == "left" else values
+        return self.oriented(
+            response_at(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
+        )
 
     def denominator(self, points: np.ndarray) -> np.ndarray:
-        """D at complex points s or z: (m, nu, nu), or (m, ny, ny) of a left fraction; monic in s/scale."""
+        """D at complex points s or z: (m, nu, nu), (m, ny, ny) of a left fraction, (m, 1, 1) of shared poles; monic in s/scale."""
         values = self._fraction(points)[0]
         return values.transpose(0, 2, 1) if self.form == "left" else values
 
     def numerator(self, points: np.ndarray) -> np.ndarray:
         """N at complex points s or z: (m, ny, nu)."""
-        values = self._fraction(points)[1]
-        return values.transpose(0, 2, 1) if self.form == "left" else values
+        return self.oriented(self._fraction(points)[1])
+
+    def oriented(self, array: np.ndarray) -> np.ndarray:
+        """Entries of the right fraction that was fitted as those of the data (F, ny, nu)."""
+        return oriented(array, self.form, self.shape)
+
+    def fitted(self, array: np.ndarray) -> np.ndarray:
+        """Entries of the data (F, ny, nu) as those of the right fraction that was fitted."""
+        return fitted(array, self.form)
+
+    @property
+    def states_in_all(self) -> int:
+        """Number of states of `model`: that of the poles, times the smaller number of signals where they are shared."""
+        return len(self.A) * (min(self.shape) if self.form == "shared" and self.shape is not None else 1)
 
     def states(self, xi: np.ndarray) -> np.ndarray:
         """Pi^T at points in the unit of the nodes, (m, nu, order)."""
@@ -134,9 +154,10 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
     Parameters
     ----------
     problem : FractionProblem
-        What it was fitted to (degrees, nodes, feed-through); for ``form="left"`` the transposed problem.
+        What it was fitted to (degrees, nodes, feed-through); for ``form="left"`` the transposed problem, for
+        "shared" the stacked one.
     fraction : NodeFraction
-    form : {"right", "left"}
+    form : {"right", "left", "shared"}
 
     Returns
     -------

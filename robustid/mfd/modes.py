@@ -10,6 +10,7 @@ import numpy as np
 from robustid.core import response_at
 from robustid.errors import InputTypeError
 from robustid.mfd.covariance import FitCovariance
+from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.modal import continuous, curve_points, modal_form, schur_poles
 
 if TYPE_CHECKING:
@@ -55,13 +56,16 @@ class ModeRow:
     damping_std: float = np.nan
 
 
-def mode_table(model: control.StateSpace, covariance: FitCovariance | None = None) -> tuple[ModeRow, ...]:
+def mode_table(
+    model: control.StateSpace | MatrixFraction, covariance: FitCovariance | None = None
+) -> tuple[ModeRow, ...]:
     """Modes of a model with frequency, damping and how much each contributes, by frequency.
 
     Parameters
     ----------
-    model : control.StateSpace
-        Continuous, or discrete with its sample time.
+    model : control.StateSpace or MatrixFraction
+        Continuous, or discrete with its sample time. Poles of a fit that all its entries share are told once; in its
+        state space they are there for every signal of the smaller side.
     covariance : FitCovariance, optional
         Of the fit that the model comes from: gives the standard deviations.
 
@@ -83,6 +87,8 @@ def mode_table(model: control.StateSpace, covariance: FitCovariance | None = Non
     """
     if covariance is not None and not isinstance(covariance, FitCovariance):
         raise InputTypeError(f"`covariance` must be a FitCovariance; got {type(covariance).__name__}")
+    if isinstance(model, MatrixFraction):
+        return _of_fit(model, covariance)
     form = modal_form(model)
     A, B, C = (np.asarray(part) for part in (form.model.A, form.model.B, form.model.C))
     dt = form.model.dt
@@ -102,6 +108,16 @@ def mode_table(model: control.StateSpace, covariance: FitCovariance | None = Non
                 peaks.append(_peak(part, inputs, outputs, s, dt))
     found = [_with_deviation(row, covariance) for row in _with_participation(rows, peaks)]
     return tuple(sorted(found, key=lambda row: (not row.rigid, row.hz)))
+
+
+def _of_fit(fit: MatrixFraction, covariance: FitCovariance | None) -> tuple[ModeRow, ...]:
+    """Modes of a fit, each once: where poles are shared, those of the entries as one column."""
+    fraction = fit.fraction
+    if fraction.shape is None:
+        return mode_table(fit.model, covariance)
+    rows = mode_table(dataclasses.replace(fraction, shape=None).model, covariance)
+    places = (divmod(row.output, fraction.shape[1]) for row in rows)
+    return tuple(dataclasses.replace(row, output=i, input=j) for row, (i, j) in zip(rows, places, strict=True))
 
 
 def _slowest(N: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:

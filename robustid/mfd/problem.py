@@ -140,6 +140,11 @@ class FractionProblem(Frozen):
         return 0.0 if self.dt is None else 1.0
 
     @property
+    def free(self) -> bool:
+        """True where no constraint but a rigid body holds coefficients."""
+        return not self.conditions and self.roll_off == 1 and not np.any(self.zeros)
+
+    @property
     def limits(self) -> np.ndarray:
         """Largest free degree of every entry of vec([D; N]), ((ny + nu)*nu,)."""
         ny, degrees = self.values.shape[1], self.degrees
@@ -163,6 +168,17 @@ class FractionProblem(Frozen):
             self.values.transpose(0, 2, 1),
             self.order,
             self.weight.transposed(),
+            dt=self.dt,
+            feedthrough=self.feedthrough,
+        )
+
+    def stacked(self) -> FractionProblem:
+        """The problem of the response as one column, entry (i, j) in row i*nu + j: poles that all entries share."""
+        return FractionProblem(
+            self.omega,
+            self.values.reshape(self.omega.size, -1, 1),
+            self.order,
+            self.weight.stacked(),
             dt=self.dt,
             feedthrough=self.feedthrough,
         )

@@ -10,11 +10,12 @@ import numpy as np
 
 from robustid.core import StateMatrices, as_array, response_at
 from robustid.errors import InputError, InputTypeError
+from robustid.mfd.form import fitted, states_of_poles
 from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
-from robustid.mfd.state_fit import Samples, fit_inputs
+from robustid.mfd.state_fit import Samples, fit_inputs, fit_outputs
 from robustid.mfd.subspace import subspace_estimate
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
@@ -56,12 +57,23 @@ def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -
     return cost if np.isfinite(cost) else np.inf
 
 
-def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
-    """The best fraction of a few SK steps from ``D_old = prod (xi - pole) I``, as a state space."""
+def _check_poles(problem: FractionProblem, poles: np.ndarray) -> None:
     if not poles.size:
         raise InputError("`start` must hold at least one pole")
     if np.any(problem.xi[:, None] == poles / problem.scale):
         raise InputError("`start` has a pole at a frequency point of `frf`, where no response is finite; move it")
+
+
+def _column(problem: FractionProblem, data: Samples, poles: np.ndarray) -> StateMatrices:
+    """The best residues of poles that all entries share, as a state space of one input."""
+    _check_poles(problem, poles)
+    A, B = states_of_poles(poles)
+    return StateMatrices(A, B, *fit_outputs(data, A, B, problem.feedthrough))
+
+
+def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
+    """The best fraction of a few SK steps from ``D_old = prod (xi - pole) I``, as a state space."""
+    _check_poles(problem, poles)
     logarithm = np.sum(np.log(problem.xi[:, None] - poles / problem.scale), axis=1)
     scalar = np.exp(logarithm - logarithm.real.max())  # relative to the largest: a product of 80 poles would underflow
     fit = fit_fraction(problem, denominators=scalar[:, None, None] * np.eye(problem.values.shape[2]), method="sk")
@@ -83,18 +95,21 @@ def first_model(
             )
         if body is not None:
             raise InputError("`start` must be a model where a rigid body is asked for; poles don't say what moves it")
-        return _from_poles(problem, as_array("start", start, dtype=complex, ndim=1))
+        poles = as_array("start", start, dtype=complex, ndim=1)
+        return _from_poles(problem, poles) if form != "shared" else _column(problem, data, poles)
     A, B, C, D = (np.asarray(M, dtype=float) for M in (start.A, start.B, start.C, start.D))
+    ny, nu = D.shape
     if form == "left":
         A, B, C, D = A.T, C.T, B.T, D.T
-    if D.shape != problem.values.shape[1:]:
-        ny, nu = D.shape if form == "right" else D.shape[::-1]
+    if fitted(D[None], form).shape[1:] != problem.values.shape[1:]:
         raise InputError(f"`start` must have the inputs and outputs of `frf`; got {ny} outputs and {nu} inputs")
     least = 1 if body is None else 2 * body.count
     if len(A) < least:
         raise InputError(f"`start` must have at least {least} state{'s' * (least > 1)} for this fit; got {len(A)}")
     if start.isdtime(strict=True) != (problem.dt is not None):
         raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
+    if form == "shared":
+        return _column(problem, data, np.linalg.eigvals(A))
     return StateMatrices(A, B, C, D)
 
 

@@ -12,6 +12,7 @@ from robustid.data import FrequencyResponse, as_frequency_response, stacked
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import default_weight, exact_covariance
+from robustid.mfd.form import checked, fitted, problem_of
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples
@@ -22,7 +23,8 @@ class Statement(NamedTuple):
 
     problem: FractionProblem  # of a right fraction, without constraints and rigid-body modes
     data: Samples  # the same for linear least squares
-    form: str  # "left": problem and data are those of the transposed response
+    form: str  # "left": problem and data are those of the transposed response; "shared": of its entries as one column
+    shape: tuple[int, int]  # (ny, nu) of the response
 
 
 def stated(
@@ -33,9 +35,7 @@ def stated(
     if body is not None and not isinstance(body, RigidBody):
         raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
     needed = None if body is None else {"input": "right", "output": "left"}[body.side]
-    form = (needed or "right") if form is None else form
-    if form not in ("right", "left"):
-        raise InputError(f'`form` must be "right" or "left"; got {form!r}')
+    form = checked((needed or "right") if form is None else form)
     if body is not None and form != needed:
         raise InputError(f'`form` must be "{needed}" for rigid-body modes of side "{body.side}"; got "{form}"')
     domain = ("s" if frf.dt is None else "z") if domain is None else domain
@@ -54,6 +54,7 @@ def stated(
     frf = _filled(frf)
     if not given:
         weight = default_weight(frf, measured)
+        weight = _apart(weight) if form == "shared" else weight
     elif not isinstance(weight, Weight):
         weight = Weight(as_array("weight", weight, ndim=3))
     weight = _only(weight, measured) if given else weight
@@ -65,13 +66,33 @@ def stated(
                 raise InputError(f"`weight` is zero for all of signal {name}; leave that signal out of `frf`")
     if not np.any(weight.apply(frf.values)):
         raise InputError("`frf` is zero wherever it has weight; there is nothing to fit")
-    problem = problem.transposed() if form == "left" else problem
+    if form == "shared":
+        _check_entries(frf, weight)
+    problem = problem_of(problem, form)
     if body is not None:
         body.check(problem.values, order, problem.omega)
     data = _samples(problem, frf, form)
     if not given and data.noise is not None and exact_covariance(frf):
         data = data._replace(weight=data.noise)
-    return Statement(problem, data, form)
+    return Statement(problem, data, form, frf.values.shape[1:])
+
+
+def _apart(weight: Weight) -> Weight:
+    """The default weight without the correlations of entries: with them, the work grows with the cube of their number."""
+    if weight.matrix is None or weight.matrix.shape[1] == 1:
+        return weight
+    return dataclasses.replace(
+        weight.without_correlations(), note=f"{weight.note}; variances alone, as poles are shared"
+    )
+
+
+def _check_entries(frf: FrequencyResponse, weight: Weight) -> None:
+    """Residues of an entry without weight are free, and nothing is known of them."""
+    for i, j in np.argwhere(~np.any(weight.entries, axis=0)):
+        raise InputError(
+            f'`weight` is zero for all of the entry from {frf.inputs[j]} to {frf.outputs[i]}, whose residues form "shared"'
+            ' leaves free; take form "right"'
+        )
 
 
 def _filled(frf: FrequencyResponse) -> FrequencyResponse:
@@ -104,6 +125,6 @@ def _samples(problem: FractionProblem, frf: FrequencyResponse, form: str) -> Sam
         ny, nu = frf.values.shape[1:]
         variance = np.real(np.diagonal(frf.covariance, axis1=1, axis2=2)).reshape(-1, nu, ny).transpose(0, 2, 1)
         with np.errstate(divide="ignore"):
-            noise = 1 / np.sqrt(variance.transpose(0, 2, 1) if form == "left" else variance)
+            noise = 1 / np.sqrt(fitted(variance, form))
         noise = np.where(problem.weight.entrywise > 0, noise, 0.0) if np.all(np.isfinite(noise)) else None
     return Samples(problem.values, problem.scale * problem.xi, problem.weight.entrywise, domain, noise)

@@ -184,6 +184,12 @@ def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHI
     return retract(problem, response, identity, held, columnwise=_RETRACTIONS, steps=1)
 
 
+def scalar_form(problem: FractionProblem, poles: np.ndarray, response: np.ndarray) -> NodeFraction:
+    """The fraction of one input with these poles (in the unit of the nodes) and this response: D is known without a step."""
+    D = np.prod(problem.xi[:, None] - poles, axis=1)[:, None, None]
+    return NodeFraction(D, response * D)
+
+
 def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
     """SK step with ``|W| |D_old^{-1}|``, a number per frequency point, as weight: the columns of [D; N] come apart.
 

@@ -52,8 +52,7 @@ def unpack(record: Record, arrays: Arrays) -> MatrixFraction:
     again, rounding = problem.cost(fit.nodes), problem.rounding
     if not abs(again - fit.cost) <= _SAME * again + rounding:
         raise ValueError(f"its cost is {again:.6g}, and not {fit.cost:.6g}")
-    response = fit.fraction.response(problem.omega)
-    response = response.transpose(0, 2, 1) if fit.fraction.form == "left" else response
+    response = fit.fraction.fitted(fit.fraction.response(problem.omega))
     size = float(np.linalg.norm(fit.nodes.response))
     if not np.linalg.norm(response - fit.nodes.response) <= (_SAME + fit.fraction.error) * size:
         raise ValueError("its state-space model is not that of its fraction")

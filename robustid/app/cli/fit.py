@@ -19,11 +19,18 @@ from robustid.errors import InputError
 def fit(
     *,
     source: Annotated[Path, typer.Argument(help="Frequency response, SISO or MIMO: .csv, .npz or .mat.")],
-    order: Annotated[str, typer.Option(help='McMillan degree, with two states for every rigid-body mode; or "auto".')],
+    order: Annotated[
+        str,
+        typer.Option(
+            help='McMillan degree, with two states for every rigid-body mode; or "auto". Number of poles for --form shared.'
+        ),
+    ],
     rigid_body: Annotated[
         int, typer.Option(min=0, help="Number of rigid-body modes: undamped, poles at zero exactly.")
     ] = 0,
-    form: Annotated[str | None, typer.Option(help="right (N/D, default) or left (D\\N).")] = None,
+    form: Annotated[
+        str | None, typer.Option(help="right (N/D, default), left (D\\N), or shared: poles that all entries share.")
+    ] = None,
     domain: Annotated[str | None, typer.Option(help="s or z; default: z where the file has a sample time.")] = None,
     relative: Annotated[
         bool | None,

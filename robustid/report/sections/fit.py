@@ -125,10 +125,9 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
     if points < view.omega.size:
         data += f"; {view.omega.size - points} further points have no weight"
     domain = "s" if view.dt is None else f"z, sample time {number(view.dt, 6)} s"
-    form = {"right": "N D⁻¹", "left": "D⁻¹ N"}[fit.fraction.form]
     rows = [
         ("Data", data),
-        ("Model", f"{form}, McMillan degree {fit.fraction.A.shape[0]}, in {domain}"),
+        ("Model", f"{_form_words(view)}, in {domain}"),
     ]
     if fit.fraction.rigid_count:
         rows.append(("Rigid body", _rigid_words(view)))
@@ -143,6 +142,14 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
         words = f"{fit.reflected} of the best fit (cost {number(fit.unstable_cost, 5)}), reflected and fitted again"
         rows.append(("Unstable poles", words))
     return rows
+
+
+def _form_words(view: FitView) -> str:
+    fraction = view.fit.fraction
+    order = len(fraction.A)
+    if fraction.form == "shared":
+        return f"N/d, {order} poles that all entries share, residues of any rank: {fraction.states_in_all} states"
+    return f"{'D⁻¹ N' if fraction.form == 'left' else 'N D⁻¹'}, McMillan degree {order}"
 
 
 def _rigid_words(view: FitView) -> str:

@@ -72,7 +72,7 @@ class FitView:
             )
 
     def _oriented(self, array: np.ndarray) -> np.ndarray:
-        return array.transpose(0, 2, 1) if self.fit.fraction.form == "left" else array
+        return self.fit.fraction.oriented(array)
 
     @property
     def omega(self) -> np.ndarray:
@@ -153,7 +153,7 @@ class FitView:
     @cached_property
     def modes(self) -> tuple[ModeRow, ...]:
         """Modes of the model, with their standard deviations where there are any."""
-        return mode_table(self.model, self.covariance)
+        return mode_table(self.fit, self.covariance)
 
     @property
     def equations(self) -> int:
@@ -166,7 +166,7 @@ class FitView:
         fit = self.fit
         problem = fit.problem
         size = float(np.linalg.norm(problem.weight.apply(problem.values))) or 1.0
-        cost = float(np.linalg.norm(problem.residual(self._oriented(self.fitted))))
+        cost = float(np.linalg.norm(problem.residual(fit.fraction.fitted(self.fitted))))
         rigid = sum(row.count for row in self.modes if row.rigid)
         outside = sum(row.count for row in self.modes if not row.rigid and self._outside(row.pole))
         out = [
