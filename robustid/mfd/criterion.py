@@ -173,15 +173,6 @@ class Weight(Frozen):
             entries = np.broadcast_to(np.any(entries, axis=1, keepdims=True), entries.shape).astype(float)
         return Weight(entries, matrix=None if matrix is None else matrix[:, swap][:, :, swap], note=self.note)
 
-    def without_correlations(self) -> Weight:
-        """The weight per entry that counts every entry with its own variance: the inverse root of the diagonal of (W^H W)^{-1}."""
-        if self.matrix is None:
-            return self
-        _, ny, nu = self.shape
-        variance = np.linalg.norm(np.linalg.inv(self.matrix), axis=2) ** 2
-        entries = self.entries / np.sqrt(variance).reshape(-1, nu, ny).transpose(0, 2, 1)
-        return Weight(entries, output=self.output, input=self.input, note=self.note)
-
     def scaled(self, factors: Any) -> Weight:
         """Multiplied by a factor >= 0 per frequency point (F,), or per point and entry (F, ny, nu); 0 or False masks.
 

@@ -22,7 +22,7 @@ _TOWARDS_OCTAVE = 1 / 8
 _KNOWN = 1000.0  # degrees of freedom from which on a covariance is taken at its word
 
 
-def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> Weight:
+def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_], *, correlated: bool = True) -> Weight:
     """Weight of the residual where the user gives none, with a sentence in `Weight.note`.
 
     A covariance that counts as exact: its inverse root (maximum likelihood). One that was estimated: the inverse root of
@@ -38,6 +38,8 @@ def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> Weigh
     frf : FrequencyResponse
         Finite; entries that are missing have errors that are independent of all others.
     measured : (F, ny, nu) bool array
+    correlated : bool
+        False: every entry by its own variance in C, so that the weight is one number an entry.
 
     Notes
     -----
@@ -55,16 +57,20 @@ def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> Weigh
         return dataclasses.replace(Weight.relative(np.where(measured, frf.values, 1)).scaled(measured), note=note)
     ny, nu = frf.values.shape[1:]
     if exact_covariance(frf):
-        full, note = Weight.from_covariance(frf.covariance, ny, nu), "the covariance of the data, taken as exact"
+        covariance, note = frf.covariance, "the covariance of the data, taken as exact"
     else:
         dof = _freedom(frf)
-        full = Weight.from_covariance(_shrunk(frf, measured, dof), ny, nu)
+        covariance = _shrunk(frf, measured, dof)
         missed = 100 * np.sqrt(_missed(dof))
         note = (
             f"the covariance of the data, shrunk as it is known from {dof:.4g} degrees of freedom, with {missed:.2g} % of the"
             " response's level beside it for what the model misses"
         )
-    return dataclasses.replace(full, entries=full.entries * measured, note=note)
+    if correlated or ny * nu == 1:
+        full = Weight.from_covariance(covariance, ny, nu)
+        return dataclasses.replace(full, entries=full.entries * measured, note=note)
+    variances = np.einsum("kaa->ka", covariance).real.reshape(-1, nu, ny).transpose(0, 2, 1)
+    return Weight(measured / np.sqrt(variances), note=f"{note}; the variances alone, as poles are shared")
 
 
 def exact_covariance(frf: FrequencyResponse) -> bool:
@@ -74,7 +80,11 @@ def exact_covariance(frf: FrequencyResponse) -> bool:
 
 def _ranks(frf: FrequencyResponse) -> NDArray[np.int_]:
     """Rank of the correlations at every frequency point, (F,)."""
-    values = np.linalg.eigvalsh(_correlations(frf.covariance))
+    covariance = frf.covariance
+    variances = np.einsum("kaa->ka", covariance).real
+    if np.count_nonzero(covariance) == np.count_nonzero(variances):
+        return np.sum(variances > 0, axis=1)
+    values = np.linalg.eigvalsh(_correlations(covariance))
     return np.sum(values > SINGULAR * np.maximum(values[:, -1:], np.finfo(float).tiny), axis=1)
 
 

@@ -53,8 +53,7 @@ def stated(
     given, measured = weight is not None, ~frf.missing
     frf = _filled(frf)
     if not given:
-        weight = default_weight(frf, measured)
-        weight = _apart(weight) if form == "shared" else weight
+        weight = default_weight(frf, measured, correlated=form != "shared")
     elif not isinstance(weight, Weight):
         weight = Weight(as_array("weight", weight, ndim=3))
     weight = _only(weight, measured) if given else weight
@@ -75,15 +74,6 @@ def stated(
     if not given and data.noise is not None and exact_covariance(frf):
         data = data._replace(weight=data.noise)
     return Statement(problem, data, form, frf.values.shape[1:])
-
-
-def _apart(weight: Weight) -> Weight:
-    """The default weight without the correlations of entries: with them, the work grows with the cube of their number."""
-    if weight.matrix is None or weight.matrix.shape[1] == 1:
-        return weight
-    return dataclasses.replace(
-        weight.without_correlations(), note=f"{weight.note}; variances alone, as poles are shared"
-    )
 
 
 def _check_entries(frf: FrequencyResponse, weight: Weight) -> None:

@@ -133,7 +133,7 @@ def test_a_correlated_weight_leads_the_fit_as_brute_force_says():
     assert costs[0] < costs[1]
     variances = np.einsum("kaa->ka", covariance).real
     assert default.cost == pytest.approx(np.sum(np.abs(stacks[1]) ** 2 / variances), rel=1e-6)
-    assert "variances alone" in default.weight_choice
+    assert "the variances alone" in default.weight_choice
 
 
 def test_modes_are_told_once_and_where_they_are_largest():
