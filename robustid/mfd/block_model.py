@@ -129,6 +129,13 @@ class BlockModel(Frozen):
         parts = [self.inputs.reshape(-1, nu), self.single_inputs, np.zeros((count, nu)), self.directions]
         return A, np.concatenate(parts)
 
+    def driven(self, inputs: Real) -> BlockModel:
+        """The model with other inputs (n, m), as they are; without rigid-body modes."""
+        flexible, count = 2 * self.centre.size, inputs.shape[1]
+        pairs, single = inputs[:flexible].reshape(-1, 2, count), inputs[flexible:]
+        none = np.zeros((0, count))
+        return dataclasses.replace(self, inputs=pairs, single_inputs=single, directions=none, free=none.astype(bool))
+
     def states(self, xi: Complex) -> Complex:
         """``(xi I - A)^{-1} B``, (F, n, nu)."""
         lines, nu = xi.size, self.inputs.shape[2]
@@ -161,8 +168,11 @@ class BlockModel(Frozen):
             out[:, :, self.order - count :] = distance**2 * position + distance * velocity
         return out
 
-    def tangent(self, xi: Complex, states: Complex, C: Real) -> Complex:
-        """Derivatives (F, ny, nu, T) of the response in the coordinates of `moved`: ``dP = C R (dA R B + dB)``."""
+    def tangent(self, xi: Complex, states: Complex, C: Real, directions: Complex | None = None) -> Complex:
+        """Derivatives (F, ny, nu, T) of the response in the coordinates of `moved`: ``dP = C R (dA R B + dB)``.
+
+        With directions (F, nu, c) of the inputs, ``R B directions`` for the states: those of ``P directions``, (F, ny, c, T).
+        """
         lines, _, nu = states.shape
         rows = self.output_rows(xi, C)
         flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
@@ -178,10 +188,15 @@ class BlockModel(Frozen):
         blocks = np.einsum("fomr,mruq->foumq", blocks, pair_moves, optimize=True)
         alone = np.einsum("fom,muq->foumq", rows[:, :, flexible : flexible + m], single_moves, optimize=True)
         for part in (blocks, alone):
+            if directions is not None:
+                part = np.einsum("foumq,fuc->focmq", part, directions, optimize=True)
             parts.append(part.reshape(*part.shape[:3], part.shape[3] * part.shape[4]))
         for i, j in np.argwhere(self.free):
             change = np.zeros((lines, len(C), nu, 1), dtype=complex)
-            change[:, :, j, 0] = rows[:, :, self.order - count + i]
+            if directions is None:
+                change[:, :, j, 0] = rows[:, :, self.order - count + i]
+            else:
+                change[..., 0] = rows[:, :, self.order - count + i, None] * directions[:, j, None]
             parts.append(change)
         return np.concatenate(parts, axis=3)
 

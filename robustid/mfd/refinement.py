@@ -10,15 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices
 from robustid.mfd.block_model import RESOLVED, BlockModel
 from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.outputs import Criterion, Fitted, Outputs
 from robustid.mfd.problem import FractionProblem
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
-_RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _RTOL = 1e-10
 _TINY = 1e-2  # length of a step in standard deviations of the parameters, all together: slope^2 = length^2/equations
 _WINDOW = 6  # so many steps must together lower the criterion by what counts:
@@ -48,35 +46,6 @@ class Budget(NamedTuple):
 UNLIMITED = Budget()
 
 
-class Fitted(NamedTuple):
-    """A model with its best outputs."""
-
-    model: BlockModel
-    states: Complex  # (F, n, nu)
-    C: Real
-    D: Real
-    basis: Real  # (G, rows, columns): orthonormal, what C and D reach
-    residual: Real  # (G, rows)
-    cost: float
-
-    @property
-    def condition(self) -> float:
-        """Condition number of the normal matrix of C and D in the basis that they were solved in, measured."""
-        used = [Q[:, np.any(Q != 0, axis=0)] for Q in self.basis]
-        values = np.concatenate([np.linalg.eigvalsh(Q.T @ Q) for Q in used])
-        return float(values.max() / values.min()) if values.size else 1.0
-
-    @property
-    def response(self) -> Complex:
-        """At the frequency points, (F, ny, nu)."""
-        return self.C @ self.states + self.D
-
-    def state_space(self, scale: float) -> StateMatrices:
-        """In s or z, from the unit of the nodes."""
-        A, B = self.model.matrices()
-        return StateMatrices(scale * A, scale * B, self.C, self.D)
-
-
 class Refined(NamedTuple):
     """End of a refinement."""
 
@@ -86,92 +55,8 @@ class Refined(NamedTuple):
     bound: bool = False  # poles were held inside by the stability boundary at the end
 
 
-class Outputs:
-    """The best C and D for given states, and the projection that takes them out of a Jacobian.
-
-    Where the weight is one number an entry, every output has a least-squares problem of its own (G = ny); else they
-    share one (G = 1).
-    """
-
-    def __init__(self, problem: FractionProblem) -> None:
-        self.problem = problem
-        self.lines, self.ny, self.nu = problem.values.shape
-        self.apart = problem.weight.entries_only
-        self.alike = self.apart and bool(np.all(problem.weight.entries == problem.weight.entries[:, :1]))
-        self.target = self.rows(problem.values[..., None])[..., 0]
-
-    def rows(self, changes: Complex) -> Real:
-        """Weighted changes (F, ny, nu, T) of the response, real parts over imaginary ones: (G, rows, T)."""
-        if self.apart:
-            out = (self.problem.weight.entries[..., None] * changes).transpose(1, 0, 2, 3)
-        else:
-            out = self.problem.weight.apply_all(changes)[None]
-        out = out.reshape(len(out), -1, changes.shape[3])
-        return np.concatenate([np.real(out), np.imag(out)], axis=1)
-
-    def design(self, states: Complex) -> Real:
-        """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
-        rows = states.transpose(0, 2, 1)
-        if self.problem.feedthrough:
-            rows = np.concatenate([rows, np.broadcast_to(np.eye(self.nu), (self.lines, self.nu, self.nu))], axis=2)
-        if self.apart:
-            entries = self.problem.weight.entries[:, : 1 if self.alike else self.ny]
-            out = entries.transpose(1, 0, 2)[..., None] * rows
-        else:
-            one = np.broadcast_to(np.eye(self.ny), (self.lines, self.ny, self.ny))
-            out = self.problem.weight.linearised(rows, one)[None]
-        out = out.reshape(len(out), -1, out.shape[-1])
-        return np.concatenate([np.real(out), np.imag(out)], axis=1)
-
-    def fitted(self, model: BlockModel) -> Fitted:
-        """The model with its best outputs; of infinite cost where a pole lies on a frequency point."""
-        with np.errstate(all="ignore"):
-            states = model.states(self.problem.xi)
-        C, D = np.zeros((self.ny, model.order)), np.zeros((self.ny, self.nu))
-        if not np.all(np.isfinite(states)):
-            return Fitted(model, states, C, D, np.zeros((1, 0, 0)), self.target, math.inf)
-        design = self.design(states)
-        size = np.linalg.norm(design, axis=1)
-        size[size == 0] = 1.0
-        Q, R = np.linalg.qr(design)
-        U, sizes, Vt = np.linalg.svd(R / size[:, None])
-        kept = sizes > _RANK * sizes[:, :1]
-        seen = Q.transpose(0, 2, 1) @ self.target[..., None]
-        inverse = np.where(kept, 1 / np.where(kept, sizes, 1.0), 0.0)
-        coefficients = Vt.transpose(0, 2, 1) @ (inverse[..., None] * (U.transpose(0, 2, 1) @ seen))
-        coefficients = coefficients[..., 0] / size
-        if not np.all(kept):
-            Q = Q @ (U * kept[:, None])
-            seen = Q.transpose(0, 2, 1) @ self.target[..., None]
-        residual = self.target - (Q @ seen)[..., 0]
-        matrix = coefficients if self.apart else coefficients.reshape(-1, self.ny).T
-        if self.problem.feedthrough:
-            D = matrix[:, model.order :]
-        return Fitted(model, states, matrix[:, : model.order], D, Q, residual, float(np.sum(residual**2)))
-
-    def directions(self, fitted: Fitted) -> Real:
-        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T)."""
-        changes = self.rows(fitted.model.tangent(self.problem.xi, fitted.states, fitted.C))
-        Q = fitted.basis
-        changes -= Q @ (Q.transpose(0, 2, 1) @ changes)
-        return changes.reshape(-1, changes.shape[2])
-
-    def importance(self, fitted: Fitted) -> Real:
-        """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
-        inverse = np.linalg.pinv(np.linalg.qr(self.design(fitted.states), mode="r"), rcond=_RANK)
-        coefficients = fitted.C if self.apart else fitted.C.T.reshape(1, -1)
-        width = 2 if self.apart else 2 * self.ny
-        out = np.zeros(fitted.model.centre.size)
-        for block in range(out.size):
-            here = slice(block * width, (block + 1) * width)
-            gram = inverse[:, here] @ inverse[:, here].transpose(0, 2, 1)
-            c = coefficients[:, here, None]
-            out[block] = float(np.sum(c * np.linalg.solve(gram, c)))
-        return out
-
-
 def refine(
-    problem: FractionProblem,
+    problem: FractionProblem | Criterion,
     start: BlockModel,
     *,
     stable: bool,
@@ -188,7 +73,7 @@ def refine(
 
     Parameters
     ----------
-    problem : FractionProblem
+    problem : FractionProblem or Criterion
         Data, weight and feed-through.
     start : BlockModel
     stable : bool
@@ -225,7 +110,12 @@ class _Descent:
     """State of a refinement: the best so far, how far the linear model is trusted, and the history."""
 
     def __init__(
-        self, problem: FractionProblem, start: BlockModel, resolved: float | None, slow: float, budget: Budget
+        self,
+        problem: FractionProblem | Criterion,
+        start: BlockModel,
+        resolved: float | None,
+        slow: float,
+        budget: Budget,
     ) -> None:
         self.problem, self.resolved, self.slow, self.budget = problem, resolved, slow, budget
         self.outputs = Outputs(problem)

@@ -1,0 +1,255 @@
+"""The best outputs C and D of a realisation, for data in blocks, and the projection that takes them out."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import StateMatrices
+from robustid.mfd.block_model import BlockModel
+from robustid.mfd.criterion import Weight
+from robustid.mfd.problem import FractionProblem
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
+_LINES = 500  # points at which the derivatives of all states are held at once
+_EXACT = 1e-10  # a residual of this part of the weighted data is rounding
+
+
+class Block(NamedTuple):
+    """Data at some points: ``values = P(xi) directions``, and the weight of their residual.
+
+    A frequency response has no directions: every input alone.
+    """
+
+    at: slice | NDArray[np.int_]  # which points of the criterion
+    values: Complex  # (F, ny, c)
+    weight: Weight  # of that shape
+    directions: Complex | None = None  # (F, m, c) of all inputs of the model
+    samples: int = (
+        0  # of a record with zero initial conditions, whose final state is no unknown; its points: the whole DFT
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Criterion:
+    """Sum over blocks of data of ``|W vec(values - P directions)|^2``, for P of a given order.
+
+    Attributes
+    ----------
+    xi : (F,) array
+        Points in the unit of the nodes, in rising order of the frequency.
+    blocks : tuple of Block
+    order : int
+    inputs : int
+        Number of inputs, the first ones of the directions; further ones (initial states) have no feed-through.
+    feedthrough : bool
+    """
+
+    xi: Complex
+    blocks: tuple[Block, ...]
+    order: int
+    inputs: int
+    feedthrough: bool
+
+    @classmethod
+    def of(cls, problem: FractionProblem | Criterion) -> Criterion:
+        """That of a frequency response: one block."""
+        if isinstance(problem, Criterion):
+            return problem
+        block = Block(slice(None), problem.values, problem.weight)
+        return cls(problem.xi, (block,), problem.order, problem.values.shape[2], problem.feedthrough)
+
+    @functools.cached_property
+    def equations(self) -> int:
+        """Number of real equations: two for every weighted value, one where it is real."""
+        real = np.abs(self.xi.imag) < _EXACT * np.abs(self.xi)
+        return sum(
+            int(np.sum(np.count_nonzero(block.weight.entries, axis=(1, 2)) * np.where(real[block.at], 1, 2)))
+            for block in self.blocks
+        )
+
+    @functools.cached_property
+    def rounding(self) -> float:
+        """A criterion below this is rounding: the model passes through the data."""
+        return _EXACT**2 * sum(float(np.linalg.norm(b.weight.apply(b.values))) ** 2 for b in self.blocks)
+
+
+class Fitted(NamedTuple):
+    """A model with its best outputs."""
+
+    model: BlockModel
+    states: Complex  # (F, n, nu), those of initial states last
+    C: Real
+    D: Real
+    basis: Real  # (G, rows, columns): orthonormal, what C and D reach
+    residual: Real  # (G, rows)
+    cost: float
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the normal matrix of C and D in the basis that they were solved in, measured."""
+        used = [Q[:, np.any(Q != 0, axis=0)] for Q in self.basis]
+        values = np.concatenate([np.linalg.eigvalsh(Q.T @ Q) for Q in used])
+        return float(values.max() / values.min()) if values.size else 1.0
+
+    @property
+    def response(self) -> Complex:
+        """At the frequency points, (F, ny, nu)."""
+        return self.C @ self.states[:, :, : self.D.shape[1]] + self.D
+
+    def state_space(self, scale: float) -> StateMatrices:
+        """In s or z, from the unit of the nodes; initial states are columns of B."""
+        A, B = self.model.matrices()
+        return StateMatrices(scale * A, scale * B, self.C, self.D)
+
+
+class Outputs:
+    """The best C and D for given states, and the projection that takes them out of a Jacobian.
+
+    Where the weight is one number an entry, every output has a least-squares problem of its own (G = ny); else they
+    share one (G = 1).
+    """
+
+    def __init__(self, problem: FractionProblem | Criterion) -> None:
+        self.criterion = criterion = Criterion.of(problem)
+        weights = [block.weight for block in criterion.blocks]
+        self.ny = criterion.blocks[0].values.shape[1]
+        self.apart = all(weight.entries_only for weight in weights)
+        self.alike = self.apart and all(bool(np.all(w.entries == w.entries[:, :1])) for w in weights)
+        self.target = self.rows([block.values[..., None] for block in criterion.blocks])[..., 0]
+
+    def rows(self, changes: list[Complex]) -> Real:
+        """Weighted changes (F, ny, c, T) of the blocks' values, real parts over imaginary ones: (G, rows, T)."""
+        stack: list[Real] = []
+        for block, change in zip(self.criterion.blocks, changes, strict=True):
+            if self.apart:
+                out = (block.weight.entries[..., None] * change).transpose(1, 0, 2, 3)
+            else:
+                out = block.weight.apply_all(change)[None]
+            stack.append(_real(out.reshape(len(out), -1, change.shape[3])))
+        return np.concatenate(stack, axis=1)
+
+    def design(self, model: BlockModel, states: Complex) -> Real:
+        """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
+        stack: list[Real] = []
+        for block in self.criterion.blocks:
+            rows = self._seen(block, model, states).transpose(0, 2, 1)
+            lines, ny, count = block.values.shape
+            if self.criterion.feedthrough:
+                through = np.broadcast_to(np.eye(count), (lines, count, count))
+                if block.directions is not None:
+                    through = block.directions[:, : self.criterion.inputs].transpose(0, 2, 1)
+                rows = np.concatenate([rows, through], axis=2)
+            if self.apart:
+                entries = block.weight.entries[:, : 1 if self.alike else ny]
+                out = entries.transpose(1, 0, 2)[..., None] * rows
+            else:
+                one = np.broadcast_to(np.eye(ny), (lines, ny, ny))
+                out = block.weight.linearised(rows, one)[None]
+            stack.append(_real(out.reshape(len(out), -1, out.shape[-1])))
+        return np.concatenate(stack, axis=1)
+
+    def fitted(self, model: BlockModel) -> Fitted:
+        """The model with its best outputs; of infinite cost where a pole lies on a frequency point."""
+        with np.errstate(all="ignore"):
+            states = model.states(self.criterion.xi)
+        C, D = np.zeros((self.ny, model.order)), np.zeros((self.ny, self.criterion.inputs))
+        if not np.all(np.isfinite(states)):
+            return Fitted(model, states, C, D, np.zeros((1, 0, 0)), self.target, math.inf)
+        design = self.design(model, states)
+        size = np.linalg.norm(design, axis=1)
+        size[size == 0] = 1.0
+        Q, R = np.linalg.qr(design)
+        U, sizes, Vt = np.linalg.svd(R / size[:, None])
+        kept = sizes > _RANK * sizes[:, :1]
+        seen = Q.transpose(0, 2, 1) @ self.target[..., None]
+        inverse = np.where(kept, 1 / np.where(kept, sizes, 1.0), 0.0)
+        coefficients = Vt.transpose(0, 2, 1) @ (inverse[..., None] * (U.transpose(0, 2, 1) @ seen))
+        coefficients = coefficients[..., 0] / size
+        if not np.all(kept):
+            Q = Q @ (U * kept[:, None])
+            seen = Q.transpose(0, 2, 1) @ self.target[..., None]
+        residual = self.target - (Q @ seen)[..., 0]
+        matrix = coefficients if self.apart else coefficients.reshape(-1, self.ny).T
+        if self.criterion.feedthrough:
+            D = matrix[:, model.order :]
+        return Fitted(model, states, matrix[:, : model.order], D, Q, residual, float(np.sum(residual**2)))
+
+    def directions(self, fitted: Fitted) -> Real:
+        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T)."""
+        changes = self.rows([self._tangent(block, fitted) for block in self.criterion.blocks])
+        Q = fitted.basis
+        changes -= Q @ (Q.transpose(0, 2, 1) @ changes)
+        return changes.reshape(-1, changes.shape[2])
+
+    def importance(self, fitted: Fitted) -> Real:
+        """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
+        inverse = np.linalg.pinv(np.linalg.qr(self.design(fitted.model, fitted.states), mode="r"), rcond=_RANK)
+        coefficients = fitted.C if self.apart else fitted.C.T.reshape(1, -1)
+        width = 2 if self.apart else 2 * self.ny
+        out = np.zeros(fitted.model.centre.size)
+        for block in range(out.size):
+            here = slice(block * width, (block + 1) * width)
+            gram = inverse[:, here] @ inverse[:, here].transpose(0, 2, 1)
+            c = coefficients[:, here, None]
+            out[block] = float(np.sum(c * np.linalg.solve(gram, c)))
+        return out
+
+    def residuals(self, fitted: Fitted) -> list[Complex]:
+        """``values - P directions`` of the blocks, without their weights."""
+        out: list[Complex] = []
+        for block in self.criterion.blocks:
+            through = fitted.D if block.directions is None else fitted.D @ block.directions[:, : self.criterion.inputs]
+            out.append(block.values - fitted.C @ self._seen(block, fitted.model, fitted.states) - through)
+        return out
+
+    def _seen(self, block: Block, model: BlockModel, states: Complex) -> Complex:
+        """States (F, n, c) that the inputs of a block drive."""
+        states = states[block.at] if block.directions is None else states[block.at] @ block.directions
+        return states if not block.samples else states - self._ended(block, model, _sum(states[..., 0], block.samples))
+
+    def _tangent(self, block: Block, fitted: Fitted) -> Complex:
+        """Derivatives (F, ny, c, T) of what a block sees, in the coordinates of the model."""
+        xi, model = self.criterion.xi[block.at], fitted.model
+        states = self._seen(block, model, fitted.states)
+        changes = model.tangent(xi, states, fitted.C, block.directions)
+        if not block.samples:
+            return changes
+        total = np.zeros((model.order, changes.shape[3]))
+        for first in range(0, xi.size, _LINES):
+            part, own = slice(first, first + _LINES), np.eye(model.order)
+            directions = None if block.directions is None else block.directions[part]
+            whole = model.tangent(xi[part], states[part], own, directions)[:, :, 0]
+            total += _sum(whole, block.samples, first)
+        return changes - (fitted.C @ self._ended(block, model, total))[:, :, None]
+
+    def _ended(self, block: Block, model: BlockModel, periodic: Real) -> Complex:
+        """What the final state of a record from zero initial conditions takes from its periodic states, (F, n, T).
+
+        Periodic states that begin at p belong to the final state ``(I - A^N) p`` of those that begin at zero.
+        """
+        A = model.matrices()[0]
+        final = periodic.reshape(model.order, -1)
+        final = (final - np.linalg.matrix_power(A, block.samples) @ final) / math.sqrt(block.samples)
+        xi = self.criterion.xi[block.at]
+        return xi[:, None, None] * model.driven(final).states(xi)
+
+
+def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:
+    """What a half DFT (F, ...), or a part of it from a line on, gives to the first sample."""
+    lines = first + np.arange(len(spectrum))
+    single = (lines == 0) | (2 * lines == samples)
+    return np.tensordot(np.where(single, 1.0, 2.0), spectrum.real, axes=1) / math.sqrt(samples)
+
+
+def _real(rows: NDArray[Any]) -> Real:
+    """Real parts over imaginary ones, (G, 2 rows, T)."""
+    return np.concatenate([np.real(rows), np.imag(rows)], axis=1)
