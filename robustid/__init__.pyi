@@ -62,6 +62,7 @@ from .identification import validate as validate
 
 # Matrix fractions
 from .mfd import MatrixFraction as MatrixFraction
+from .mfd import RecordFit as RecordFit
 from .mfd import RigidBody as RigidBody
 from .mfd import RollOff as RollOff
 from .mfd import StaticGain as StaticGain
@@ -70,6 +71,7 @@ from .mfd import Zero as Zero
 from .mfd import ZeroEntries as ZeroEntries
 from .mfd import fit_covariance as fit_covariance
 from .mfd import fit_mfd as fit_mfd
+from .mfd import fit_records as fit_records
 from .mfd import modal_form as modal_form
 from .mfd import mode_table as mode_table
 from .mfd import suggest_order as suggest_order

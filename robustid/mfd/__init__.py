@@ -12,6 +12,8 @@ from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.order import suggest_order
 from robustid.mfd.order_sweep import OrderSweep
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.record_fit import RecordFit
+from robustid.mfd.records import fit_records
 from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.steps import into_form, retract, sk_step
 from robustid.mfd.subspace import subspace_estimate
@@ -27,6 +29,7 @@ __all__ = [
     "ModeRow",
     "NodeFraction",
     "OrderSweep",
+    "RecordFit",
     "RigidBody",
     "RollOff",
     "StaticGain",
@@ -38,6 +41,7 @@ __all__ = [
     "fit_covariance",
     "fit_fraction",
     "fit_mfd",
+    "fit_records",
     "into_form",
     "modal_form",
     "mode_table",

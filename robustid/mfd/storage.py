@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Arrays, Record, StateMatrices, keep
+from robustid.core import Arrays, Record, Signal, StateMatrices, keep
+from robustid.data import Bound, TimeRecord
 from robustid.mfd.conditions import Condition, RigidModes
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction
@@ -16,11 +17,13 @@ from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import Held, NodeFraction
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.record_fit import RecordFit
 from robustid.mfd.vector_polynomials import VectorPolynomials
 
 _CLASSES: dict[str, Any] = {
     cls.__name__: cls
     for cls in (
+        Bound,
         Condition,
         FitStep,
         FractionModel,
@@ -28,8 +31,11 @@ _CLASSES: dict[str, Any] = {
         Held,
         MatrixFraction,
         NodeFraction,
+        RecordFit,
         RigidModes,
+        Signal,
         StateMatrices,
+        TimeRecord,
         VectorPolynomials,
         Weight,
     )
@@ -37,7 +43,7 @@ _CLASSES: dict[str, Any] = {
 _SAME = 1e-6  # relative difference of a cost or response that was saved from the one evaluated again
 
 
-def pack(fit: MatrixFraction) -> tuple[Record, Arrays]:
+def pack(fit: MatrixFraction | RecordFit) -> tuple[Record, Arrays]:
     """Text and numbers of a fit."""
     arrays: Arrays = {}
     return {"fit": _described(fit, "fit", arrays)}, arrays
@@ -56,6 +62,21 @@ def unpack(record: Record, arrays: Arrays) -> MatrixFraction:
     size = float(np.linalg.norm(fit.nodes.response))
     if not np.linalg.norm(response - fit.nodes.response) <= (_SAME + fit.fraction.error) * size:
         raise ValueError("its state-space model is not that of its fraction")
+    return fit
+
+
+def unpack_records(record: Record, arrays: Arrays) -> RecordFit:
+    """The fit of records that was packed so; its outputs are simulated again."""
+    fit = _made(record["fit"], arrays)
+    if not isinstance(fit, RecordFit):
+        raise ValueError("it holds no fit of records")
+    again = sum(
+        float(np.sum(((one.y - simulated) * fit.weight) ** 2))
+        for one, simulated in zip(fit.records, fit.simulated, strict=True)
+    )
+    size = sum(float(np.sum((one.y * fit.weight) ** 2)) for one in fit.records)
+    if not abs(again - fit.record_cost) <= _SAME * again + _SAME**2 * size:
+        raise ValueError(f"its cost is {again:.6g}, and not {fit.record_cost:.6g}")
     return fit
 
 
@@ -100,3 +121,4 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 
 keep(MatrixFraction, "matrix fraction", words="fit", pack=pack, unpack=unpack)
+keep(RecordFit, "fit of records", pack=pack, unpack=unpack_records)

@@ -1,0 +1,130 @@
+"""The question of a fit of records: the arguments of fit_records, checked, as spectral lines."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import as_array
+from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import check_model
+from robustid.mfd.criterion import Weight
+from robustid.mfd.default_weight import exact_covariance
+from robustid.mfd.record_lines import Experiments, spectra
+from robustid.mfd.statement import stated
+
+Real = NDArray[np.float64]
+
+_SAME_DT = 1e-9
+
+
+def checked_records(records: Any) -> tuple[TimeRecord, ...]:
+    """The records, if they belong together and every sample of them counts."""
+    several = (records,) if isinstance(records, TimeRecord) else records
+    if not isinstance(several, list | tuple) or not several:
+        raise InputTypeError(f"`records` must be a TimeRecord or a sequence of them; got {type(records).__name__}")
+    for number, record in enumerate(several):
+        if not isinstance(record, TimeRecord):
+            raise InputTypeError(f"`records` must hold TimeRecords; got {type(record).__name__} at position {number}")
+        if abs(record.dt - several[0].dt) > _SAME_DT * several[0].dt:
+            raise InputError(
+                f"`records` must have one sample time; got dt = {several[0].dt:g} s, and {record.dt:g} s at position {number}"
+            )
+        for axis in ("inputs", "outputs"):
+            names, first = ([signal.name for signal in getattr(one, axis)] for one in (record, several[0]))
+            if names != first:
+                raise InputError(
+                    f"`records` must have the same {axis}, in one order; got {first}, and {names} at position {number}"
+                )
+        if not np.all(record.used):
+            raise InputError(
+                f"`records` has samples that are not used (an infinite bound) at position {number}; cut them off:"
+                ' record.window(start, stop, past="unknown")'
+            )
+    return tuple(several)
+
+
+def checked_response(frf: Any, record: TimeRecord) -> FrequencyResponse:
+    """The response, if it belongs to the records."""
+    frf = as_frequency_response("frf", frf)
+    if frf.dt is None or abs(frf.dt - record.dt) > _SAME_DT * record.dt:
+        raise InputError(f"`frf` must have the sample time of `records`, dt = {record.dt:g} s; got dt = {frf.dt}")
+    for axis in ("inputs", "outputs"):
+        here, wanted = len(getattr(frf, axis)), len(getattr(record, axis))
+        if here != wanted:
+            raise InputError(f"`frf` must have the {wanted} {axis} of `records`; got {here}")
+    return frf
+
+
+def posed(
+    records: tuple[TimeRecord, ...], frf: FrequencyResponse | None, order: int, feedthrough: bool, offset: bool
+) -> Experiments:
+    """What is fitted; InputError where the data can't carry the order."""
+    nu, ny = records[0].u.shape[1], records[0].y.shape[1]
+    unknowns, equations = order * (nu + ny) + feedthrough * nu * ny, 0
+    for number, record in enumerate(records):
+        if len(record.u) <= order:
+            raise InputError(
+                f"`records` has {len(record.u)} samples at position {number}, no more than `order` = {order}; lower the order or"
+                " leave the record out"
+            )
+        unknowns += order * (record.initial == "free") + offset * ny
+        equations += ny * len(record.u)
+    if frf is not None:
+        equations += 2 * int(np.sum(~frf.missing))
+    if unknowns >= equations:
+        raise InputError(
+            f"`order` = {order} has {unknowns} unknowns, with those of the initial states, but the data give only {equations}"
+            " equations; lower the order or give longer records"
+        )
+    everything = np.concatenate([record.u for record in records]), np.concatenate([record.y for record in records])
+    unit, size = (np.sqrt(np.mean(part**2, axis=0)) for part in everything)
+    for name, level, names in (("u", unit, records[0].inputs), ("y", size, records[0].outputs)):
+        if not np.all(level):
+            what = names[int(np.argmin(level))]
+            raise InputError(f"`records` have `{name}` = 0 throughout in signal {what}; leave that signal out")
+    unit = 2.0 ** np.round(np.log2(unit))
+    columns, lines = nu, []
+    for record in records:
+        free = record.initial == "free"
+        lines.append(spectra(record, unit, columns if free else None, offset))
+        columns += free
+    if frf is None:
+        return Experiments(tuple(lines), unit, size, order, feedthrough)
+    question = stated(frf, min(order, 1), "z", "right", None, feedthrough, None)
+    problem = dataclasses.replace(question.problem, values=question.problem.values * unit)
+    problem = dataclasses.replace(problem, weight=_per_unit(problem.weight, unit))
+    return Experiments(tuple(lines), unit, size, order, feedthrough, problem, exact_covariance(frf))
+
+
+def _per_unit(weight: Weight, unit: Real) -> Weight:
+    """The weight of a response whose inputs are counted in units."""
+    if weight.matrix is None:
+        return weight.scaled(np.broadcast_to(1 / unit, weight.shape))
+    ny = weight.shape[1]
+    return dataclasses.replace(weight, matrix=weight.matrix / np.repeat(unit, ny))
+
+
+def given_levels(weight: Any, ny: int) -> Real:
+    """Levels that a weight per output says."""
+    weight = as_array("weight", weight, ndim=1)
+    if weight.shape != (ny,) or not np.all(weight > 0):
+        raise InputError(f"`weight` must hold one number > 0 for each of the {ny} outputs; got {weight.tolist()}")
+    return 1 / np.asarray(weight, dtype=np.float64)
+
+
+def given_start(start: Any, order: int, record: TimeRecord) -> tuple[Real, Real]:
+    """A and C of a model that was given."""
+    model = check_model("start", start)
+    shape = (model.nstates, model.noutputs, model.ninputs)
+    wanted = (order, record.y.shape[1], record.u.shape[1])
+    if shape != wanted or not model.isdtime(strict=True):
+        raise InputError(
+            f"`start` must be a discrete model of {wanted[0]} states, {wanted[1]} outputs and {wanted[2]} inputs; got"
+            f" {shape[0]}, {shape[1]} and {shape[2]}, dt = {model.dt}"
+        )
+    return np.asarray(model.A, dtype=float), np.asarray(model.C, dtype=float)
