@@ -33,7 +33,7 @@ from robustid.core.storage import (
     under,
     written_by,
 )
-from robustid.core.threads import threads_for
+from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
     Frozen,
     Signal,
@@ -75,6 +75,7 @@ __all__ = [
     "freeze",
     "keep",
     "load_saved",
+    "one_thread",
     "part",
     "paths",
     "read_arrays",

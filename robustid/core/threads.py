@@ -9,12 +9,16 @@ _SMALL = 400  # below, threads of OpenBLAS wait for one another longer than they
 
 
 @contextlib.contextmanager
-def threads_for(size: int) -> Generator[None, None, None]:
-    """One thread for matrices of a small size, as many as are set for large ones."""
-    if size >= _SMALL:
-        yield
-        return
+def one_thread() -> Generator[None, None, None]:
+    """One thread, also as a decorator: for work on many small blocks, which never wait for a pool then."""
     import threadpoolctl  # type: ignore[reportMissingTypeStubs]
 
     with threadpoolctl.threadpool_limits(limits=1, user_api="blas"):
+        yield
+
+
+@contextlib.contextmanager
+def threads_for(size: int) -> Generator[None, None, None]:
+    """One thread for matrices of a small size, as many as are set for large ones."""
+    with contextlib.nullcontext() if size >= _SMALL else one_thread():
         yield

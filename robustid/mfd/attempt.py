@@ -24,6 +24,7 @@ from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, reflected
 from robustid.mfd.steps import into_form, scalar_form
+from robustid.mfd.subspace import subspace_estimate
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
 # Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
@@ -76,7 +77,7 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
     if settings.body is not None:
         model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
         problem = rigid_modes(problem, data, model, directions, settings.body)
-    if refinable(problem, settings):
+    if settings.phases == ["lm"] and refinable(problem):
         return _refined(problem, data, model, settings)
     problem, first = _best_form(problem, model, data, "iv" not in settings.phases)
     fit = fit_fraction(problem, start=first, method="+".join(settings.phases), report=settings.progress)
@@ -94,22 +95,23 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
     return Attempt(fit, found, problem.cost(first), count if settings.stable else 0, cost)
 
 
-def refinable(problem: FractionProblem, settings: Settings) -> bool:
+def refinable(problem: FractionProblem) -> bool:
     """Tell whether a state space can keep what is asked for; constraints on coefficients need the fraction."""
-    return settings.phases == ["lm"] and problem.free and (problem.rigid is None or problem.rigid.outside)
+    return problem.free and (problem.rigid is None or problem.rigid.outside)
 
 
 def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
     """The attempt in state-space coordinates; the fraction is formed of its end."""
     start_cost = _distance(problem, data, model)
+    if len(model.A) < problem.order and problem.rigid is None:
+        model = _completed(problem, data, model)
     if len(model.A) != problem.order:
         form, first = _best_form(problem, model, data, True)
         model = realise(form, first).matrices
     refined, count, free_cost = _descended(problem, data, model, settings)
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
-    if _flipped(problem):
-        end = StateMatrices(end.A.T, end.C.T, end.B.T, end.D.T)
+    end = transposed(end) if flipped(problem) else end
     if problem.rigid is not None:
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
@@ -121,30 +123,32 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
         admit = functools.partial(_admitted, problem, data) if settings.stable else None
         fit = fit_fraction(problem, start=nodes, method="lm", admit=admit, report=settings.progress)
         fit = dataclasses.replace(fit, history=refined.history + fit.history)
-    return Attempt(fit, realise(problem, fit.fraction, form=settings.form), start_cost, count, free_cost, True)
+    found = realise(problem, fit.fraction, form=settings.form)
+    if settings.stable and np.any(unstable_poles(found)):  # forming the fraction moved a pole by more than its damping
+        inside = _reflection(problem, fit.fraction, found, data)
+        if inside is not None:
+            fit = dataclasses.replace(fit, fraction=inside, cost=problem.cost(inside))
+            found = realise(problem, inside, form=settings.form)
+    return Attempt(fit, found, start_cost, count, free_cost, True)
 
 
-def _flipped(problem: FractionProblem) -> bool:
+def flipped(problem: FractionProblem) -> bool:
     """Tell whether the transposed response is refined: the larger side is the one that is projected out."""
     return problem.rigid is None and problem.values.shape[2] > problem.values.shape[1]
+
+
+def transposed(model: StateMatrices) -> StateMatrices:
+    """The realisation of the transposed response."""
+    return StateMatrices(model.A.T, model.C.T, model.B.T, model.D.T)
 
 
 def _descended(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings
 ) -> tuple[Refined, int, float]:
     """End of the refinement; number and cost of the unstable poles of a better fit without stability."""
-    rigid, scale = problem.rigid, problem.scale
-    if _flipped(problem):
-        problem, data = problem.transposed(), data.transposed()
-        model = StateMatrices(model.A.T, model.C.T, model.B.T, model.D.T)
-    directions = free = None
-    flexible = len(model.A)
-    if rigid is not None:
-        flexible -= 2 * rigid.count
-        directions, free = rigid.directions, np.zeros(rigid.directions.shape, dtype=bool)
-        free[:, np.setdiff1d(np.arange(problem.values.shape[2]), rigid.pivots)] = rigid.free
-    A, B = model.A[:flexible, :flexible] / scale, model.B[:flexible] / scale
-    start = BlockModel.of(A, B, discrete=problem.dt is not None, directions=directions, free=free)
+    if flipped(problem):
+        problem, data, model = problem.transposed(), data.transposed(), transposed(model)
+    start = blocks_of(problem, model)
     budget = Budget(settings.deadline, settings.progress)
     if settings.stable:
         inside, outputs = start.reflected(), Outputs(problem)
@@ -162,6 +166,30 @@ def _descended(
     if settings.stable and found.bound and found.status is not FitStatus.INTERRUPTED and not budget.spent:
         return _beyond(problem, found, budget)
     return found, 0, np.nan
+
+
+def blocks_of(problem: FractionProblem, model: StateMatrices) -> BlockModel:
+    """A realisation in s or z as blocks in the unit of the nodes, its rigid-body chains (at the end) as the problem says."""
+    rigid, flexible = problem.rigid, len(model.A)
+    directions = free = None
+    if rigid is not None:
+        flexible -= 2 * rigid.count
+        directions, free = rigid.directions, np.zeros(rigid.directions.shape, dtype=bool)
+        free[:, np.setdiff1d(np.arange(problem.values.shape[2]), rigid.pivots)] = rigid.free
+    A, B = model.A[:flexible, :flexible] / problem.scale, model.B[:flexible] / problem.scale
+    return BlockModel.of(A, B, discrete=problem.dt is not None, directions=directions, free=free)
+
+
+def _completed(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices:
+    """A model of too low an order, with the missing poles where what it leaves of the data asks for them."""
+    residual = problem.values - response_at(model, data.points)
+    missing = problem.order - len(model.A)
+    try:
+        more = subspace_estimate(residual, data.points, missing, weight=data.weight, domain=data.domain)
+    except (InputError, np.linalg.LinAlgError):
+        return model
+    A, B = diagonal_blocks(model.A, more.A), np.vstack([model.B, more.B])
+    return StateMatrices(A, B, np.hstack([model.C, more.C]), model.D)
 
 
 def _allowance(problem: FractionProblem) -> int:

@@ -21,6 +21,7 @@ Complex = NDArray[np.complex128]
 _KEPT = 0.1
 # A mode whose damping is below this part of the spacing of the frequency points is one that they don't resolve.
 RESOLVED = 0.02
+_FAR = 100.0  # in the unit of the nodes, the largest of which lies between 0.5 and 1
 _EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes) no pole goes
 _DOUBLE = 1e-2  # a block of a double pole is coupled by this part of the pole's distance from the boundary
 
@@ -232,10 +233,12 @@ class BlockModel(Frozen):
         return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, _EDGE)])
 
     def spacing(self, xi: Complex) -> Real:
-        """Distance between the frequency points where the blocks and the single poles are."""
+        """Distance between the frequency points where the blocks and the single poles are; beyond the last, that from it."""
         poles = np.concatenate([self.poles[: 2 * self.centre.size : 2], self.single])
         gap = np.abs(np.gradient(xi)) if xi.size > 1 else np.ones(1)
-        return gap[np.abs(xi[:, None] - poles).argmin(axis=0)]
+        frequency = np.abs(np.angle(poles)) if self.discrete else np.abs(np.imag(poles))
+        last = np.max(np.abs(np.angle(xi)) if self.discrete else np.abs(np.imag(xi)))
+        return np.maximum(gap[np.abs(xi[:, None] - poles).argmin(axis=0)], frequency - last)
 
     def moved(self, step: Real, least: Real | None = None) -> BlockModel:
         """The model after a step in the coordinates of `tangent`, poles kept at least so far inside."""
@@ -254,6 +257,7 @@ class BlockModel(Frozen):
             single_inputs=self.single_inputs + np.einsum("muq,mq->mu", single_moves, alone.reshape(r, nu - 1)),
             directions=directions,
         )
+        trial = trial._near()
         return (trial if least is None else trial._inside(least)).normalised()
 
     def without(self, block: int) -> BlockModel:
@@ -274,6 +278,18 @@ class BlockModel(Frozen):
         """The model with unstable poles reflected and at least the damping that the frequency points resolve."""
         inside = self.reflected()
         return inside._inside(RESOLVED * inside.spacing(xi)).normalised()
+
+    def _near(self) -> BlockModel:
+        """Poles in s at most `_FAR` away: beyond, a pole is a feed-through in disguise, and costs digits."""
+        if self.discrete:
+            return self
+        far = _FAR**2 / self.coupling
+        return dataclasses.replace(
+            self,
+            centre=np.maximum(self.centre, -_FAR),
+            fall=np.clip(self.fall, -far, far),
+            single=np.maximum(self.single, -_FAR),
+        )
 
     def _inside(self, least: Real, *, reflect: bool = False) -> BlockModel:
         """Poles at least so far from the boundary: pulled in, or reflected."""

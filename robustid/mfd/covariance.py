@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_positive, freeze
+from robustid.core import Frozen, as_array, as_positive, freeze, one_thread
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
@@ -98,6 +98,7 @@ class FitCovariance(Frozen):
         return model.oriented(std)
 
 
+@one_thread()
 def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCovariance:
     r"""Standard deviations of poles and response of a fit, from the noise of the data.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_positive
+from robustid.core import Frozen, Savable, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstable_poles
@@ -131,6 +131,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
         )
 
 
+@one_thread()
 def fit_mfd(
     frf: Any,
     *,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen
+from robustid.core import Frozen, one_thread
 from robustid.errors import InputError
 from robustid.mfd.instrumental import iv_step
 from robustid.mfd.node_fraction import Held, NodeFraction, right_divide
@@ -97,6 +97,7 @@ def phases_of(method: Any) -> list[str]:
     return phases
 
 
+@one_thread()
 def fit_fraction(
     problem: FractionProblem,
     *,

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import logging
 import math
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Executor, Future, as_completed
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from robustid.core import as_count
+from robustid.core import as_count, as_positive, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.mfd.constraints import as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import exact_covariance
@@ -23,13 +25,20 @@ from robustid.mfd.iteration import FitStatus
 from robustid.mfd.order_sweep import OrderSweep
 from robustid.mfd.statement import stated
 from robustid.mfd.subspace import subspace_estimate
+from robustid.mfd.withheld import outside_bound, unresolved_poles, withheld_error
 
 _log = logging.getLogger("robustid")
 
 # Orders tried around the number of singular values above the noise: all of them near it, even steps further away.
 _AROUND = (-6, -4, -2, -1, 0, 1, 2, 3, 4, 6, 8, 12)
+# Below them, where there are many: the error at withheld points often has its knee far below the noise.
+_BELOW = (2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 48, 56, 64, 80)
+_WAVE = 4  # orders fitted before it is looked whether more are worth it: none of them predicted better by this part
+_BETTER = 0.15
+# A feed-through is hinted at that lowers the error at withheld points to this part of it, or leaves it with fewer states.
+_FEEDTHROUGH, _AS_WELL = 0.8, 1.02
 # Orders of the subspace estimate whose singular values are counted: doubled until the count is smaller.
-_FIRST_PROBE, _LAST_PROBE = 10, 160
+_FIRST_PROBE, _LAST_PROBE = 10, 80
 # The largest noise value of 200 noisy estimates lay at 0.94 to 1.28 times the asymptotic edge.
 _EDGE_SLACK = 1.25
 # Singular values of this part of the largest one are rounding.
@@ -38,17 +47,24 @@ _EXACT = 1e-10
 _SAME_COST = 1e-6
 
 
+@one_thread()
 def suggest_order(
     frf: Any,
     *,
     orders: Iterable[int] | None = None,
     weight: Weight | np.ndarray | None = None,
     domain: str | None = None,
+    time_limit: float | None = 60.0,
     executor: Executor | None = None,
     progress: Callable[[int, int], Any] | None = None,
     **options: Any,
 ) -> OrderSweep:
-    """Fit a range of orders and find the one that the data carry: the smallest ``MDL = -2 ln L + p ln N``.
+    """Fit a range of orders and find the one that the data carry.
+
+    The smallest ``MDL = -2 ln L + p ln N``, but no order beyond the first that keeps the data inside their stated bounds; where
+    no order leaves noise alone (measured machines), the smallest whose error at withheld frequency points is within a
+    quarter of the best. Orders with more than half as many parameters as equations, or with modes whose damping the
+    frequency points don't resolve, are not suggested.
 
     With the noise known, ``-2 ln L = 2 V``; with its level unknown, ``-2 ln L = N ln(V/N)``, up to constants.
     V is the cost, p the number of free coefficients, N that of real equations.
@@ -57,10 +73,13 @@ def suggest_order(
     ----------
     frf : FrequencyResponse or control.FRD
     orders : sequence of int, optional
-        Default: a dozen around the number of singular values of the subspace estimate that lie above the noise.
+        Default: a dozen around the number of singular values of the subspace estimate that lie above the noise, and a
+        ladder below; they end where larger ones don't predict better.
     weight, domain
         As in `fit_mfd`. The noise counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no
         other weight is given.
+    time_limit : float, optional
+        Seconds after which no further orders are tried; None: no limit.
     executor : concurrent.futures.Executor, optional
         Where the orders are fitted; default this process, one after the other. The result is the same.
     progress : callable, optional
@@ -88,9 +107,8 @@ def suggest_order(
     simulated SISO systems of order 4, MDL found 6 with 100 points, 6 with 200; compare with `OrderSweep.subspace_order`.
     MDL finds the true order as N grows; AIC keeps too much. A model error (a nonlinearity, leakage) counts as dynamics.
 
-    An order whose cost lies above that of a lower one is fitted again, from there: it ended in a local minimum. The
-    criteria are those of plain maximum likelihood, ``stable=False``, which is also faster; stable fits of too high an
-    order cost more, and are chosen less often.
+    An order whose cost lies above that of a lower one is fitted again, from there and from what it leaves of the data: the
+    cost never rises with the order.
 
     Source: `pintelon2012`; for the noise level of the singular values, from their median, `gavish2014`.
 
@@ -117,11 +135,47 @@ def suggest_order(
     singular_values, edge = subspace_singular_values(
         frf, weight, domain, noise_known, options.get("feedthrough", False)
     )
-    tried = _orders(orders, int(np.sum(singular_values > edge)))
-    fits, failures = _sweep(frf, tried, options | {"weight": weight, "domain": domain}, executor, progress)
+    tried = _orders(orders, int(np.sum(singular_values > edge)), frf)
+    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
+    settings = options | {"weight": weight, "domain": domain}
+    fits, failures, withheld = _sweep(frf, tried, settings, executor, progress, orders is None, deadline)
     equations = fits[min(fits)].problem.equations
-    parameters = np.array([_parameters(fits[order]) for order in sorted(fits)])
-    return OrderSweep(fits, failures, parameters, equations, noise_known, singular_values, edge)
+    ordered = [fits[order] for order in sorted(fits)]
+    sweep = OrderSweep(
+        fits,
+        failures,
+        np.array([_parameters(fit) for fit in ordered]),
+        equations,
+        noise_known,
+        singular_values,
+        edge,
+        np.array([withheld[order] for order in sorted(fits)]),
+        np.array([outside_bound(fit, frf) for fit in ordered]),
+        np.array([unresolved_poles(fit) for fit in ordered]),
+    )
+    return sweep if time.monotonic() > deadline else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
+
+
+def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]) -> str:
+    """Say where a feed-through would predict as well with fewer states, or better with as many."""
+    order = sweep.suggested
+    error = float(sweep.withheld[sweep.orders == order][0])
+    asked = settings.get("feedthrough") or settings.get("constraints")
+    if asked or not error > 0 or sweep.fits[order].status is FitStatus.EXACT:
+        return ""
+    for fewer in (2, 1, 0):
+        if order - fewer < 1:
+            continue
+        try:
+            other = withheld_error(fit_one(frf, {**settings, "feedthrough": True}, order - fewer))
+        except (RobustIdError, np.linalg.LinAlgError):
+            continue
+        if other <= (_AS_WELL if fewer else _FEEDTHROUGH) * error:
+            return (
+                f"with a feed-through the error of order {order - fewer} at withheld frequency points is {100 * other:.3g} %"
+                f" (order {order} without: {100 * error:.3g} %): give `feedthrough=True` (--feedthrough) and compare"
+            )
+    return ""
 
 
 def subspace_singular_values(
@@ -156,9 +210,12 @@ def _noise_edge(found: np.ndarray, shape: tuple[int, ...], noise_known: bool) ->
     return max(_EDGE_SLACK * level * (1 + math.sqrt(ratio)), _EXACT * float(found[0]))
 
 
-def _orders(orders: Iterable[int] | None, center: int) -> list[int]:
+def _orders(orders: Iterable[int] | None, center: int, frf: FrequencyResponse) -> list[int]:
     if orders is None:
-        return sorted({max(center + step, 1) for step in _AROUND})
+        near = {max(center + step, 1) for step in _AROUND}
+        most = frf.omega.size * frf.values[0].size // sum(frf.values.shape[1:])  # parameters for half the equations
+        wanted = sorted(near | {order for order in _BELOW if order < min(near)})
+        return [order for order in wanted if order <= most] or wanted[:1]
     try:
         chosen = sorted({as_count("orders", order, least=1) for order in orders})
     except TypeError as error:
@@ -179,33 +236,57 @@ def _sweep(
     options: Mapping[str, Any],
     executor: Executor | None,
     progress: Callable[[int, int], Any] | None,
-) -> tuple[dict[int, MatrixFraction], dict[int, str]]:
+    may_stop: bool,
+    deadline: float,
+) -> tuple[dict[int, MatrixFraction], dict[int, str], dict[int, float]]:
+    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before."""
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
-    jobs = {} if executor is None else {_submitted(executor, frf, options, order): order for order in orders}
+    withheld: dict[int, float] = {}
+    done, best = 0, math.inf
     try:
-        runs = ((order, partial(fit_one, frf, options, order)) for order in orders)
-        for order, run in runs if executor is None else ((jobs[job], job.result) for job in as_completed(jobs)):
-            try:
-                fits[order] = run()
-            except Exception as error:
-                _log.warning("order %d: %s: %s; trying again in this process", order, type(error).__name__, error)
-                try:
-                    fits[order] = fit_one(frf, options, order)
-                except Exception as again:
-                    errors[order] = again
-            if progress is not None:
-                progress(len(fits) + len(errors), len(orders))
+        for first in range(0, len(orders), _WAVE):
+            wave = orders[first : first + _WAVE]
+            for order, outcome in _wave(frf, wave, options, executor):
+                done += 1
+                (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
+                if progress is not None:
+                    progress(done, len(orders))
+            _refit_local_minima(frf, options, fits)
+            here = {order: withheld_error(fits[order]) for order in wave if order in fits}
+            withheld |= here
+            reached = min(here.values(), default=math.nan)
+            if time.monotonic() > deadline or (may_stop and reached > (1 - _BETTER) * best):
+                break
+            best = min(best, reached) if math.isfinite(reached) else best
         if not fits:
             raise errors[orders[0]]
-        _refit_local_minima(frf, options, fits)
     except BaseException:
-        for job in jobs:
-            job.cancel()
         finished = ", ".join(f"order {order}: cost {fit.cost:.6g}" for order, fit in sorted(fits.items()))
         _log.warning("the sweep over the order ended early; finished: %s", finished or "none")
         raise
-    return fits, {order: f"{type(error).__name__}: {error}" for order, error in errors.items()}
+    return fits, {order: f"{type(error).__name__}: {error}" for order, error in errors.items()}, withheld
+
+
+def _wave(
+    frf: FrequencyResponse, orders: list[int], options: Mapping[str, Any], executor: Executor | None
+) -> Generator[tuple[int, MatrixFraction | Exception], None, None]:
+    """Fits of some orders as they end; one that fails is tried again in this process."""
+    jobs = {} if executor is None else {_submitted(executor, frf, options, order): order for order in orders}
+    runs = ((order, partial(fit_one, frf, options, order)) for order in orders)
+    try:
+        for order, run in runs if executor is None else ((jobs[job], job.result) for job in as_completed(jobs)):
+            try:
+                yield order, run()
+            except Exception as error:
+                _log.warning("order %d: %s: %s; trying again in this process", order, type(error).__name__, error)
+                try:
+                    yield order, fit_one(frf, options, order)
+                except Exception as again:
+                    yield order, again
+    finally:
+        for job in jobs:
+            job.cancel()
 
 
 def _submitted(executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> Future:

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from robustid.core import Frozen, freeze
 from robustid.figures import Drawable
+from robustid.mfd.attempt import suspicious
 from robustid.mfd.fit import MatrixFraction
+from robustid.mfd.iteration import FitStatus
 
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05
+# Where no order leaves noise alone: an order whose error at withheld points is larger than the smallest by at most this part.
+_AS_GOOD = 0.25
+_INSIDE = 1.05  # of a bound: least squares don't minimise the largest residual
 
 
 class PoleRow(NamedTuple):
@@ -45,6 +51,14 @@ class OrderSweep(Frozen, Drawable):
         Of the subspace estimate, falling.
     noise_edge : float
         Noise alone keeps the singular values below this.
+    withheld : (n,) array
+        Weighted rms error at frequency points that were withheld, relative to the data there; nan where it wasn't judged.
+    outside : (n,) array
+        Largest ratio of what the fit leaves to the bound of the data; nan where they have none.
+    unresolved : (n,) int array
+        Number of poles whose damping the frequency points don't resolve.
+    hint : str
+        What the residuals of the order suggested ask for; empty where they ask for nothing.
     """
 
     fits: dict[int, MatrixFraction]
@@ -54,6 +68,10 @@ class OrderSweep(Frozen, Drawable):
     noise_known: bool
     singular_values: np.ndarray
     noise_edge: float
+    withheld: np.ndarray
+    outside: np.ndarray
+    unresolved: np.ndarray
+    hint: str = ""
 
     def __post_init__(self) -> None:
         self._set(
@@ -61,6 +79,9 @@ class OrderSweep(Frozen, Drawable):
             failures=dict(sorted(self.failures.items())),
             parameters=freeze(self.parameters),
             singular_values=freeze(self.singular_values),
+            withheld=freeze(self.withheld),
+            outside=freeze(self.outside),
+            unresolved=freeze(self.unresolved),
         )
 
     @property
@@ -91,8 +112,47 @@ class OrderSweep(Frozen, Drawable):
 
     @property
     def suggested(self) -> int:
-        """The order of the smallest MDL."""
-        return int(self.orders[np.argmin(self.mdl)])
+        """The order of the smallest MDL; a lower one where the bounds, or what withheld points show, ask for no more."""
+        return self._choice[0]
+
+    @property
+    def reason(self) -> str:
+        """Why this order, as a clause: "has the smallest MDL …"."""
+        return self._choice[1]
+
+    @cached_property
+    def _choice(self) -> tuple[int, str]:
+        allowed = self._allowed
+        best = allowed[np.argmin(self.mdl[allowed])]
+        inside = [k for k in allowed[allowed <= best] if self.outside[k] <= _INSIDE]
+        if inside:
+            words = "is the smallest that leaves no more of the data than the stated bounds"
+            return int(self.orders[inside[0]]), words if inside[0] < best else "has the smallest MDL"
+        judged = allowed[np.isfinite(self.withheld[allowed])]
+        if judged.size and not self._white(int(best)):
+            least = float(np.min(self.withheld[judged]))
+            first = judged[self.withheld[judged] <= (1 + _AS_GOOD) * least][0]
+            if first < best:
+                words = (
+                    f"is the smallest within {100 * _AS_GOOD:.0f} % of the best error at withheld frequency points"
+                    f" ({100 * self.withheld[first]:.3g} % against {100 * least:.3g} %; no order leaves noise alone)"
+                )
+                return int(self.orders[first]), words
+        return int(self.orders[best]), "has the smallest MDL"
+
+    @property
+    def _allowed(self) -> np.ndarray:
+        """Indices of the orders that the data can carry: enough equations, every mode resolved; all where none is."""
+        carried = self.parameters <= self.equations / 2
+        for mask in (carried & (self.unresolved == 0), carried):
+            if np.any(mask):
+                return np.flatnonzero(mask)
+        return np.arange(self.parameters.size)
+
+    def _white(self, k: int) -> bool:
+        """Tell whether the residual of an order is noise: neighbouring frequency points are independent."""
+        fit = self.fits[int(self.orders[k])]
+        return not suspicious(fit.problem, fit.nodes.response, FitStatus.STATIONARY)
 
     @property
     def subspace_order(self) -> int:
@@ -135,21 +195,26 @@ class OrderSweep(Frozen, Drawable):
 
     def summary(self) -> str:
         """A table with one line per order, then the suggestion."""
-        lines = [" order  parameters        cost     level    MDL-min    AIC-min  poles"]
+        lines = [" order  parameters        cost     level    MDL-min    AIC-min  withheld  poles"]
         mdl, aic = self.mdl - self.mdl.min(), self.aic - self.aic.min()
-        columns = zip(self.fits.items(), self.parameters, self.levels, mdl, aic, strict=True)
-        for (order, fit), count, level, more_mdl, more_aic in columns:
-            stable = "stable" if fit.stable else "unstable"
-            text = f"{order:6d}{count:12d}{fit.cost:12.5g}{level:10.4g}{more_mdl:11.5g}{more_aic:11.5g}  {stable}"
+        columns = zip(
+            self.fits.items(), self.parameters, self.levels, mdl, aic, self.withheld, self.unresolved, strict=True
+        )
+        for (order, fit), count, level, more_mdl, more_aic, withheld, unresolved in columns:
+            poles = ("stable" if fit.stable else "unstable") + (f", {unresolved} not resolved" if unresolved else "")
+            error = f"{100 * withheld:8.3g} %" if np.isfinite(withheld) else f"{'-':>10}"
+            text = f"{order:6d}{count:12d}{fit.cost:12.5g}{level:10.4g}{more_mdl:11.5g}{more_aic:11.5g}{error}  {poles}"
             lines.append(text + ("  <" if order == self.suggested else ""))
         lines += [f"{order:6d}  failed: {message}" for order, message in self.failures.items()]
         noise = "known from the covariance" if self.noise_known else "of unknown level"
         lines.append(
-            f"order {self.suggested} has the smallest MDL (noise {noise});"
+            f"order {self.suggested} {self.reason} (noise {noise});"
             f" {self.subspace_order} singular values of the subspace estimate lie above the noise"
         )
         if len(self.fits) > 1 and self.suggested == self.orders[-1]:
-            lines.append("the smallest MDL is at the largest order tried: give larger `orders`")
+            lines.append("it is the largest order tried: give larger `orders`")
+        if self.hint:
+            lines.append(self.hint)
         return "\n".join(lines)
 
 

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, freeze, response_at
+from robustid.core import Frozen, as_array, as_count, freeze, one_thread, response_at
 from robustid.errors import InputError
 from robustid.mfd.state_fit import Samples, band, fit_inputs, real_rows, reflected, triangle
 
@@ -47,6 +47,7 @@ class SubspaceEstimate(Frozen):
         return response_at((self.A, self.B, self.C, self.D), points)
 
 
+@one_thread()
 def subspace_estimate(
     frf_values: np.ndarray,
     points: np.ndarray,

@@ -68,7 +68,7 @@ def test_default_orders_lie_around_the_singular_values_above_the_noise(monkeypat
         counts.append(int(np.sum(values > edge)))
     assert counts == [6] * 6
     tried = []
-    monkeypatch.setattr(order, "_sweep", lambda frf, orders, *rest: tried.extend(orders) or ({}, {}))
+    monkeypatch.setattr(order, "_sweep", lambda frf, orders, *rest: tried.extend(orders) or ({}, {}, {}))
     with pytest.raises(ValueError, match="empty"):
         suggest_order(data(0, 2, 2, 3, 100))
     assert tried == [1, 2, 4, 5, 6, 7, 8, 9, 10, 12, 14, 18]
@@ -271,3 +271,69 @@ def test_bad_input(changes, error, words):
     arguments = {"frf": data(0, 1, 1, 1, 30), "orders": [2]} | changes
     with pytest.raises(error, match=words):
         suggest_order(arguments.pop("frf"), **arguments)
+
+
+def bounded(seed, outputs, inputs, modes, lines, level=0.02):
+    """Data with stated bounds that hold."""
+    rng = np.random.default_rng([seed, 3])
+    omega = 2 * np.pi * np.geomspace(4, 1200, lines)
+    truth = random_modal_system(seed, outputs, inputs, modes, band_hz=(8, 800)).response(1j * omega)
+    radius = level * np.abs(truth)
+    disc = np.sqrt(rng.uniform(size=truth.shape)) * np.exp(2j * np.pi * rng.uniform(size=truth.shape))
+    return rid.FrequencyResponse(omega, truth + radius * disc, bound=radius)
+
+
+def test_stated_bounds_cap_the_order():
+    """6 plants: the true order in 5, never more than 1.5 times it."""
+    found = []
+    for seed in range(6):
+        sweep = suggest_order(bounded(seed, 1 + seed % 2, 1, 2, 80))
+        found.append(sweep.suggested)
+        assert sweep.outside.shape == sweep.orders.shape
+    assert max(found) <= 6
+    assert found.count(4) >= 5
+
+
+def test_no_more_than_half_as_many_parameters_as_equations():
+    """21 frequency points of a system of order 4 that nothing is known of: at most 10 states, and no mode on single points."""
+    frf = data(0, 1, 1, 2, 21, known=False)
+    sweep = suggest_order(frf)
+    assert max(sweep.orders) <= 10
+    assert sweep.suggested <= 6
+    assert sweep.unresolved[sweep.orders == sweep.suggested] == 0
+
+
+def test_where_no_order_is_right_withheld_points_decide():
+    """A delay has no order: the costs fall for ever, and the order suggested predicts withheld points as well as any."""
+    omega = 2 * np.pi * np.linspace(1, 100, 160)
+    s = 1j * omega
+    values = np.exp(-0.011 * s) * (1 / (s**2 + 2 * s + 150**2) + 0.3 / (s**2 + 4 * s + 400**2)) * 1e4
+    values = values * (1 + 1e-3 * np.random.default_rng(0).standard_normal(160))
+    sweep = suggest_order(rid.FrequencyResponse(omega, values), orders=range(4, 15, 2))
+    assert np.all(np.diff(sweep.costs) <= 1e-6 * sweep.costs[:-1])
+    chosen = sweep.withheld[sweep.orders == sweep.suggested][0]
+    assert chosen <= 1.25 * np.nanmin(sweep.withheld)
+    assert sweep.suggested < 14 or sweep.reason == "has the smallest MDL"
+
+
+def test_a_feed_through_is_hinted_at():
+    """An accelerometer: without a feed-through the fit predicts worse, and the sweep says what to give."""
+    omega = 2 * np.pi * np.geomspace(2, 200, 150)
+    s = 1j * omega
+    values = s**2 / (s**2 + 3 * s + 200**2) + 0.5 * s**2 / (s**2 + 5 * s + 600**2)
+    values = values * (1 + 1e-3 * np.random.default_rng(1).standard_normal(150))
+    frf = rid.FrequencyResponse(omega, values)
+    sweep = suggest_order(frf, orders=[3, 4, 5, 6])
+    assert "feedthrough=True" in sweep.hint
+    assert sweep.hint in sweep.summary()
+    sweep = suggest_order(frf, orders=[3, 4, 5, 6], feedthrough=True)
+    assert sweep.suggested == 4
+    assert not sweep.hint
+
+
+def test_a_time_limit_ends_a_sweep():
+    """The first wave is fitted, no more."""
+    sweep = suggest_order(data(0, 1, 1, 2, 100), orders=range(1, 13), time_limit=1e-3)
+    assert list(sweep.orders) == [1, 2, 3, 4]
+    with pytest.raises(rid.InputError, match="`time_limit` must be"):
+        suggest_order(data(0, 1, 1, 1, 30), orders=[2], time_limit=0)

@@ -75,7 +75,10 @@ def sweep() -> OrderSweep:
     found = {order: fit_mfd(fits.measured(fits.SMALL, fits.OMEGA), order=order) for order in (4, 5)}
     values = np.geomspace(100, 1, 12)
     parameters = np.array([2 * order for order in found])
-    return OrderSweep(found, {12: "InputError: <b>no</b>"}, parameters, 2 * fits.OMEGA.size, False, values, 20.0)
+    equations, unknown = 2 * fits.OMEGA.size, np.full(len(found), np.nan)
+    failures = {12: "InputError: <b>no</b>"}
+    unresolved = np.zeros(len(found), dtype=int)
+    return OrderSweep(found, failures, parameters, equations, False, values, 20.0, unknown, unknown, unresolved)
 
 
 @pytest.fixture(scope="session")

@@ -58,7 +58,8 @@ def fit(
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
 
-    With --order auto a range of orders is fitted, on all cores, and the smallest description length (MDL) decides.
+    With --order auto a range of orders is fitted, on all cores: the smallest description length (MDL), the stated bounds and the
+    error at withheld frequency points decide.
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
 
@@ -137,7 +138,7 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
 
 
 def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
-    """A sweep over the order on all cores; the criteria are those of plain least squares, stable or not."""
+    """A sweep over the order on all cores."""
     from robustid.core import worker_pool
     from robustid.mfd import suggest_order
 
@@ -146,7 +147,7 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
         def progress(done: int, count: int) -> None:
             show(f"fitting a range of orders: {done} of {count}")
 
-        sweep = suggest_order(frf, executor=pool, progress=progress, stable=False, **asked)
+        sweep = suggest_order(frf, executor=pool, progress=progress, **asked)
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         warn(console, f"order {sweep.suggested} is the largest one tried; give a larger --order by hand to compare")
     return sweep

@@ -38,12 +38,14 @@ def order_words(sweep: OrderSweep) -> str:
     """Name the order that the data carry, and the rule."""
     noise = "known from the covariance of the data" if sweep.noise_known else "of unknown level"
     words = (
-        f"Order {sweep.suggested} has the smallest description length (MDL) of the {sweep.orders.size} orders tried,"
-        f" {sweep.orders[0]} to {sweep.orders[-1]}, with noise {noise}; {sweep.subspace_order} singular values lie above"
-        " the noise."
+        f"Of the {sweep.orders.size} orders tried, {sweep.orders[0]} to {sweep.orders[-1]}, order {sweep.suggested}"
+        f" {sweep.reason.replace('MDL', 'description length (MDL)')}, with noise {noise}; {sweep.subspace_order} singular values"
+        " lie above the noise."
     )
     if sweep.failures:
         words += f" Not fitted: {', '.join(f'order {order}' for order in sweep.failures)}."
+    if sweep.hint:
+        words += f" {sweep.hint[0].upper()}{sweep.hint[1:]}."
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         words += " It is the largest order tried: try larger ones."
     return words
