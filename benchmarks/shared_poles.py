@@ -77,7 +77,16 @@ def against_vector_fitting(seeds):
 def times():
     print("\ntime of a fit, noise of the level")
     print(f"{'response':>10}{'lines':>7}{'poles':>7}{'form':>8}{'error / noise':>15}{'CPU s':>8}")
-    cases = [(1, 1, 30, 300), (28, 2, 20, 400), (13, 4, 40, 400), (2, 2, 40, 300), (4, 4, 40, 300), (8, 8, 40, 300)]
+    cases = [
+        (1, 1, 30, 300),
+        (28, 2, 20, 400),
+        (13, 4, 40, 400),
+        (2, 2, 40, 300),
+        (4, 4, 40, 300),
+        (8, 8, 40, 300),
+        (20, 20, 40, 300),
+    ]
+    ours(network(0, 1, 1, 2, 50, relative=False)[2], 4)  # what is imported at the first fit isn't measured
     for ny, nu, order, lines in cases:
         _, truth, frf = network(0, ny, nu, order // 2, lines, relative=False)
         response, poles, seconds, how = ours(frf, order)

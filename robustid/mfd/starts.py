@@ -15,10 +15,11 @@ from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
-from robustid.mfd.state_fit import Samples, fit_inputs, fit_outputs
+from robustid.mfd.state_fit import Samples, fit_inputs, fit_outputs, real_rows
 from robustid.mfd.subspace import subspace_estimate
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
+_POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate takes at least
 EXTRA = 2  # states that the richer fit has more
 
 
@@ -39,17 +40,38 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
     found: list[StateMatrices] = []
     for weight in weights:
         if not found or time.monotonic() < deadline:
+            values, reduced = _few_outputs(data.values, weight)
             one = subspace_estimate(
-                data.values,
+                values,
                 data.points,
                 problem.order,
-                weight=weight,
+                weight=reduced,
                 feedthrough=problem.feedthrough,
                 domain=data.domain,
                 deadline=deadline,
             )
-            found.append(StateMatrices(one.A, one.B, one.C, one.D))
+            C, D = one.C, one.D
+            if values is not data.values:
+                C, D = fit_outputs(data._replace(weight=weight), one.A, one.B, problem.feedthrough)
+            found.append(StateMatrices(one.A, one.B, C, D))
     return found
+
+
+def _few_outputs(values: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The strongest combinations of the outputs of one input, where they are too many for the frequency points.
+
+    An estimate of i block rows needs i equations for every output and for the input, and has two for every frequency point: with
+    a quarter as many outputs as points there are seven.
+    """
+    lines, ny, nu = values.shape
+    most = max(lines // _POINTS_PER_OUTPUT, 1)
+    if nu > 1 or ny <= most:
+        return values, weight
+    size = np.sqrt(np.mean(weight[:, :, 0] ** 2, axis=0))
+    turn = size[:, None] * np.linalg.svd(real_rows(size * values[:, :, 0]), full_matrices=False)[2][:most].T
+    with np.errstate(divide="ignore"):  # a combination of which one output has no weight has none
+        variance = (1 / weight[:, :, 0]) ** 2 @ turn**2
+    return (values[:, :, 0] @ turn)[:, :, None], 1 / np.sqrt(variance)[:, :, None]
 
 
 def _start_cost(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:

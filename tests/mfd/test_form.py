@@ -64,6 +64,17 @@ def test_a_plant_of_shared_poles_is_recovered(ny, nu, dt):
     np.testing.assert_allclose(N / D, response(POINTS), rtol=1e-7)
 
 
+def test_more_entries_than_frequency_points_are_no_obstacle():
+    """144 entries at 80 frequency points: the start takes combinations of them, the fit all."""
+    response, poles = plant(12, 12)
+    omega = np.geomspace(4, 8000, 80)
+    values = noisy(np.random.default_rng(0), response(omega), 0.01)
+    fit = rid.fit_mfd(rid.FrequencyResponse(omega, values), order=6, form="shared", feedthrough=True)
+    assert fit.status.converged
+    np.testing.assert_allclose(sorted_poles(fit.poles), sorted_poles(poles), rtol=5e-3)
+    assert relative_error(fit.fraction.response(omega), response(omega)) < 0.005
+
+
 def test_the_model_has_no_state_too_many():
     """Residues of full rank: the Hankel singular values of all order*min(ny, nu) states count."""
     model = fitted(2, 3)[0].model
@@ -168,6 +179,16 @@ def test_a_saved_fit_comes_back(tmp_path):
     rid.write_report(again, tmp_path / "fit.html")
     page = (tmp_path / "fit.html").read_text(encoding="utf-8")
     assert "6 poles that all entries share, residues of any rank: 12 states" in page
+    assert "take long" not in page
+
+
+def test_a_page_of_many_residues_leaves_their_deviations_out_and_says_so(tmp_path):
+    omega = 2 * np.pi * np.geomspace(4, 1200, 300)
+    values = noisy(np.random.default_rng(1), random_modal_system(0, 30, 2, 10).response(1j * omega), 0.01)
+    fit = rid.fit_mfd(rid.FrequencyResponse(omega, values), order=20, form="shared", restart=False)
+    assert fit.status.converged
+    rid.write_report(fit, tmp_path / "fit.html")
+    assert "which take long for so many residues" in (tmp_path / "fit.html").read_text(encoding="utf-8")
 
 
 def test_poles_and_models_are_starts():

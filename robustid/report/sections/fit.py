@@ -92,6 +92,10 @@ def _response_words(view: FitView, sure: bool) -> str:
     )
     if sure:
         return f"{words} σ is one standard deviation."
+    if view.too_many:
+        return (
+            f"{words} Without standard deviations, which take long for so many residues: `fit_covariance` gives them."
+        )
     return f"{words} Without standard deviations: the fit is not at an optimum that leaves noise."
 
 

@@ -25,6 +25,7 @@ from robustid.mfd import (
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8
 _CONDITION = 1e-8
+_WORK = 3e10  # products of equations and squared coefficients: some seconds
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -140,10 +141,17 @@ class FitView:
         """The model's response at the frequency points."""
         return self.response(self.omega)
 
+    @property
+    def too_many(self) -> bool:
+        """True for shared poles with so many residues that their covariance would take longer than the fit."""
+        problem = self.fit.problem
+        coefficients = problem.order * sum(problem.values.shape[1:])
+        return self.fit.fraction.form == "shared" and problem.equations * coefficients**2 > _WORK
+
     @cached_property
     def covariance(self) -> FitCovariance | None:
-        """Uncertainty from what the fit leaves; None where it is no optimum, or leaves nothing but rounding."""
-        if self.fit.status not in (FitStatus.STATIONARY, FitStatus.FLAT):
+        """Uncertainty from what the fit leaves; None where it is no optimum, leaves nothing but rounding, or has `too_many`."""
+        if self.fit.status not in (FitStatus.STATIONARY, FitStatus.FLAT) or self.too_many:
             return None
         try:
             return fit_covariance(self.fit)
