@@ -214,7 +214,11 @@ class Outputs:
     def _seen(self, block: Block, model: BlockModel, states: Complex) -> Complex:
         """States (F, n, c) that the inputs of a block drive."""
         states = states[block.at] if block.directions is None else states[block.at] @ block.directions
-        return states if not block.samples else states - self._ended(block, model, _sum(states[..., 0], block.samples))
+        if not block.samples:
+            return states
+        xi = self.criterion.xi[block.at]
+        final = _final(model, _sum(states[..., 0], block.samples)[:, None], block.samples)
+        return states - xi[:, None, None] * model.driven(final).states(xi)
 
     def _tangent(self, block: Block, fitted: Fitted) -> Complex:
         """Derivatives (F, ny, c, T) of what a block sees, in the coordinates of the model."""
@@ -229,18 +233,17 @@ class Outputs:
             directions = None if block.directions is None else block.directions[part]
             whole = model.tangent(xi[part], states[part], own, directions)[:, :, 0]
             total += _sum(whole, block.samples, first)
-        return changes - (fitted.C @ self._ended(block, model, total))[:, :, None]
+        final = _final(model, total, block.samples)
+        return changes - (xi[:, None, None] * model.output_rows(xi, fitted.C) @ final)[:, :, None]
 
-    def _ended(self, block: Block, model: BlockModel, periodic: Real) -> Complex:
-        """What the final state of a record from zero initial conditions takes from its periodic states, (F, n, T).
 
-        Periodic states that begin at p belong to the final state ``(I - A^N) p`` of those that begin at zero.
-        """
-        A = model.matrices()[0]
-        final = periodic.reshape(model.order, -1)
-        final = (final - np.linalg.matrix_power(A, block.samples) @ final) / math.sqrt(block.samples)
-        xi = self.criterion.xi[block.at]
-        return xi[:, None, None] * model.driven(final).states(xi)
+def _final(model: BlockModel, periodic: Real, samples: int) -> Real:
+    """Final states (n, T), over sqrt(N), of a record from zero initial conditions.
+
+    Periodic states that begin at p belong to the final state ``(I - A^N) p`` of those that begin at zero.
+    """
+    A = model.matrices()[0]
+    return (periodic - np.linalg.matrix_power(A, samples) @ periodic) / math.sqrt(samples)
 
 
 def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:

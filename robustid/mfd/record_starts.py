@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from robustid.core import StateMatrices, balancing
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
-from robustid.mfd.state_fit import reflected
+from robustid.mfd.state_fit import reflected, triangle
 from robustid.mfd.subspace import subspace_estimate
 
 Real = NDArray[np.float64]
@@ -114,7 +114,8 @@ def _difference_equation(records: Sequence[TimeRecord], length: int) -> StateMat
     regressors = np.concatenate(rows)
     size = np.linalg.norm(regressors, axis=0)
     size[size == 0] = 1.0
-    theta = np.linalg.lstsq(regressors / size, np.concatenate(right), rcond=None)[0] / size[:, None]
+    R, unknowns = triangle(np.hstack([regressors / size, np.concatenate(right)])), size.size
+    theta = np.linalg.lstsq(R[:, :unknowns], R[:, unknowns:], rcond=None)[0] / size[:, None]
     past = theta[: length * ny].reshape(length, ny, ny).transpose(0, 2, 1)
     drive = theta[length * ny : -1].reshape(length + 1, nu, ny).transpose(0, 2, 1)
     A = np.eye(length * ny, k=ny)

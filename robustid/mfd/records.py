@@ -145,10 +145,12 @@ def _fitted(
 
 def _descended(outputs: Outputs, found: Refined, stable: bool, budget: Budget) -> Refined:
     """The end of the descent from the best so far: in patience, where the first part of it ended slowly."""
-    limit = 0 if found.status is FitStatus.INTERRUPTED else _STEPS
+    stopped = FitStatus.TIME if budget.spent else None
+    stopped = FitStatus.INTERRUPTED if found.status is FitStatus.INTERRUPTED else stopped
+    limit = _STEPS if stopped is None else 0
     end = refine(outputs.criterion, found.fitted.model, stable=stable, limit=limit, budget=budget)
-    if not limit:
-        return end._replace(status=FitStatus.INTERRUPTED)
+    if stopped is not None:
+        return end._replace(status=stopped)
     if end.status is not FitStatus.SLOW or budget.spent:
         return end
     more = refine(outputs.criterion, end.fitted.model, stable=stable, limit=limit, patient=True, budget=budget)
@@ -174,7 +176,8 @@ def _best_start(
                 model = min(inside, inside.resolved(xi), key=lambda one: outputs.fitted(one).cost)
             history: tuple[FitStep, ...] = ()
             for _ in range(2):
-                one = refine(outputs.criterion, model, stable=stable, limit=_BRIEF, budget=Budget(deadline))
+                limit = 0 if history and time.monotonic() > deadline else _BRIEF
+                one = refine(outputs.criterion, model, stable=stable, limit=limit, budget=Budget(deadline))
                 history += one.history
                 model, levels = one.fitted.model, _levels(posed, outputs, one, given)
                 outputs = Outputs(posed.criterion(levels[:-1], float(levels[-1])))
