@@ -283,15 +283,16 @@ def bounded(seed, outputs, inputs, modes, lines, level=0.02):
     return rid.FrequencyResponse(omega, truth + radius * disc, bound=radius)
 
 
-def test_stated_bounds_cap_the_order():
+@pytest.mark.parametrize("seeds", [3, pytest.param(6, marks=pytest.mark.slow)])
+def test_stated_bounds_cap_the_order(seeds):
     """6 plants: the true order in 5, never more than 1.5 times it."""
     found = []
-    for seed in range(6):
+    for seed in range(seeds):
         sweep = suggest_order(bounded(seed, 1 + seed % 2, 1, 2, 80))
         found.append(sweep.suggested)
         assert sweep.outside.shape == sweep.orders.shape
     assert max(found) <= 6
-    assert found.count(4) >= 5
+    assert found.count(4) >= 5 * seeds // 6
 
 
 def test_no_more_than_half_as_many_parameters_as_equations():

@@ -21,7 +21,7 @@ def test_order_charts(sweep):
     np.testing.assert_allclose(drawn["MDL"].y, sweep.mdl - sweep.mdl.min() + 1)
     np.testing.assert_array_equal(drawn["suggested order 4"].x, [4, 4])
     words = order_words(sweep)
-    assert "Order 4" in words
+    assert "order 4 has the smallest description length" in words
     assert "Not fitted: order 12" in words
     assert "largest order tried" not in words
     alone = dataclasses.replace(sweep, noise_known=True, parameters=np.zeros(2))
