@@ -27,6 +27,7 @@ from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
 
+_SEARCHING = 0.7  # part of a time limit; in the rest the last step ends and the fraction is formed
 _ROUNDS = 3  # of adding a mode and taking the least important one away, where a fit may have missed one
 
 
@@ -217,7 +218,9 @@ def fit_mfd(
     >>> fit.model.nstates, fit.stable, fit.status.converged
     (2, True, True)
     """
-    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
+    deadline = math.inf
+    if time_limit is not None:
+        deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
     problem, data, form, shape = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
