@@ -194,7 +194,14 @@ def test_an_interrupted_run_goes_on_from_its_folder(files, run):
     count = 30  # enough that the interrupt comes before the last
     arguments = ["bounds", "good", "--points", str(count), "--directions", "8", "--resume", "part", "--workers"]
     command = [sys.executable, "-m", "robustid", *arguments, "2"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A suite that runs in the background of a shell ignores Ctrl-C, and its children would inherit that.
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     deadline = time.monotonic() + 60
     while len(list((files / "part").glob("*.npz"))) < 2 and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
