@@ -10,6 +10,7 @@ import control
 import numpy as np
 import pooch
 import pytest
+import scipy.io
 
 from robustid.data import TimeRecord, estimate_frf, flexible_structure
 from robustid.data.io import datasets
@@ -207,6 +208,15 @@ class TestMeasured:
     def test_two_mass_by_its_short_name(self):
         assert datasets.load("two_mass", dt=0.5).dt == 0.5
         np.testing.assert_array_equal(datasets.load("two_mass").y, datasets.load(TWO_MASS).y)
+
+    @pytest.mark.parametrize(("name", "channels", "samples"), [("cdplayer", 2, 2048), ("hairdryer", 1, 1000)])
+    def test_short_records(self, name, channels, samples):
+        """Inputs are the first columns of the only matrix; the record starts in the middle of the experiment."""
+        record = datasets.load(name)
+        assert record.u.shape == record.y.shape == (samples, channels)
+        assert record.initial == "free"
+        table = scipy.io.loadmat(datasets.find(f"daisy/{name}.mat"))[name]
+        np.testing.assert_array_equal(np.hstack([record.u, record.y]), table)
 
     @pytest.mark.parametrize(("part", "realisations"), [("train", 6), ("test", 3)])
     def test_mirror_records_keep_their_periods(self, part, realisations):

@@ -37,8 +37,12 @@ _SWEEPS = {
     "asymexc_1": ("antisymmetric", "3e5943a8596541aaaa01511f2135f996ad9434030c91c62f548048c83ed84803"),
 }
 _MIRROR = {
+    "u_200mV_test": "0053438fb9c6ae8ee46e0dd18838febe3183996f3ad3ae9eb8dfc3bdbaba7d18",
+    "u_200mV_train": "59356f9b403b839231cf903acf6c99df33e0f4fbc820f4edd44dc169ac38dd3e",
     "u_300mV_test": "2bc566ae64d9000e69fbbc95092ac9c04c083bb398e4f16f2eb105645844e401",
     "u_300mV_train": "0436437998307e8f8c86f824c1fee4e225f212861878bf58d42b2a5e2ecd0cb5",
+    "y_200mV_test": "7935a6b7251d9a87f1351a3cb71b6282c414b3156c227813bb1cb3ebde2cb7b4",
+    "y_200mV_train": "b25b16b07fdbc7980bab4e98906ddaf2eaee41be0957c8911a469c3c426479d1",
     "y_300mV_test": "b46edea962a149b7a5abd89f819e6f1ec03ba4d68b0ac83e2a8fc84c2b0ebaf3",
     "y_300mV_train": "38acb224027e728d7a3c44a0ce5538fcb74c836be585a1b318a6728c8a6820fb",
 }
@@ -49,7 +53,22 @@ _MODELS = {
     "iss1R": ("models/iss1R.mat", "39c25c3148c51ded9012c2b063a0569dc77fff1bf2883e124af6054773936c51"),
 }
 BEAM_RING = tuple(f"beam_ring/{name}.mat" for name in _SWEEPS)
-FSM = {part: tuple(f"fsm_cubespec/{signal}_300mV_{part}.npy" for signal in "uy") for part in ("train", "test")}
+FSM = {
+    f"{folder}/{part}": tuple(f"fsm_cubespec/{signal}_{millivolts}mV_{part}.npy" for signal in "uy")
+    for folder, millivolts in (("fsm", 300), ("fsm_200mV", 200))
+    for part in ("train", "test")
+}
+_DAISY = {
+    "cdplayer": (
+        "arm of a CD player, 2 inputs, 2 outputs, measured, one record of 2048 samples",
+        "506d0357eb3fb1b0eeb1817593ac766eafa6764e208c97752be469c693104194",
+    ),
+    "hairdryer": (
+        "hair dryer, heater voltage to air temperature, measured, one record of 1000 samples",
+        "7afafda4c6c027476c94429d7f8c08cbe95d5175ed7ccbff1d3b7c51e93d97d9",
+    ),
+}
+DAISY = {name: f"daisy/{name}.mat" for name in _DAISY}
 MODELS = {name: f"slicot/{name}.mat" for name in _MODELS}
 
 DATASETS = {
@@ -92,6 +111,18 @@ DATASETS = {
             sha256,
         )
         for name, sha256 in _MIRROR.items()
+    },
+    **{
+        f"daisy/{name}.mat": Dataset(
+            title,
+            "robotsorcerer/FARNN",
+            "3dac80fd71d3c60a7372cedcf5d51b89ba32b2f4",
+            f"data/{name}.mat",
+            "DaISy collection, free for use with citation",
+            "De Moor et al., DaISy: A database for identification of systems, Journal A 38(3), 1997, pp. 4-5",
+            sha256,
+        )
+        for name, (title, sha256) in _DAISY.items()
     },
     **{
         f"slicot/{name}.mat": Dataset(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.data.io.catalogue import BEAM_RING, DATASETS, FSM, MODELS, TWO_MASS, Dataset
+from robustid.data.io.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.data.io.files import load as load_file
 from robustid.data.io.table import said
 from robustid.data.time_record import TimeRecord
@@ -22,6 +22,11 @@ __all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "fin
 VARIABLE = "ROBUSTID_DATA"
 _log = logging.getLogger("robustid")
 _FSM_STEP = 1 / 6400
+# Sample time, inputs, outputs; neither is in the files.
+_SHORT = {
+    "cdplayer": (1.0, ["actuator 1", "actuator 2"], ["error 1", "error 2"]),
+    "hairdryer": (0.08, ["heater [V]"], ["air [V]"]),
+}
 
 
 def find(name: str, *, verify: bool = False) -> Path:
@@ -141,8 +146,10 @@ def load(name: str, **options: Any) -> Any:
     Parameters
     ----------
     name : str
-        ``"two_mass"``: one record. ``"beam_ring"``: the symmetric and the antisymmetric sweep. ``"fsm"`` or ``"fsm/train"``,
-        ``"fsm/test"``: one record a realisation of the excitation, each with its two steady periods of 8192 samples.
+        ``"two_mass"``, ``"cdplayer"``, ``"hairdryer"``: one record; the sample time of the CD player is not known, it is given
+        as 1. ``"beam_ring"``: the symmetric and the antisymmetric sweep. ``"fsm"`` or ``"fsm/train"``, ``"fsm/test"``, and the
+        same at two thirds of the voltage, ``"fsm_200mV/train"``, ``"fsm_200mV/test"``: one record a realisation of the
+        excitation, each with its two steady periods of 8192 samples.
         ``"CDplayer"``, ``"beam"``, ``"build"``, ``"iss1R"``: models. Or a single file, by its key of `DATASETS`.
     **options
         As for `robustid.load`, for records in ``.mat`` files, in place of what is known about them.
@@ -160,8 +167,8 @@ def load(name: str, **options: Any) -> Any:
     Examples
     --------
     >>> from robustid.data.io import datasets
-    >>> datasets.NAMES
-    ('CDplayer', 'beam', 'beam_ring', 'build', 'fsm', 'fsm/test', 'fsm/train', 'iss1R', 'two_mass')
+    >>> print(*datasets.NAMES)
+    CDplayer beam beam_ring build cdplayer fsm fsm/test fsm/train fsm_200mV/test fsm_200mV/train hairdryer iss1R two_mass
     """
     if name in _SETS:
         _, read = _SETS[name]
@@ -171,6 +178,8 @@ def load(name: str, **options: Any) -> Any:
         return _record([name], options)
     if name.startswith("slicot/"):
         return _model([name], options)
+    if name.startswith("daisy/"):
+        return _short([name], options)
     raise InputError(f"`name` = {name!r} is no record of one experiment; load 'fsm/train' or 'fsm/test'")
 
 
@@ -198,6 +207,18 @@ def _mirror(files: list[str], options: dict[str, Any]) -> Any:
     ]
 
 
+def _short(files: list[str], options: dict[str, Any]) -> Any:
+    """One matrix whose columns are the signals, inputs first; the record begins in the middle of the experiment."""
+    import scipy.io
+
+    _no_options(files, options)
+    name = Path(files[0]).stem
+    dt, inputs, outputs = _SHORT[name]
+    table = np.asarray(scipy.io.loadmat(str(fetch(files[0])), variable_names=[name])[name], float)
+    u, y = np.split(table, [len(inputs)], axis=1)
+    return TimeRecord(u, y, dt=dt, initial="free", inputs=inputs, outputs=outputs)
+
+
 def _model(files: list[str], options: dict[str, Any]) -> Any:
     import control
     import scipy.io
@@ -219,8 +240,9 @@ def _no_options(files: list[str], options: dict[str, Any]) -> None:
 _SETS: dict[str, tuple[tuple[str, ...], Callable]] = {
     "two_mass": ((TWO_MASS,), _record),
     "beam_ring": (BEAM_RING, _records),
-    "fsm": (FSM["train"], _mirror),
-    **{f"fsm/{part}": (files, _mirror) for part, files in FSM.items()},
+    "fsm": (FSM["fsm/train"], _mirror),
+    **{part: (files, _mirror) for part, files in FSM.items()},
+    **{name: ((file,), _short) for name, file in DAISY.items()},
     **{name: ((file,), _model) for name, file in MODELS.items()},
 }
 NAMES = tuple(sorted(_SETS))
