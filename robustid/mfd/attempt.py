@@ -96,8 +96,11 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
 
 
 def refinable(problem: FractionProblem) -> bool:
-    """Tell whether a state space can keep what is asked for; constraints on coefficients need the fraction."""
-    return problem.free and (problem.rigid is None or problem.rigid.outside)
+    """Tell whether a state space can keep what is asked for by its outputs alone, for any poles and inputs.
+
+    Entries that are zero, and rigid-body modes inside, are conditions on poles and inputs: they need the fraction.
+    """
+    return not np.any(problem.zeros) and (problem.rigid is None or problem.rigid.outside)
 
 
 def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
@@ -108,6 +111,8 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
     if len(model.A) != problem.order:
         form, first = _best_form(problem, model, data, True)
         model = realise(form, first).matrices
+    if problem.response_conditions:  # which the start need not meet
+        start_cost = _best_cost(problem, model)
     refined, count, free_cost = _descended(problem, data, model, settings)
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
@@ -129,7 +134,20 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
         if inside is not None:
             fit = dataclasses.replace(fit, fraction=inside, cost=problem.cost(inside))
             found = realise(problem, inside, form=settings.form)
+    _check_conditions(problem, found)
     return Attempt(fit, found, start_cost, count, free_cost, True)
+
+
+def _best_cost(problem: FractionProblem, model: StateMatrices) -> float:
+    """Cost of the poles and inputs of a state space with the best outputs that meet the conditions."""
+    if flipped(problem):
+        problem, model = problem.transposed(), transposed(model)
+    cost = Outputs(problem).fitted(blocks_of(problem, model)).cost
+    if not np.isfinite(cost):
+        raise InputError(
+            "`constraints` contradict each other, or the order is too small for them; take some away or raise `order`"
+        )
+    return cost
 
 
 def flipped(problem: FractionProblem) -> bool:

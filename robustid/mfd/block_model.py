@@ -174,9 +174,22 @@ class BlockModel(Frozen):
 
         With directions (F, nu, c) of the inputs, ``R B directions`` for the states: those of ``P directions``, (F, ny, c, T).
         """
-        lines, _, nu = states.shape
         rows = self.output_rows(xi, C)
-        flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
+        return np.concatenate([self._pole_changes(rows, states), self._input_changes(rows, directions)], axis=3)
+
+    def markov_tangent(self, C: Real, power: int) -> Real:
+        """Derivatives (ny, nu, T) of ``C A^power B`` in the coordinates of `moved`."""
+        A, B = self.matrices()
+        rows, states = [C], [B]
+        for _ in range(power):
+            rows.append(rows[-1] @ A)
+            states.append(A @ states[-1])
+        products = self._pole_changes(np.stack(rows)[:power], np.stack(states)[:power][::-1])
+        return np.concatenate([products.sum(axis=0), self._input_changes(rows[-1][None])[0]], axis=2)
+
+    def _pole_changes(self, rows: NDArray[Any], states: NDArray[Any]) -> NDArray[Any]:
+        """``rows dA states`` (F, ny, c, 2 m + r) for rows (F, ny, n) and states (F, n, c)."""
+        flexible, m = 2 * self.centre.size, self.single.size
         left, right = rows[:, :, None, :], states.transpose(0, 2, 1)[:, None]
         diagonal = left[..., : flexible + m] * right[..., : flexible + m]
         parts = [
@@ -184,8 +197,15 @@ class BlockModel(Frozen):
             -left[..., 1:flexible:2] * right[..., 0:flexible:2],
             diagonal[..., flexible:],
         ]
+        return np.concatenate(parts, axis=3)
+
+    def _input_changes(self, rows: NDArray[Any], directions: Complex | None = None) -> NDArray[Any]:
+        """``rows dB directions`` (F, ny, c, T - 2 m - r); directions (F, nu, c) of the inputs, or every input alone."""
+        lines, outputs, nu = *rows.shape[:2], self.inputs.shape[2]
+        flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
+        parts: list[NDArray[Any]] = []
         pair_moves, single_moves = self._input_moves()
-        blocks = rows[:, :, :flexible].reshape(lines, len(C), -1, 2)
+        blocks = rows[:, :, :flexible].reshape(lines, outputs, -1, 2)
         blocks = np.einsum("fomr,mruq->foumq", blocks, pair_moves, optimize=True)
         alone = np.einsum("fom,muq->foumq", rows[:, :, flexible : flexible + m], single_moves, optimize=True)
         for part in (blocks, alone):
@@ -193,12 +213,10 @@ class BlockModel(Frozen):
                 part = np.einsum("foumq,fuc->focmq", part, directions, optimize=True)
             parts.append(part.reshape(*part.shape[:3], part.shape[3] * part.shape[4]))
         for i, j in np.argwhere(self.free):
-            change = np.zeros((lines, len(C), nu, 1), dtype=complex)
-            if directions is None:
-                change[:, :, j, 0] = rows[:, :, self.order - count + i]
-            else:
-                change[..., 0] = rows[:, :, self.order - count + i, None] * directions[:, j, None]
-            parts.append(change)
+            velocity = rows[:, :, self.order - count + i, None, None]
+            parts.append(
+                velocity * (np.eye(nu)[j : j + 1] if directions is None else directions[:, j])[:, None, :, None]
+            )
         return np.concatenate(parts, axis=3)
 
     def reach(self, xi: Complex) -> Real:

@@ -154,8 +154,9 @@ def fit_mfd(
 
     Subspace estimate, then Levenberg-Marquardt in local coordinates of the realisation whose tangent space is made
     orthonormal; the end is brought into fraction form by Sanathanan-Koerner steps on its noise-free response, in polynomials
-    that these data make orthonormal. With constraints on the coefficients, and other methods than "lm", the descent is one
-    of fractions in these polynomials. Every normal matrix has condition number one.
+    that these data make orthonormal. Static gains, zeros and roll-off are linear in the outputs of the realisation, which are
+    projected out, and hold at every step. With entries that are zero, rigid-body modes inside, and other methods than "lm", the
+    descent is one of fractions in these polynomials. Every normal matrix has condition number one.
 
     Parameters
     ----------

@@ -14,6 +14,8 @@ from robustid.core import StateMatrices
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.criterion import Weight
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.response_conditions import ResponseCondition, equations, wanted
+from robustid.mfd.state_fit import diagonal_blocks
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -21,6 +23,7 @@ Complex = NDArray[np.complex128]
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _LINES = 500  # points at which the derivatives of all states are held at once
 _EXACT = 1e-10  # a residual of this part of the weighted data is rounding
+_CONTRADICTION = 1e-6  # conditions that contradict each other leave this much of themselves
 
 
 class Block(NamedTuple):
@@ -51,6 +54,8 @@ class Criterion:
     inputs : int
         Number of inputs, the first ones of the directions; further ones (initial states) have no feed-through.
     feedthrough : bool
+    held : tuple of ResponseCondition
+        What C and D must meet exactly.
     """
 
     xi: Complex
@@ -58,6 +63,7 @@ class Criterion:
     order: int
     inputs: int
     feedthrough: bool
+    held: tuple[ResponseCondition, ...] = ()
 
     @classmethod
     def of(cls, problem: FractionProblem | Criterion) -> Criterion:
@@ -65,7 +71,8 @@ class Criterion:
         if isinstance(problem, Criterion):
             return problem
         block = Block(slice(None), problem.values, problem.weight)
-        return cls(problem.xi, (block,), problem.order, problem.values.shape[2], problem.feedthrough)
+        held = problem.response_conditions
+        return cls(problem.xi, (block,), problem.order, problem.values.shape[2], problem.feedthrough, held)
 
     @functools.cached_property
     def equations(self) -> int:
@@ -82,6 +89,13 @@ class Criterion:
         return _EXACT**2 * sum(float(np.linalg.norm(b.weight.apply(b.values))) ** 2 for b in self.blocks)
 
 
+class Restriction(NamedTuple):
+    """Conditions ``K u = e`` on the coordinates u of the outputs in their basis, those of all groups one after the other."""
+
+    forbidden: Real  # (r, n): orthonormal rows that span those of K
+    inverse: Real  # (n, m): pseudo-inverse of K
+
+
 class Fitted(NamedTuple):
     """A model with its best outputs."""
 
@@ -92,13 +106,25 @@ class Fitted(NamedTuple):
     basis: Real  # (G, rows, columns): orthonormal, what C and D reach
     residual: Real  # (G, rows)
     cost: float
+    inverse: Real  # (G, columns, columns): from coordinates in the basis to [C D]
+    restriction: Restriction | None = None
 
     @property
     def condition(self) -> float:
         """Condition number of the normal matrix of C and D in the basis that they were solved in, measured."""
         used = [Q[:, np.any(Q != 0, axis=0)] for Q in self.basis]
+        if self.restriction is not None:
+            used.append(self.restriction.forbidden.T)
         values = np.concatenate([np.linalg.eigvalsh(Q.T @ Q) for Q in used])
         return float(values.max() / values.min()) if values.size else 1.0
+
+    def along(self, coordinates: Real) -> Real:
+        """The part (G, columns, T) of coordinates that the conditions allow."""
+        if self.restriction is None:
+            return coordinates
+        V = self.restriction.forbidden
+        flat = coordinates.reshape(V.shape[1], -1)
+        return (flat - V.T @ (V @ flat)).reshape(coordinates.shape)
 
     @property
     def response(self) -> Complex:
@@ -163,44 +189,79 @@ class Outputs:
             states = model.states(self.criterion.xi)
         C, D = np.zeros((self.ny, model.order)), np.zeros((self.ny, self.criterion.inputs))
         if not np.all(np.isfinite(states)):
-            return Fitted(model, states, C, D, np.zeros((1, 0, 0)), self.target, math.inf)
-        design = self.design(model, states)
-        size = np.linalg.norm(design, axis=1)
-        size[size == 0] = 1.0
-        Q, R = np.linalg.qr(design)
-        U, sizes, Vt = np.linalg.svd(R / size[:, None])
-        kept = sizes > _RANK * sizes[:, :1]
-        seen = Q.transpose(0, 2, 1) @ self.target[..., None]
-        inverse = np.where(kept, 1 / np.where(kept, sizes, 1.0), 0.0)
-        coefficients = Vt.transpose(0, 2, 1) @ (inverse[..., None] * (U.transpose(0, 2, 1) @ seen))
-        coefficients = coefficients[..., 0] / size
-        if not np.all(kept):
-            Q = Q @ (U * kept[:, None])
-            seen = Q.transpose(0, 2, 1) @ self.target[..., None]
-        residual = self.target - (Q @ seen)[..., 0]
+            nothing = np.zeros((1, 0, 0))
+            return Fitted(model, states, C, D, nothing, self.target, math.inf, nothing)
+        basis, inverse = _orthonormal(self.design(model, states))
+        u = basis.transpose(0, 2, 1) @ self.target[..., None]
+        restriction, allowed = None, True
+        if self.criterion.held:
+            restriction, u, allowed = self._restricted(model, inverse, u)
+        residual = self.target - (basis @ u)[..., 0]
+        coefficients = (inverse @ u)[..., 0]
         matrix = coefficients if self.apart else coefficients.reshape(-1, self.ny).T
         if self.criterion.feedthrough:
             D = matrix[:, model.order :]
-        return Fitted(model, states, matrix[:, : model.order], D, Q, residual, float(np.sum(residual**2)))
+        cost = float(np.sum(residual**2)) if allowed else math.inf
+        return Fitted(model, states, matrix[:, : model.order], D, basis, residual, cost, inverse, restriction)
+
+    def _restricted(self, model: BlockModel, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
+        """What the conditions forbid, the nearest coordinates that meet them, and whether any do.
+
+        The coordinates are orthonormal, so that the nearest ones raise the criterion least.
+        """
+        with np.errstate(all="ignore"):
+            rows = equations(self.criterion.held, model, self.criterion.feedthrough)
+        if not np.all(np.isfinite(rows)):  # a pole on the point of a condition
+            return Restriction(np.zeros((0, u.size)), np.zeros((u.size, len(rows)))), u, False
+        inverse = np.broadcast_to(inverse, (u.shape[0], *inverse.shape[1:]))
+        if self.apart:
+            K = np.einsum("mgx,gxu->mgu", rows, inverse).reshape(len(rows), -1)
+        else:
+            K = rows.transpose(0, 2, 1).reshape(len(rows), -1) @ inverse[0]
+        size = np.linalg.norm(K, axis=1)
+        size[size == 0] = 1.0
+        U, sizes, Vt = np.linalg.svd(K / size[:, None], full_matrices=False)
+        kept = sizes > _RANK * sizes.max(initial=0.0)
+        V = Vt[kept]
+        pseudo = (V.T / sizes[kept]) @ U[:, kept].T / size
+        e, flat = wanted(self.criterion.held), u.ravel()
+        for _ in range(2):  # the second pass takes away what rounding left of the first
+            flat = flat - pseudo @ (K @ flat - e)
+        left = np.abs(K @ flat - e)
+        allowed = bool(np.all(left <= _CONTRADICTION * (np.abs(e) + size * np.linalg.norm(flat))))
+        return Restriction(V, pseudo), flat.reshape(u.shape), allowed
 
     def directions(self, fitted: Fitted) -> Real:
-        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T)."""
+        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T).
+
+        Conditions turn with the model: the outputs follow them by the least change.
+        """
         changes = self.rows([self._tangent(block, fitted) for block in self.criterion.blocks])
         Q = fitted.basis
-        changes -= Q @ (Q.transpose(0, 2, 1) @ changes)
+        taken = fitted.along(Q.transpose(0, 2, 1) @ changes)
+        if fitted.restriction is not None:
+            turned = np.concatenate([c.changes(fitted.model, fitted.C) for c in self.criterion.held])
+            taken = taken + (fitted.restriction.inverse @ turned).reshape(taken.shape)
+        changes -= Q @ taken
         return changes.reshape(-1, changes.shape[2])
 
     def importance(self, fitted: Fitted) -> Real:
         """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
-        inverse = np.linalg.pinv(np.linalg.qr(self.design(fitted.model, fitted.states), mode="r"), rcond=_RANK)
         coefficients = fitted.C if self.apart else fitted.C.T.reshape(1, -1)
         width = 2 if self.apart else 2 * self.ny
+        groups, columns = coefficients.shape[0], fitted.inverse.shape[2]
+        inverse = np.broadcast_to(fitted.inverse, (groups, *fitted.inverse.shape[1:]))
+        V = None if fitted.restriction is None else fitted.restriction.forbidden.reshape(-1, groups, columns)
         out = np.zeros(fitted.model.centre.size)
         for block in range(out.size):
             here = slice(block * width, (block + 1) * width)
-            gram = inverse[:, here] @ inverse[:, here].transpose(0, 2, 1)
-            c = coefficients[:, here, None]
-            out[block] = float(np.sum(c * np.linalg.solve(gram, c)))
+            S, c = inverse[:, here], coefficients[:, here, None]
+            if V is None:
+                out[block] = float(np.sum(c * np.linalg.solve(S @ S.transpose(0, 2, 1), c)))
+            else:
+                SV = np.einsum("gwu,rgu->gwr", S, V).reshape(groups * width, -1)
+                gram = diagonal_blocks(*(S @ S.transpose(0, 2, 1))) - SV @ SV.T
+                out[block] = float(c.ravel() @ np.linalg.pinv(gram, hermitian=True) @ c.ravel())
         return out
 
     def residuals(self, fitted: Fitted) -> list[Complex]:
@@ -235,6 +296,28 @@ class Outputs:
             total += _sum(whole, block.samples, first)
         final = _final(model, total, block.samples)
         return changes - (xi[:, None, None] * model.output_rows(xi, fitted.C) @ final)[:, :, None]
+
+
+def _orthonormal(design: Real) -> tuple[Real, Real]:
+    """An orthonormal basis (G, rows, columns) of the columns, and the matrices that bring its coordinates back to theirs."""
+    Q, R = np.linalg.qr(design)
+    size = np.linalg.norm(R, axis=1, keepdims=True)
+    size[size == 0] = 1.0
+    scaled = R / size
+    if R.shape[1] == R.shape[2]:
+        with np.errstate(all="ignore"):
+            try:
+                inverse = np.linalg.inv(scaled)
+            except np.linalg.LinAlgError:
+                inverse = np.full(R.shape, np.inf)
+            # |R| |R^-1| in the norm of Frobenius: no more than that many columns away from the condition number
+            conditions = np.linalg.norm(scaled, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
+        if np.all(conditions < 1 / _RANK):
+            return Q, inverse / size.transpose(0, 2, 1)
+    U, sizes, Vt = np.linalg.svd(scaled, full_matrices=False)
+    kept = sizes > _RANK * sizes[:, :1]
+    inverse = np.where(kept, 1 / np.where(kept, sizes, 1.0), 0.0)
+    return Q @ (U * kept[:, None]), Vt.transpose(0, 2, 1) * inverse[:, None] / size.transpose(0, 2, 1)
 
 
 def _final(model: BlockModel, periodic: Real, samples: int) -> Real:

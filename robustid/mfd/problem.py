@@ -13,6 +13,7 @@ from robustid.errors import InputError
 from robustid.mfd.conditions import Condition, RigidModes, orthonormal_rows
 from robustid.mfd.criterion import Weight
 from robustid.mfd.node_fraction import Held, NodeFraction, staircase
+from robustid.mfd.response_conditions import ResponseCondition
 from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 
 # A residual of this part of the weighted data is rounding: D is ill-conditioned at points near lightly damped poles.
@@ -47,6 +48,9 @@ class FractionProblem(Frozen):
         Whether P(infinity) may differ from 0.
     conditions : tuple of Condition
         Linear constraints on the coefficients.
+    held : tuple of ResponseCondition
+        Conditions on the response that no right fraction is linear in: those of a transposed problem. Only a state space
+        keeps them.
     roll_off : int
         Degree of the numerator columns below those of D (1: strictly proper; not with feed-through).
     zeros : (nu + ny, nu) bool array, optional
@@ -70,6 +74,7 @@ class FractionProblem(Frozen):
     dt: float | None = None
     feedthrough: bool = False
     conditions: tuple[Condition, ...] = ()
+    held: tuple[ResponseCondition, ...] = ()
     roll_off: int = 1
     zeros: np.ndarray = None  # type: ignore[assignment]  # filled in below
     rigid: RigidModes | None = None
@@ -145,6 +150,18 @@ class FractionProblem(Frozen):
         return not self.conditions and self.roll_off == 1 and not np.any(self.zeros)
 
     @property
+    def response_conditions(self) -> tuple[ResponseCondition, ...]:
+        """What the constraints on coefficients, but for zero entries and rigid-body modes, say of the response."""
+        ny, nu = self.values.shape[1:]
+        out = list(self.held)
+        for condition in self.conditions:  # left [I; P] right = 0
+            ((left, right),) = condition.terms
+            out.append(ResponseCondition(left[:, nu:], right, -left[:, :nu] @ right, condition.point))
+        for power in range(0 if self.feedthrough else self.roll_off - 1):
+            out.append(ResponseCondition(np.eye(ny), np.eye(nu), np.zeros((ny, nu)), np.inf, power))
+        return tuple(out)
+
+    @property
     def limits(self) -> np.ndarray:
         """Largest free degree of every entry of vec([D; N]), ((ny + nu)*nu,)."""
         ny, degrees = self.values.shape[1], self.degrees
@@ -170,6 +187,7 @@ class FractionProblem(Frozen):
             self.weight.transposed(),
             dt=self.dt,
             feedthrough=self.feedthrough,
+            held=tuple(condition.transposed() for condition in self.response_conditions),
         )
 
     def stacked(self) -> FractionProblem:
