@@ -62,6 +62,7 @@ from .identification import validate as validate
 
 # Matrix fractions
 from .mfd import MatrixFraction as MatrixFraction
+from .mfd import Modal as Modal
 from .mfd import RecordFit as RecordFit
 from .mfd import RigidBody as RigidBody
 from .mfd import RollOff as RollOff

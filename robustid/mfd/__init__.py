@@ -7,6 +7,7 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
 from robustid.mfd.modal import ModalForm, continuous, curve_points, modal_form
+from robustid.mfd.modal_structure import Modal
 from robustid.mfd.modes import ModeRow, mode_table
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.order import suggest_order
@@ -25,6 +26,7 @@ __all__ = [
     "FitStep",
     "FractionProblem",
     "MatrixFraction",
+    "Modal",
     "ModalForm",
     "ModeRow",
     "NodeFraction",

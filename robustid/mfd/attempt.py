@@ -79,7 +79,7 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
         problem = rigid_modes(problem, data, model, directions, settings.body)
     if settings.phases == ["lm"] and refinable(problem):
         return _refined(problem, data, model, settings)
-    problem, first = _best_form(problem, model, data, "iv" not in settings.phases)
+    problem, first = best_form(problem, model, data, "iv" not in settings.phases)
     fit = fit_fraction(problem, start=first, method="+".join(settings.phases), report=settings.progress)
     if not fit.status.converged and "lm" in settings.phases:
         again = fit_fraction(problem, start=fit.fraction, method="sk-relaxed+lm", report=settings.progress)
@@ -109,7 +109,7 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
     if len(model.A) < problem.order and problem.rigid is None:
         model = _completed(problem, data, model)
     if len(model.A) != problem.order:
-        form, first = _best_form(problem, model, data, True)
+        form, first = best_form(problem, model, data, True)
         model = realise(form, first).matrices
     if problem.response_conditions:  # which the start need not meet
         start_cost = _best_cost(problem, model)
@@ -121,7 +121,7 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
-    problem, nodes = _best_form(problem, end, data, True)
+    problem, nodes = best_form(problem, end, data, True)
     fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
     if fit.cost > max((1 + _FORMED) * fitted.cost, problem.rounding):
         # Not a generic system: its degrees aren't those of the staircase.
@@ -279,7 +279,7 @@ def unstable_poles(fraction: FractionModel) -> np.ndarray:
     return np.real(poles) >= 0 if fraction.dt is None else np.abs(poles) >= 1
 
 
-def _best_form(
+def best_form(
     problem: FractionProblem, model: StateMatrices, data: Samples, may_pair: bool
 ) -> tuple[FractionProblem, NodeFraction]:
     """Degrees by ones or by twos, whichever reproduces the first model better."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, StateMatrices, freeze
 from robustid.mfd.chains import chain
 from robustid.mfd.modal import modal_parts
 from robustid.mfd.state_fit import diagonal_blocks
@@ -64,6 +64,8 @@ class BlockModel(Frozen):
     directions: Real
     free: NDArray[np.bool_]
     discrete: bool
+
+    width = 2  # columns of C that a block of two poles has
 
     def __post_init__(self) -> None:
         self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "discrete"})
@@ -129,6 +131,10 @@ class BlockModel(Frozen):
         A = diagonal_blocks(*blocks, np.diag(self.single), chain(count, float(self.discrete)))
         parts = [self.inputs.reshape(-1, nu), self.single_inputs, np.zeros((count, nu)), self.directions]
         return A, np.concatenate(parts)
+
+    def realised(self, C: Real, D: Real) -> StateMatrices:
+        """State space in the unit of the nodes."""
+        return StateMatrices(*self.matrices(), C, D)
 
     def driven(self, inputs: Real) -> BlockModel:
         """The model with other inputs (n, m), as they are; without rigid-body modes."""
@@ -219,6 +225,39 @@ class BlockModel(Frozen):
             )
         return np.concatenate(parts, axis=3)
 
+    @property
+    def pole_coordinates(self) -> int:
+        """Number of the coordinates that move poles, the first of `tangent`."""
+        return 2 * self.centre.size + self.single.size
+
+    def tied_outputs(self) -> Real:
+        """Matrices C (T, nu, order) for which the response is symmetric: ``B' K`` with ``K A = A' K``, K symmetric."""
+        m, single, count, nu = self.centre.size, self.single.size, len(self.directions), self.inputs.shape[2]
+        out: list[Real] = []
+        for k, (first, second) in enumerate(self.inputs):
+            part = np.zeros((2, nu, self.order))
+            part[0, :, 2 * k], part[0, :, 2 * k + 1] = second, first
+            part[1, :, 2 * k], part[1, :, 2 * k + 1] = -self.fall[k] / self.coupling[k] * first, second
+            out.append(part)
+        for k, row in enumerate(self.single_inputs):
+            part = np.zeros((1, nu, self.order))
+            part[0, :, 2 * m + k] = row
+            out.append(part)
+        for start in (2 * m + single, 2 * m + single + count):
+            out.append(tied_gains(self.directions, start, self.order))
+        return np.concatenate(out)
+
+    def tied_changes(self, states: Complex, C: Real, tangent: Complex) -> Complex:
+        """The tangent where C is tied to the inputs: what moves the inputs moves the outputs as well, and so does v."""
+        tangent = with_transposes(tangent, self.pole_coordinates)
+        for k, inputs in enumerate(self.inputs):
+            first, second = inputs[:, :, None]
+            ratio = -self.fall[k] / self.coupling[k]
+            system = np.vstack([np.hstack([second, ratio * first]), np.hstack([first, second])])
+            gain = np.linalg.lstsq(system, C[:, 2 * k : 2 * k + 2].T.ravel(), rcond=None)[0][1]
+            tangent[..., self.centre.size + k] -= gain / self.coupling[k] * first * states[:, None, 2 * k]
+        return tangent
+
     def reach(self, xi: Complex) -> Real:
         """Scale of every coordinate (T,): distance of a pole from the nearest frequency point, size of the inputs."""
         poles = self.poles
@@ -246,17 +285,12 @@ class BlockModel(Frozen):
 
     def least_distances(self, xi: Complex, resolved: float) -> Real:
         """How near a step may bring the poles to the stability boundary: a part of the way, and what the data resolve."""
-        here = self.distances
-        floor = np.minimum(resolved * self.spacing(xi), here)
-        return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, _EDGE)])
+        return least_distances(self.distances, self.spacing(xi), resolved)
 
     def spacing(self, xi: Complex) -> Real:
         """Distance between the frequency points where the blocks and the single poles are; beyond the last, that from it."""
-        poles = np.concatenate([self.poles[: 2 * self.centre.size : 2], self.single])
-        gap = np.abs(np.gradient(xi)) if xi.size > 1 else np.ones(1)
-        frequency = np.abs(np.angle(poles)) if self.discrete else np.abs(np.imag(poles))
-        last = np.max(np.abs(np.angle(xi)) if self.discrete else np.abs(np.imag(xi)))
-        return np.maximum(gap[np.abs(xi[:, None] - poles).argmin(axis=0)], frequency - last)
+        poles = np.concatenate([self.poles[: 2 * self.centre.size : 2], self.single.astype(np.complex128)])
+        return line_spacing(xi, poles, self.discrete)
 
     def moved(self, step: Real, least: Real | None = None) -> BlockModel:
         """The model after a step in the coordinates of `tangent`, poles kept at least so far inside."""
@@ -340,6 +374,37 @@ class BlockModel(Frozen):
         both = np.stack([self.inputs.reshape(m, 2 * nu), turned.reshape(m, 2 * nu)], axis=2)
         pairs = np.linalg.svd(both)[0][:, :, 2:].reshape(m, 2, nu, 2 * nu - 2)
         return pairs, np.linalg.svd(self.single_inputs[:, :, None])[0][:, :, 1:]
+
+
+def tied_gains(directions: Real, start: int, order: int) -> Real:
+    """Matrices C (T, nu, order) = ``directions' (symmetric)`` on the columns from `start` on."""
+    count, nu = directions.shape
+    pairs = [(i, j) for i in range(count) for j in range(i + 1)]
+    out = np.zeros((len(pairs), nu, order))
+    for gain, (i, j) in zip(out, pairs, strict=True):
+        gain[:, start + j] = directions[i]
+        gain[:, start + i] = directions[j]
+    return out
+
+
+def with_transposes(tangent: Complex, poles: int) -> Complex:
+    """Derivatives (F, nu, nu, T) with their transposes added, but for the coordinates of the poles."""
+    shapes = tangent[..., poles:]
+    return np.concatenate([tangent[..., :poles], shapes + shapes.transpose(0, 2, 1, 3)], axis=3)
+
+
+def least_distances(here: Real, spacing: Real, resolved: float) -> Real:
+    """How near a step may bring poles to the stability boundary: a part of the way, and what the data resolve."""
+    floor = np.minimum(resolved * spacing, here)
+    return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, _EDGE)])
+
+
+def line_spacing(xi: Complex, poles: Complex, discrete: bool) -> Real:
+    """Distance between the frequency points where the poles are; beyond the last, that from it."""
+    gap = np.abs(np.gradient(xi)) if xi.size > 1 else np.ones(1)
+    frequency = np.abs(np.angle(poles)) if discrete else np.abs(np.imag(poles))
+    last = np.max(np.abs(np.angle(xi)) if discrete else np.abs(np.imag(xi)))
+    return np.maximum(gap[np.abs(xi[:, None] - poles).argmin(axis=0)], frequency - last)
 
 
 def _distance(centre: Real, product: Real, discrete: bool) -> Real:

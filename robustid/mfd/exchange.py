@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.errors import InputError
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.iteration import FitStatus
+from robustid.mfd.outputs import LocalModel
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.subspace import subspace_estimate
+
+Complex = NDArray[np.complex128]
 
 _GAIN = 1e-3  # an exchange that lowers the criterion by less than this part was not worth it
 _PART = 4  # blocks for one that is exchanged first
@@ -21,14 +26,22 @@ PER_ROUND = 2 * _RICHER + _AFTER  # the richer ones cost more
 
 
 def exchange(
-    problem: FractionProblem, data: Samples, found: Refined, *, stable: bool, rounds: int, budget: Budget
+    problem: FractionProblem,
+    data: Samples,
+    found: Refined,
+    *,
+    stable: bool,
+    rounds: int,
+    budget: Budget,
+    outputs: Outputs | None = None,
+    structured: Callable[[BlockModel, Complex], LocalModel] = lambda model, _: model,
 ) -> Refined:
     """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine.
 
     A quarter of the blocks first, then half as many. The criterion never rises: an exchange that doesn't lower it isn't
-    made.
+    made. With a structure of the model its own `outputs` are given, and the way of blocks for a response into it (`structured`).
     """
-    outputs = Outputs(problem)
+    outputs = Outputs(problem) if outputs is None else outputs
     count = max(found.fitted.model.centre.size // _PART, 1)
     for _ in range(rounds):
         if budget.spent or found.status in (FitStatus.EXACT, FitStatus.INTERRUPTED):
@@ -36,17 +49,19 @@ def exchange(
         more = _blocks(problem, data, found, count)
         if more is None:
             break
+        new = structured(more, problem.values - found.fitted.response)
         richer = refine(
             problem,
-            found.fitted.model.joined(more.resolved(problem.xi) if stable else more),
+            found.fitted.model.joined(new.resolved(problem.xi) if stable else new),
             stable=stable,
             limit=_RICHER,
             budget=budget._replace(report=None),
+            outputs=outputs,
         )
         fitted = richer.fitted
         for _ in range(more.centre.size):  # one by one: of two equal blocks each seems needless beside the other
             fitted = outputs.fitted(fitted.model.without(int(np.argmin(outputs.importance(fitted)))))
-        other = refine(problem, fitted.model, stable=stable, limit=_AFTER, budget=budget)
+        other = refine(problem, fitted.model, stable=stable, limit=_AFTER, budget=budget, outputs=outputs)
         before = found.fitted.cost
         if other.fitted.cost < before:
             found = other._replace(history=found.history + other.history)

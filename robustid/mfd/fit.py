@@ -19,10 +19,12 @@ from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.form import constraint_of
 from robustid.mfd.iteration import FitStatus, FitStep, phases_of
+from robustid.mfd.modal_fit import modal_attempt
+from robustid.mfd.modal_structure import Modal, as_modal
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.rigid_body import RigidBody
+from robustid.mfd.rigid_body import RigidBody, as_rigid_body
 from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
@@ -54,6 +56,9 @@ class MatrixFraction(Frozen, Drawable, Savable):
         Number of unstable poles that the best fit had and that were reflected before it was refined again.
     unstable_cost : float
         Cost of that fit (nan where nothing was reflected).
+    modal : Modal or None
+        Structure of the modes that was asked for. `model`, `poles` and `cost` keep it exactly; numerator and denominator are formed
+        of that model, as far as `fraction.error` says.
     """
 
     problem: FractionProblem
@@ -65,6 +70,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
     history: tuple[FitStep, ...]
     reflected: int = 0
     unstable_cost: float = np.nan
+    modal: Modal | None = None
 
     @property
     def model(self) -> Any:
@@ -111,7 +117,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
     @property
     def decoupling(self) -> Decoupling | None:
         """T_y and T_u with ``T_y P T_u = diag(I/s^2, 0) + less``: the rigid body by itself (`voorhoeve2016` section III)."""
-        if self.fraction.rigid is None:
+        if self.fraction.rigid is None or not self.fraction.rigid_count:
             return None
         found = decoupling(self.fraction.rigid, self.fraction.rigid_count)
         return Decoupling(found.input.T, found.output.T) if self.fraction.form == "left" else found
@@ -141,7 +147,8 @@ def fit_mfd(
     form: str | None = None,
     weight: Weight | np.ndarray | None = None,
     method: str = "lm",
-    rigid_body: RigidBody | None = None,
+    rigid_body: RigidBody | int | None = None,
+    modal: Modal | bool = False,
     start: Any = None,
     feedthrough: bool = False,
     constraints: Iterable[Constraint] = (),
@@ -177,8 +184,13 @@ def fit_mfd(
         added for what the model misses; else relative, 1/|P| per entry. See `MatrixFraction.weight_choice`.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
-    rigid_body : RigidBody, optional
-        Modes that are exact: ``RigidBody(3)``.
+    rigid_body : RigidBody or int, optional
+        Modes that are exact: ``RigidBody(3)``, or 3.
+    modal : bool or Modal, optional
+        Keep the structure of a mechanical system: modes of rank one with complex shapes (True), with real ones
+        (``Modal("proportional")``), or symmetric where sensors and actuators sit together (``Modal(symmetric=True)``). Every mode
+        takes two states, so that the order is even. The free fit is projected on the structure and refined in it;
+        `mode_table` gives the shapes. Not with `constraints`, other methods, or form "shared".
     start : control.StateSpace or (n,) array of poles, optional
         Where to start in place of the subspace estimate: a model of any order, or poles (s in rad/s, or z), which SK
         takes as ``D = prod (s - pole) I``; not with `rigid_body`.
@@ -222,14 +234,21 @@ def fit_mfd(
     deadline = math.inf
     if time_limit is not None:
         deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
+    structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
     problem, data, form, shape = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
+    if structure is not None:
+        _check_modal(structure, problem, settings, constraints)
     for constraint in as_constraints(constraints):
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         problem = constraint_of(constraint, form, shape).apply(problem)
-    best = attempt(problem, data, first_model(problem, data, start, form, rigid_body, deadline), settings)
+    first = first_model(problem, data, start, form, rigid_body, deadline)
+    if structure is not None:
+        best = modal_attempt(problem, data, first, settings, structure, given=start is not None)
+    else:
+        best = attempt(problem, data, first, settings)
     if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
         if (
@@ -249,7 +268,21 @@ def fit_mfd(
         fit.history,
         best.reflected,
         best.unstable_cost,
+        structure,
     )
+
+
+def _check_modal(
+    structure: Modal, problem: FractionProblem, settings: Settings, constraints: Iterable[Constraint]
+) -> None:
+    """Raise where other arguments contradict the structure of the modes."""
+    structure.check(problem.values, problem.order, settings.body)
+    if settings.form == "shared":
+        raise InputError('`modal` and form "shared" exclude each other: shared poles have residues of any rank')
+    if settings.phases != ["lm"]:
+        raise InputError(f'`modal` goes with method "lm" only; got {"+".join(settings.phases)!r}')
+    if as_constraints(constraints):
+        raise InputError("`modal` and `constraints` exclude each other; leave one of them out")
 
 
 def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:

@@ -44,8 +44,8 @@ class FractionModel(Frozen):
     error : float
         Largest difference of the state-space model from N D^{-1} at the frequency points, relative to its norm there.
     rigid : StateMatrices or None
-        With rigid-body modes: the state space in s or z that has them as exact chains of integrators; `model`, `poles`
-        and `response` are taken from it.
+        With rigid-body modes or modal structure: the state space in s or z that has these exactly, chains of integrators last;
+        `model`, `poles` and `response` are taken from it.
     rigid_count : int
         Number of rigid-body modes.
     shape : tuple of int or None

@@ -14,11 +14,13 @@ from robustid.core import StateMatrices
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.criterion import Weight
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.real_modes import RealModes
 from robustid.mfd.response_conditions import ResponseCondition, equations, wanted
 from robustid.mfd.state_fit import diagonal_blocks
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+LocalModel = BlockModel | RealModes
 
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _LINES = 500  # points at which the derivatives of all states are held at once
@@ -99,7 +101,7 @@ class Restriction(NamedTuple):
 class Fitted(NamedTuple):
     """A model with its best outputs."""
 
-    model: BlockModel
+    model: Any  # LocalModel: the kind that was given
     states: Complex  # (F, n, nu), those of initial states last
     C: Real
     D: Real
@@ -133,8 +135,8 @@ class Fitted(NamedTuple):
 
     def state_space(self, scale: float) -> StateMatrices:
         """In s or z, from the unit of the nodes; initial states are columns of B."""
-        A, B = self.model.matrices()
-        return StateMatrices(scale * A, scale * B, self.C, self.D)
+        A, B, C, D = self.model.realised(self.C, self.D)
+        return StateMatrices(scale * A, scale * B, C, D)
 
 
 class Outputs:
@@ -163,7 +165,7 @@ class Outputs:
             stack.append(_real(out.reshape(len(out), -1, change.shape[3])))
         return np.concatenate(stack, axis=1)
 
-    def design(self, model: BlockModel, states: Complex) -> Real:
+    def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
         stack: list[Real] = []
         for block in self.criterion.blocks:
@@ -183,7 +185,7 @@ class Outputs:
             stack.append(_real(out.reshape(len(out), -1, out.shape[-1])))
         return np.concatenate(stack, axis=1)
 
-    def fitted(self, model: BlockModel) -> Fitted:
+    def fitted(self, model: LocalModel) -> Fitted:
         """The model with its best outputs; of infinite cost where a pole lies on a frequency point."""
         with np.errstate(all="ignore"):
             states = model.states(self.criterion.xi)
@@ -197,14 +199,18 @@ class Outputs:
         if self.criterion.held:
             restriction, u, allowed = self._restricted(model, inverse, u)
         residual = self.target - (basis @ u)[..., 0]
-        coefficients = (inverse @ u)[..., 0]
-        matrix = coefficients if self.apart else coefficients.reshape(-1, self.ny).T
+        matrix = self.matrix(model, (inverse @ u)[..., 0])
         if self.criterion.feedthrough:
             D = matrix[:, model.order :]
         cost = float(np.sum(residual**2)) if allowed else math.inf
         return Fitted(model, states, matrix[:, : model.order], D, basis, residual, cost, inverse, restriction)
 
-    def _restricted(self, model: BlockModel, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
+    def matrix(self, model: LocalModel, coefficients: Real) -> Real:
+        """[C D] of the coefficients (G, columns) that `design` belongs to."""
+        del model
+        return coefficients if self.apart else coefficients.reshape(-1, self.ny).T
+
+    def _restricted(self, model: Any, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
         """What the conditions forbid, the nearest coordinates that meet them, and whether any do.
 
         The coordinates are orthonormal, so that the nearest ones raise the criterion least.
@@ -236,7 +242,7 @@ class Outputs:
 
         Conditions turn with the model: the outputs follow them by the least change.
         """
-        changes = self.rows([self._tangent(block, fitted) for block in self.criterion.blocks])
+        changes = self.changes(fitted)
         Q = fitted.basis
         taken = fitted.along(Q.transpose(0, 2, 1) @ changes)
         if fitted.restriction is not None:
@@ -245,10 +251,13 @@ class Outputs:
         changes -= Q @ taken
         return changes.reshape(-1, changes.shape[2])
 
+    def changes(self, fitted: Fitted) -> Real:
+        """Weighted derivatives (G, rows, T) of the response in the coordinates of the model, outputs held."""
+        return self.rows([self._tangent(block, fitted) for block in self.criterion.blocks])
+
     def importance(self, fitted: Fitted) -> Real:
         """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
-        coefficients = fitted.C if self.apart else fitted.C.T.reshape(1, -1)
-        width = 2 if self.apart else 2 * self.ny
+        coefficients, width = self.by_blocks(fitted)
         groups, columns = coefficients.shape[0], fitted.inverse.shape[2]
         inverse = np.broadcast_to(fitted.inverse, (groups, *fitted.inverse.shape[1:]))
         V = None if fitted.restriction is None else fitted.restriction.forbidden.reshape(-1, groups, columns)
@@ -264,6 +273,12 @@ class Outputs:
                 out[block] = float(c.ravel() @ np.linalg.pinv(gram, hermitian=True) @ c.ravel())
         return out
 
+    def by_blocks(self, fitted: Fitted) -> tuple[Real, int]:
+        """Coefficients of C (G, columns), and how many belong to a block of poles."""
+        if self.apart:
+            return fitted.C, fitted.model.width
+        return fitted.C.T.reshape(1, -1), fitted.model.width * self.ny
+
     def residuals(self, fitted: Fitted) -> list[Complex]:
         """``values - P directions`` of the blocks, without their weights."""
         out: list[Complex] = []
@@ -272,7 +287,7 @@ class Outputs:
             out.append(block.values - fitted.C @ self._seen(block, fitted.model, fitted.states) - through)
         return out
 
-    def _seen(self, block: Block, model: BlockModel, states: Complex) -> Complex:
+    def _seen(self, block: Block, model: Any, states: Complex) -> Complex:
         """States (F, n, c) that the inputs of a block drive."""
         states = states[block.at] if block.directions is None else states[block.at] @ block.directions
         if not block.samples:

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.mfd.block_model import RESOLVED, BlockModel
+from robustid.mfd.block_model import RESOLVED
 from robustid.mfd.iteration import FitStatus, FitStep
-from robustid.mfd.outputs import Criterion, Fitted, Outputs
+from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
 
 Real = NDArray[np.float64]
@@ -57,13 +57,14 @@ class Refined(NamedTuple):
 
 def refine(
     problem: FractionProblem | Criterion,
-    start: BlockModel,
+    start: LocalModel,
     *,
     stable: bool,
     limit: int,
     resolved: float = RESOLVED,
     patient: bool = False,
     budget: Budget = UNLIMITED,
+    outputs: Outputs | None = None,
 ) -> Refined:
     """Levenberg-Marquardt from a realisation; every accepted step is the best so far.
 
@@ -75,7 +76,7 @@ def refine(
     ----------
     problem : FractionProblem or Criterion
         Data, weight and feed-through.
-    start : BlockModel
+    start : BlockModel or RealModes
     stable : bool
         Keep the poles inside the stability region; those that a step would take out, or nearer to the boundary than the
         data resolve, end on their way (`BlockModel.least_distances`).
@@ -86,12 +87,15 @@ def refine(
     patient : bool
         Go on when the last steps together lowered the criterion by less than 0.1 %.
     budget : Budget
+    outputs : Outputs, optional
+        Of the problem, where the outputs are tied to the inputs.
 
     Notes
     -----
     Source: `mckelvey2004` (local coordinates by data), `golub1973` (variable projection), `more1978` (radius of trust).
     """
-    descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget)
+    outputs = Outputs(problem) if outputs is None else outputs
+    descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, outputs)
     status = FitStatus.LIMIT
     try:
         while len(descent.history) < limit:
@@ -112,13 +116,14 @@ class _Descent:
     def __init__(
         self,
         problem: FractionProblem | Criterion,
-        start: BlockModel,
+        start: LocalModel,
         resolved: float | None,
         slow: float,
         budget: Budget,
+        outputs: Outputs,
     ) -> None:
         self.problem, self.resolved, self.slow, self.budget = problem, resolved, slow, budget
-        self.outputs = Outputs(problem)
+        self.outputs = outputs
         self.best = self.outputs.fitted(start)
         self.radius, self.bound = math.sqrt(problem.order), False
         self.history: list[FitStep] = []
@@ -188,13 +193,13 @@ def _orthonormal(columns: Real) -> tuple[Real, Real]:
 
 
 def _step(
-    R: Real, gradient: Real, radius: float, model: BlockModel, reach: Real, least: Real | None
+    R: Real, gradient: Real, radius: float, model: LocalModel, reach: Real, least: Real | None
 ) -> tuple[Real, bool]:
     """Minimise ``|gradient - R step|`` within the radius; poles that would pass their least distance end on it."""
     step = _bounded(R, gradient, radius)
     if least is None or not least.size:
         return step, False
-    normals = model.normals() * reach[: least.size + model.centre.size]
+    normals = model.normals() * reach[: model.pole_coordinates]
     size = np.linalg.norm(normals, axis=1)
     normals = np.pad(normals / size[:, None], ((0, 0), (0, len(reach) - normals.shape[1])))
     room = np.minimum((model.distances - least) / size, radius)

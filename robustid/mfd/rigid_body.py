@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from robustid.core import Frozen, StateMatrices, as_array, as_count, freeze, response_at
-from robustid.errors import InputError
+from robustid.errors import InputError, InputTypeError
 from robustid.mfd.chains import chain, sorted_schur
 from robustid.mfd.conditions import RigidModes
 from robustid.mfd.model import realise
@@ -99,6 +100,15 @@ class RigidBody(Frozen):
             raise InputError(
                 "`frf` has a frequency point at 0 Hz, where a rigid body has no finite response; leave that point out"
             )
+
+
+def as_rigid_body(body: Any) -> RigidBody | None:
+    """The modes that are asked for, also by their number alone."""
+    if isinstance(body, int | np.integer) and not isinstance(body, bool):
+        return RigidBody(int(body)) if body else None
+    if body is not None and not isinstance(body, RigidBody):
+        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
+    return body
 
 
 def rigid_start(

@@ -9,12 +9,11 @@ import numpy as np
 
 from robustid.core import as_array, as_count
 from robustid.data import FrequencyResponse, as_frequency_response, stacked
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import default_weight, exact_covariance
 from robustid.mfd.form import checked, fitted, problem_of
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.rigid_body import RigidBody
 from robustid.mfd.state_fit import Samples
 
 
@@ -32,8 +31,6 @@ def stated(
 ) -> Statement:
     """Check the arguments of `fit_mfd` and fill in what was left out."""
     frf = as_frequency_response("frf", frf)
-    if body is not None and not isinstance(body, RigidBody):
-        raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
     needed = None if body is None else {"input": "right", "output": "left"}[body.side]
     form = checked((needed or "right") if form is None else form)
     if body is not None and form != needed:

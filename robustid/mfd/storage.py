@@ -14,6 +14,7 @@ from robustid.mfd.conditions import Condition, RigidModes
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.modal_structure import Modal
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import Held, NodeFraction
 from robustid.mfd.problem import FractionProblem
@@ -30,6 +31,7 @@ _CLASSES: dict[str, Any] = {
         FractionProblem,
         Held,
         MatrixFraction,
+        Modal,
         NodeFraction,
         RecordFit,
         RigidModes,
@@ -55,10 +57,12 @@ def unpack(record: Record, arrays: Arrays) -> MatrixFraction:
     if not isinstance(fit, MatrixFraction):
         raise ValueError("it holds no fit")
     problem = fit.problem
+    response = fit.fraction.fitted(fit.fraction.response(problem.omega))
     again, rounding = problem.cost(fit.nodes), problem.rounding
+    if fit.modal is not None:  # of the exact modes, from which the fraction was formed
+        again = float(np.linalg.norm(problem.residual(response))) ** 2
     if not abs(again - fit.cost) <= _SAME * again + rounding:
         raise ValueError(f"its cost is {again:.6g}, and not {fit.cost:.6g}")
-    response = fit.fraction.fitted(fit.fraction.response(problem.omega))
     size = float(np.linalg.norm(fit.nodes.response))
     if not np.linalg.norm(response - fit.nodes.response) <= (_SAME + fit.fraction.error) * size:
         raise ValueError("its state-space model is not that of its fraction")

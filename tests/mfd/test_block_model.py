@@ -67,6 +67,25 @@ def test_the_tangent_is_the_derivative(discrete, n, nu, count):
 
 
 @pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize(("n", "nu", "count"), [(7, 1, 0), (8, 2, 1), (5, 3, 2)])
+def test_the_tangent_of_symmetric_blocks_is_the_derivative(discrete, n, nu, count):
+    """C moves with the poles and the inputs, its coefficients held; the response stays symmetric."""
+    model, *_, xi = block_model(n, n, nu, count, discrete)
+    gains, h = np.random.default_rng(3).standard_normal(len(model.tied_outputs())), 1e-6
+
+    def response(model):
+        return np.tensordot(gains, model.tied_outputs(), 1) @ model.states(xi)
+
+    values, states, C = response(model), model.states(xi), np.tensordot(gains, model.tied_outputs(), 1)
+    assert np.allclose(values, values.transpose(0, 2, 1), rtol=1e-12, atol=1e-12 * np.abs(values).max())
+    tangent = model.tied_changes(states, C, model.tangent(xi, states, C))
+    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
+        step = h * np.eye(tangent.shape[3])[k]
+        there, back = (response(unscaled(model, sign * step)) for sign in (1, -1))
+        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(tangent).max())
+
+
+@pytest.mark.parametrize("discrete", [False, True])
 def test_blocks_have_the_poles_and_reach_of_the_plant(discrete):
     """Whatever the coordinates: same poles, and every response C (xi - A)^{-1} B is one of the blocks."""
     A, B, xi = plant(4, 9, 2, discrete)

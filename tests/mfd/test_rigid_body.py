@@ -256,7 +256,8 @@ def test_bad_rigid_bodies(make, words):
             rid.InputError,
             "`start` must have at least 2 states",
         ),
-        ({"rigid_body": 3}, rid.errors.InputTypeError, "RigidBody"),
+        ({"rigid_body": 3}, rid.InputError, "3 modes, more than there are outputs"),
+        ({"rigid_body": "3"}, rid.errors.InputTypeError, "RigidBody"),
         ({"rigid_body": RigidBody(1), "constraints": [StaticGain(np.ones((2, 3)))]}, rid.InputError, "static"),
     ],
 )

@@ -1,0 +1,216 @@
+"""Fits of modal structure: from the free fit's modes, each projected on the structure, refined in it, kept exact."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import StateMatrices, response_at
+from robustid.mfd.attempt import Attempt, Settings, attempt, best_form, blocks_of, flipped, suspicious, transposed
+from robustid.mfd.block_model import BlockModel
+from robustid.mfd.exchange import exchange
+from robustid.mfd.iteration import FitStatus, FractionFit
+from robustid.mfd.modal_structure import Modal
+from robustid.mfd.model import realise
+from robustid.mfd.outputs import Fitted, LocalModel, Outputs
+from robustid.mfd.problem import FractionProblem
+from robustid.mfd.real_modes import RealModes, mode_gains
+from robustid.mfd.refinement import Budget, Refined, refine
+from robustid.mfd.rigid_body import rigid_modes, rigid_start
+from robustid.mfd.state_fit import Samples
+from robustid.mfd.tied_outputs import TiedOutputs
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_FREE = 0.5  # part of the time for the fit without structure
+_STEPS = 100  # of the refinement, twice where it ends slowly
+_NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles lie left of the origin
+
+
+def modal_attempt(
+    problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
+) -> Attempt:
+    """Fit of this structure from a first model; one that the user gave is projected at once, others are refined freely first.
+
+    `start_cost` is the criterion of the projection, and `found` keeps the structure exactly; the fraction is formed of it.
+    """
+    now, interrupted = time.monotonic(), False
+    if given:
+        if settings.body is not None:
+            model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
+            problem = rigid_modes(problem, data, model, directions, settings.body)
+    else:
+        part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
+        free = attempt(problem, data, model, part)
+        model, interrupted = free.found.matrices, free.fit.status is FitStatus.INTERRUPTED
+        problem = dataclasses.replace(problem, rigid=free.fit.problem.rigid)
+    turned = flipped(problem) and not modal.symmetric
+    if turned:
+        problem, data, model = problem.transposed(), data.transposed(), transposed(model)
+    outputs = TiedOutputs(problem) if modal.symmetric else Outputs(problem)
+    start = _start(problem, model, settings.stable, modal, outputs)
+    refined = _refined(problem, data, start, settings, modal, outputs, 0 if interrupted else _STEPS)
+    if interrupted:
+        refined = refined._replace(status=FitStatus.INTERRUPTED)
+    first, exact = (_realised(end, problem.scale, turned) for end in (outputs.fitted(start), refined.fitted))
+    if turned:
+        problem, data = problem.transposed(), data.transposed()
+    if problem.rigid is not None:
+        rigid = dataclasses.replace(problem.rigid, directions=refined.fitted.model.directions)
+        problem = dataclasses.replace(problem, rigid=rigid)
+    return _formed(problem, data, first, exact, refined, settings)
+
+
+def _refined(
+    problem: FractionProblem,
+    data: Samples,
+    start: LocalModel,
+    settings: Settings,
+    modal: Modal,
+    outputs: Outputs,
+    limit: int,
+) -> Refined:
+    """End of the descent in this structure."""
+    budget = Budget(settings.deadline, settings.progress)
+    descend = functools.partial(refine, problem, stable=settings.stable, budget=budget, outputs=outputs)
+    found = descend(start, limit=limit)
+    if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):
+        found = exchange(
+            problem,
+            data,
+            found,
+            stable=settings.stable,
+            rounds=settings.rounds,
+            budget=budget,
+            outputs=outputs,
+            structured=functools.partial(_structured, problem, modal),
+        )
+    if found.status is FitStatus.SLOW and not budget.spent:
+        more = descend(found.fitted.model, limit=limit, patient=True)
+        found = more._replace(history=found.history + more.history)
+    return found
+
+
+def _start(problem: FractionProblem, model: StateMatrices, stable: bool, modal: Modal, outputs: Outputs) -> LocalModel:
+    """The modes of a model, projected on the structure."""
+    start = _structured(problem, modal, blocks_of(problem, model), problem.values)
+    if not stable:
+        return start
+    inside = start.reflected()
+    return min(inside, inside.resolved(problem.xi), key=lambda one: outputs.fitted(one).cost)
+
+
+def _structured(problem: FractionProblem, modal: Modal, blocks: BlockModel, values: Complex) -> LocalModel:
+    """Blocks as modes of this structure: the nearest to what they are in the best model of these values that they allow."""
+    if not modal.real and not modal.symmetric:
+        return blocks
+    C = Outputs(dataclasses.replace(problem, values=values)).fitted(blocks).C
+    return _real_modes(problem, modal, blocks, C) if modal.real else _symmetric_blocks(blocks, C)
+
+
+def _symmetric_blocks(blocks: BlockModel, C: Real) -> BlockModel:
+    """Blocks whose input shape is that of the symmetric part of the residue; real poles keep theirs."""
+    inputs = blocks.inputs.copy()
+    for k in np.flatnonzero(blocks.fall > 0).tolist():
+        ratio, _, R = _residue(blocks, C, k)
+        shape: Complex = np.linalg.svd(R + R.T)[0][
+            :, 0
+        ]  # R + R' = s u u' up to a phase, which the block's commutant takes up
+        inputs[k] = np.real(shape), -ratio * np.imag(shape)
+    return dataclasses.replace(blocks, inputs=inputs).normalised()
+
+
+def _real_modes(problem: FractionProblem, modal: Modal, blocks: BlockModel, C: Real) -> RealModes:
+    """Modes of real shape: of every residue over that of the mode's own function the real part, of that the largest term."""
+    discrete = problem.dt is not None
+    swing = np.sqrt((-blocks.coupling * blocks.fall).astype(complex))
+    decays = np.stack([blocks.centre + swing, blocks.centre - swing], axis=1)
+    single = blocks.single[: blocks.single.size // 2 * 2].reshape(-1, 2).astype(complex)
+    poles = np.concatenate([decays, single])
+    if discrete:
+        poles = _in_s(poles)
+    centre, square = poles.mean(axis=1).real, -(((poles[:, 0] - poles[:, 1]) / 2) ** 2).real
+    nu = blocks.inputs.shape[2]
+    scale_out, scale_in = (np.sqrt(np.mean(problem.weight.entrywise**2, axis=axes)) for axes in ((0, 2), (0, 1)))
+    inputs = np.empty((centre.size, nu))
+    for k in range(blocks.centre.size):
+        first = 2 * k
+        if blocks.fall[k] > 0:
+            R = _residue(blocks, C, k)[2]
+            gain = mode_gains(poles[k : k + 1], discrete, modal.power)[0]
+            M = (R / gain).real
+        else:
+            A = np.array([[blocks.centre[k], blocks.coupling[k]], [-blocks.fall[k], blocks.centre[k]]])
+            M = C[:, first : first + 2] @ np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k])
+        inputs[k] = _largest(M, scale_out, scale_in, modal.symmetric)
+    inputs[blocks.centre.size :] = blocks.single_inputs[: 2 * len(single) : 2]
+    return RealModes(
+        centre, square, inputs, blocks.directions, blocks.free, discrete=discrete, power=modal.power
+    ).normalised()
+
+
+def _largest(M: Real, rows: Real, columns: Real, symmetric: bool) -> Real:
+    """Input direction of the largest term of a real matrix, in units of the weights; of its symmetric part."""
+    if symmetric:
+        values, vectors = np.linalg.eigh(M + M.T)
+        return vectors[:, np.argmax(np.abs(values))]
+    return np.linalg.svd(rows[:, None] * M * columns)[2][0] / columns
+
+
+def _residue(blocks: BlockModel, C: Real, k: int) -> tuple[float, Complex, Complex]:
+    """For a complex pair: w = ``sqrt(v/s)``, the output shape, and the residue ``c b'/2`` at the upper pole.
+
+    ``(xi - A)^{-1}`` has the residue ``[1; jw] [1, -j/w]/2``.
+    """
+    ratio = math.sqrt(blocks.fall[k] / blocks.coupling[k])
+    shape = C[:, 2 * k] + 1j * ratio * C[:, 2 * k + 1]
+    drive = blocks.inputs[k, 0] - 1j / ratio * blocks.inputs[k, 1]
+    return ratio, shape, np.outer(shape, drive) / 2
+
+
+def _in_s(poles: Complex) -> Complex:
+    """Pairs (m, 2) of poles in z as those of samples, in rad/sample; real ones left of the origin as a mode near Nyquist."""
+    logarithm = np.log(np.where(poles == 0, 1e-300, poles).astype(complex))
+    real = poles.imag == 0
+    left = np.any(real & (poles.real <= 0), axis=1)
+    decay = np.maximum(np.real(logarithm).mean(axis=1, keepdims=True), -math.pi)
+    return np.where(left[:, None], decay + 1j * _NEAR_NYQUIST * np.array([1.0, -1.0]), logarithm)
+
+
+def _realised(fitted: Fitted, scale: float, turned: bool) -> StateMatrices:
+    """State space in s or z with the structure exact; of the transposed response where that was not turned."""
+    if not turned:
+        return fitted.state_space(scale)
+    if not isinstance(fitted.model, RealModes):
+        return transposed(fitted.state_space(scale))
+    none = np.zeros((0, len(fitted.C)))
+    model = dataclasses.replace(fitted.model, inputs=fitted.C.T, directions=none, free=none.astype(bool))
+    return fitted._replace(model=model, C=fitted.model.inputs.T, D=fitted.D.T).state_space(scale)
+
+
+def _formed(
+    problem: FractionProblem,
+    data: Samples,
+    first: StateMatrices,
+    exact: StateMatrices,
+    refined: Refined,
+    settings: Settings,
+) -> Attempt:
+    """The attempt from a first model to an exact one, with the fraction of that beside it."""
+    problem, nodes = best_form(problem, exact, data, True)
+    response = response_at(exact, data.points)
+    start_cost, cost = (
+        float(np.linalg.norm(problem.residual(values))) ** 2 for values in (response_at(first, data.points), response)
+    )
+    found = realise(problem, nodes, form=settings.form)
+    size = np.linalg.norm(response, axis=(1, 2))
+    error = np.linalg.norm(nodes.response - response, axis=(1, 2)) / np.maximum(size, 1e-12 * size.max())
+    found = dataclasses.replace(found, rigid=exact, error=float(error.max()))
+    fit = FractionFit(problem, nodes, cost, refined.status, refined.history)
+    return Attempt(fit, found, start_cost, 0, np.nan, True)

@@ -1,0 +1,109 @@
+"""Modal(): the structure of a mechanical system, asked of a fit."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Frozen
+from robustid.errors import InputError, InputTypeError
+from robustid.mfd.rigid_body import RigidBody
+
+DAMPINGS = ("general", "proportional")
+QUANTITIES = ("position", "velocity", "acceleration")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Modal(Frozen):
+    r"""Modes of a mechanical structure: residues of rank one, by its damping and where its sensors and actuators sit.
+
+    .. math:: P = \sum_k \frac{s^q\, c_k b_k^T}{s^2 + 2 \zeta_k \omega_k s + \omega_k^2}
+        + \frac{C_r B_r}{s^2} + D
+
+    with proportional damping: c_k, b_k real; q = 0 for positions, 1 for velocities, 2 for accelerations over forces. Discrete
+    models are its samples behind a zero-order hold, so that the shapes stay real. With general damping, ``R_k/(s - p_k)``
+    and its conjugate, with ``R_k`` complex of rank one.
+
+    Parameters
+    ----------
+    damping : {"general", "proportional"}
+        Complex or real mode shapes.
+    symmetric : bool
+        Reciprocal: ``P = P^T``, as where sensors and actuators sit together (as many outputs as inputs, in the same order and
+        unit but for one common factor). The sign of a mode is found.
+    quantity : {"position", "velocity", "acceleration"}
+        What the outputs measure, of inputs that are forces (or proportional to them).
+
+    Notes
+    -----
+    A mode of proportional damping may be overdamped, with two real poles; one of general damping too, each pole with shapes
+    of its own.
+
+    Source: `maia1997` chapter 2; `golub1973` for the linear factor that is projected out.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> s = 1j * np.linspace(1, 9, 60)[:, None, None]
+    >>> values = np.outer([1.0, -2.0], [3.0, 1.0]) / (s**2 + 0.2 * s + 16)
+    >>> fit = rid.fit_mfd(rid.FrequencyResponse(np.abs(s.ravel()), values), order=2, modal=rid.Modal("proportional"))
+    >>> fit.model.nstates, fit.status.converged
+    (2, True)
+    """
+
+    damping: str = "general"
+    _: dataclasses.KW_ONLY
+    symmetric: bool = False
+    quantity: str = "position"
+
+    def __post_init__(self) -> None:
+        if self.damping not in DAMPINGS:
+            raise InputError(f'`damping` must be "general" or "proportional"; got {self.damping!r}')
+        if self.quantity not in QUANTITIES:
+            raise InputError(f'`quantity` must be "position", "velocity" or "acceleration"; got {self.quantity!r}')
+        self._set(symmetric=bool(self.symmetric))
+
+    @property
+    def real(self) -> bool:
+        """True where mode shapes are real."""
+        return self.damping == "proportional"
+
+    @property
+    def power(self) -> int:
+        """Number q of derivatives of the position."""
+        return QUANTITIES.index(self.quantity)
+
+    def check(self, values: np.ndarray, order: int, body: RigidBody | None) -> None:
+        """Raise where the data or other arguments don't allow it."""
+        ny, nu = values.shape[1:]
+        if self.symmetric and ny != nu:
+            raise InputError(
+                f"`symmetric` modes need as many outputs as inputs, in the same order; got {ny} outputs and {nu} inputs."
+                " Select those that sit together, or leave `symmetric` out"
+            )
+        if order % 2:
+            raise InputError(f"`order` must be even with `modal`: every mode has two states; got {order}")
+        if body is None:
+            return
+        if body.factor == "inside":
+            raise InputError('`rigid_body` must have factor "outside" with `modal`')
+        if self.power:
+            raise InputError(
+                f"`rigid_body` needs positions; got `quantity` = {self.quantity!r}. Integrate the data, or fit without it"
+                + (" and with `feedthrough`: to accelerations a rigid body is a constant" if self.power == 2 else "")
+            )
+
+
+def as_modal(modal: Any) -> Modal | None:
+    """The structure that is asked for, if any."""
+    if modal is None or modal is False:
+        return None
+    if modal is True:
+        return Modal()
+    if not isinstance(modal, Modal):
+        raise InputTypeError(
+            f'`modal` must be True or a Modal, such as Modal("proportional"); got {type(modal).__name__}'
+        )
+    return modal
