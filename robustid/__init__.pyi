@@ -35,6 +35,7 @@ from .data import estimate_delay as estimate_delay
 from .data import estimate_frf as estimate_frf
 from .data import flexible_structure as flexible_structure
 from .data import multisine as multisine
+from .data import nonlinear_records as nonlinear_records
 from .data import record_problems as record_problems
 from .data import sample_time as sample_time
 from .data import with_delay as with_delay

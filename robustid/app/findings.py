@@ -27,7 +27,7 @@ def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
     factor = run.identify.inflate
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
-        return [f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
+        return [*result.problem.about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
     say("what would help: other modes, other priors")
     needed = float(SPARE * result.margin * (factor if isinstance(factor, float) else 1.0))
     return [

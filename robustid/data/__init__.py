@@ -11,6 +11,7 @@ from robustid.data.frequency_response import FrequencyResponse, as_frequency_res
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
 from robustid.data.io.files import load
+from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, record_problems, sample_time
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
@@ -18,6 +19,7 @@ from robustid.data.time_record import INITIAL, PAST, TimeRecord
 
 __all__ = [
     "INITIAL",
+    "NONLINEAR",
     "PAST",
     "Bound",
     "Delay",
@@ -40,6 +42,7 @@ __all__ = [
     "load",
     "load_excitation",
     "multisine",
+    "nonlinear_records",
     "record_problems",
     "sample_time",
     "save",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_float, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_float, as_positive, freeze
 from robustid.data.error_sets import as_ellipsoid, as_tilt, bound_ratio, correlations, stacked
 from robustid.errors import InputError
 
@@ -21,6 +21,7 @@ KINDS = {
     "tolerance": "tolerance bound of the next record",
 }
 _PROBABLE = ("confidence", "tolerance")
+_OF_PROBABLE = ("probability", "dof")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -43,6 +44,9 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         Of a confidence or tolerance bound.
     dof : float, optional
         Degrees of freedom of the scatter from which a confidence or tolerance bound was taken; None: it was known.
+    excitations : int, optional
+        How many independent excitations (realisations, or blocks of as many experiments as inputs) an estimated bound was
+        taken from; of one alone, what varies from record to record is unknown (see `about`). None: it isn't stated.
     tilt : (F,) or (F, ny, nu) complex array, optional
         Makes the disc an ellipse, ``|e + tilt conj(e)| <= radius`` with ``|tilt| < 1``: semi-axes radius/(1 + |tilt|), in the
         direction arg(tilt)/2, and radius/(1 - |tilt|), across.
@@ -73,6 +77,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     kind: str = "hard"
     probability: float | None = None
     dof: float | None = None
+    excitations: int | None = None
     tilt: Any = None
     joint: str = "entry"
     ellipsoid: Any = None
@@ -80,14 +85,17 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"`kind` of a bound must be one of {tuple(KINDS)}; got {self.kind!r}")
-        for name in ("probability", "dof"):
+        for name in _OF_PROBABLE:
             if getattr(self, name) is not None and self.kind not in _PROBABLE:
                 raise InputError(f"`{name}` belongs to a confidence or tolerance bound; got kind={self.kind!r}")
+        if self.excitations is not None and self.kind == "hard":
+            raise InputError("`excitations` belongs to an estimated bound; a hard bound is a statement of yours")
         self._check_joint()
         self._set(
             radius=None if self.radius is None else freeze(_as_radius(self.radius)),
             probability=None if self.probability is None else as_probability(self.probability),
             dof=None if self.dof is None else as_positive("dof", self.dof),
+            excitations=None if self.excitations is None else as_count("excitations", self.excitations, least=1),
             tilt=None if self.tilt is None else freeze(as_array("tilt", self.tilt, dtype=complex)),
             ellipsoid=None
             if self.ellipsoid is None
@@ -281,13 +289,54 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         'hard bound'
         >>> Bound(0.1, kind="confidence", probability=0.95).words("scatter over 10 periods")
         'confidence bound, 95 % jointly: scatter over 10 periods'
+        >>> Bound(0.1, kind="confidence", probability=0.95, excitations=1).words()
+        'confidence bound of the mean response, 95 % jointly, from one excitation'
         """
         said = KINDS[self.kind]
         if note.startswith(said):
             return note
+        if self.excitations is not None and self.kind == "confidence":
+            said += " of the mean response"
         if self.probability is not None:
             said += f", {100 * self.probability:.6g} % jointly"
+        if self.excitations is not None:
+            several = f"{self.excitations} independent excitations"
+            said += f", from {'one excitation' if self.excitations == 1 else several}"
         return f"{said}: {note}" if note else said
+
+    @property
+    def of_kind(self) -> dict[str, Any]:
+        """What the bound is about, as arguments of another one: kind, probability, degrees of freedom and excitations."""
+        return {name: getattr(self, name) for name in ("kind", "excitations", *_OF_PROBABLE)}
+
+    @property
+    def about(self) -> str:
+        """What an estimated bound holds for, in a sentence; empty where it isn't stated from how many excitations it was taken.
+
+        It belongs into the first lines of whatever rests on the bound.
+
+        Examples
+        --------
+        >>> from robustid.data import Bound
+        >>> Bound(0.1, kind="tolerance", excitations=4).about
+        'This is about the response in the next record, judged by 4 independent excitations.'
+        >>> Bound(0.1, kind="confidence", excitations=1).about[:84]
+        'This is about the mean response and rests on one excitation: variation of the plant '
+        """
+        if self.excitations is None:
+            return ""
+        if self.kind == "noise_floor":
+            return (
+                "This is about noise without excitation: what the excitation itself disturbs, and how the response varies from"
+                " record to record, is not in the bound."
+            )
+        what = "the response in the next record" if self.kind == "tolerance" else "the mean response"
+        if self.excitations > 1:
+            return f"This is about {what}, judged by {self.excitations} independent excitations."
+        return (
+            f"This is about {what} and rests on one excitation: variation of the plant was not measured, and other records may"
+            " contradict the bound. Measure several realisations of the excitation."
+        )
 
     @property
     def shape_words(self) -> str:

@@ -196,8 +196,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         right, left = as_right(right, points, nu), as_left(left, points, ny)
         weights, reach = combined(left, right), None
         if self.bound is not None:
-            of_kind = {name: getattr(self.bound, name) for name in ("kind", "probability", "dof")}
-            reach = Bound(self.bound.reach(weights), **of_kind)
+            reach = Bound(self.bound.reach(weights), **self.bound.of_kind)
         values = np.einsum("fijab,fab->fij", weights, np.where(self.missing, 0, self.values))
         values = values if reach is None else np.where(reach.missing, np.nan, values)
         made = TangentialResponse(
@@ -335,7 +334,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         real = (self.omega == 0) | (self.omega * (self.dt or 0.0) >= np.pi / NYQUIST_SLACK)
         radius = joint_radius(probability, int(np.sum(~self.missing)), self.dof, real)
         radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
-        bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof)
+        excitations = None if self.bound is None else self.bound.excitations
+        bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof, excitations=excitations)
         return self.with_bound(bound, f"{bound.words()} over {self.omega.size} frequency points, from the covariance")
 
     @classmethod

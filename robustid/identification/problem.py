@@ -131,6 +131,12 @@ class MixedProblem(Frozen):
         return self.outputs[0], self.inputs[0]
 
     @property
+    def about(self) -> tuple[str, ...]:
+        """Sentences on what the bounds hold for, the mean or the next record, and from how many excitations (`Bound.about`)."""
+        sentences = (item.bound.about for item in (*self.frequency, *self.time))
+        return tuple(dict.fromkeys(words for words in sentences if words))
+
+    @property
     def unknown_bounds(self) -> Real:
         """The parameter bounds of the independent parameters, entry by entry, (count m, 2)."""
         ends = np.moveaxis(self.parameter_bounds, 0, 2) if self.parameter_bounds.ndim == 4 else self.parameter_bounds

@@ -296,6 +296,7 @@ class Identification(Frozen, Drawable, Savable):
         lines = [
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
+            *(f"bounds     {sentence}" for sentence in problem.about),
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
             *self._signal_lines,
             f"class      {self._gain} <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"

@@ -42,6 +42,11 @@ def in_unit(text: str, identification: Identification) -> str:
     return f"{text} {unit(identification)}".rstrip()
 
 
+def about(identification: Identification) -> str:
+    """What the bounds hold for, mean or next record, one excitation or several, before a guarantee; empty where it isn't stated."""
+    return "".join(f"{sentence} " for sentence in identification.problem.about)
+
+
 def mixed(identification: Identification) -> bool:
     """Return whether the entries have different units."""
     return len(units(identification.problem.outputs, identification.problem.inputs)) > 1

@@ -67,7 +67,7 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, run):
     assert np.all(np.abs(found.values - GAIN) <= found.bound)
     for words in (
         "read run1.csv: time record, 600 samples, 0 to 5.99 s, x [mm], [red]phi[/red] / force [N], torque [Nm]",
-        "Confidence bound, 95 %",
+        "Confidence bound of the mean response, 95 %",
         "20 points, 1 to 20 Hz, 1 Hz apart",
         "scatter over 6 periods",
         f"lowest {found.coherence[:, 0].min():.3g} at",
@@ -95,7 +95,7 @@ def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, run):
     records = [rid.load(f"plain{k}.csv", fields={"u": ["iq", "id"], "y": ["a", "b"]}) for k in (1, 2)]
     same(found, estimate_frf(records, period=PERIOD, lines=[1, 3, 5, 7, 9, 12], probability=0.9))
     assert [channel.name for channel in found.inputs] == ["iq", "id"]
-    assert "Confidence bound, 90 %" in out
+    assert "Confidence bound of the mean response, 90 %" in out
 
 
 def test_one_signal_of_several_and_the_first_samples(files, run):

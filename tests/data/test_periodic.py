@@ -57,7 +57,9 @@ def test_noise_free_single_channel_is_exact():
     assert np.all(frf.bound < 1e-12)
     assert (frf.dt, str(frf.inputs[0])) == (DT, "force [N]")
     assert frf.note == (
-        "confidence bound, 95 % jointly over 5 frequency points, scatter over 4 periods, pooled over 4 neighbouring spectral lines"
+        "confidence bound of the mean response, 95 % jointly, from one excitation, over 5 frequency points, scatter over 4 periods,"
+        " pooled over up to 5 neighbouring spectral lines; no distortion above the noise on 26 unexcited spectral lines, 14 of"
+        " them in the band"
     )
 
 
@@ -79,7 +81,8 @@ def test_further_realisations_are_averaged_and_need_no_second_period():
     frf = estimate_frf(records)
     np.testing.assert_allclose(frf.values, truth(model, frf.omega), atol=1e-12)
     assert frf.note.endswith(
-        "scatter over 4 blocks of experiments (1 periods each), pooled over 4 neighbouring spectral lines"
+        "from 4 independent excitations, over 5 frequency points, scatter over 4 blocks of experiments (1 periods each), pooled"
+        " over up to 5 neighbouring spectral lines"
     )
 
 

@@ -100,7 +100,13 @@ def test_what_the_estimate_itself_admits_is_a_warning():
 
 def test_the_terminal_shows_the_same(frf):
     text = printed(frf)
-    for words in ("Confidence bound, 95 %", "79 points, 1 to 40 Hz", "x [mm] / torque [Nm]", NASTY, "Warning: At"):
+    for words in (
+        "Confidence bound of the mean response",
+        "79 points, 1 to 40 Hz",
+        "x [mm] / torque [Nm]",
+        NASTY,
+        "Warning: At",
+    ):
         assert words in text
 
 
@@ -108,7 +114,12 @@ def test_page(frf, records, tmp_path):
     write_report(frf, tmp_path / "frf.html", records=records, title="Stage <3>")
     page = (tmp_path / "frf.html").read_text(encoding="utf-8")
     text = page.replace(get_plotlyjs(), "")
-    for words in ("Stage &lt;3&gt;", "Confidence bound, 95 %", "Singular values (CMIF)", "mean square over all 4"):
+    for words in (
+        "Stage &lt;3&gt;",
+        "Confidence bound of the mean response, 95 %",
+        "Singular values (CMIF)",
+        "mean square over all 4",
+    ):
         assert words in text, words
     assert NASTY not in text
     figures = Page(page).figures

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from robustid.data.bound import Bound, as_probability
+from robustid.data.bound import as_probability
+from robustid.data.estimate.estimated import ABOUT, Estimate, bound
 from robustid.data.estimate.local import local
 from robustid.data.estimate.periodic import periodic
-from robustid.data.estimate.pooling import Estimate, bound
 from robustid.data.estimate.welch import welch
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.prepare import record_problems
@@ -29,6 +29,7 @@ def estimate_frf(
     period: int | None = None,
     lines: Any = None,
     probability: float = 0.95,
+    about: str = "mean",
 ) -> FrequencyResponse:
     """Frequency response of any number of inputs and outputs from measured records, with covariance and a joint bound.
 
@@ -107,6 +108,8 @@ def estimate_frf(
     """
     if method not in (None, *_METHODS):
         raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
+    if about not in ABOUT:
+        raise InputError(f"`about` must be one of {tuple(ABOUT)}; got {about!r}")
     probability = as_probability(probability)
     records = checked_records(record)
     _check_signals(records)
@@ -116,16 +119,15 @@ def estimate_frf(
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
     estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
-    return _finished(records[0], estimate, probability)
+    return _finished(records[0], estimate, probability, about)
 
 
 def _other(method: str) -> Any:
     return local if method == "local" else welch
 
 
-def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> FrequencyResponse:
-    estimate, radius = bound(estimate, probability)
-    found = Bound(radius, kind="confidence", probability=probability, dof=estimate.dof)
+def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: str) -> FrequencyResponse:
+    found = bound(estimate, probability, about)
     return FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
@@ -134,8 +136,8 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float) -> Freq
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{found.words()} over {len(estimate.index)} frequency points, {estimate.source}",
-        dof=estimate.dof,
+        note=f"{found.words()}, over {len(estimate.index)} frequency points, {estimate.source}",
+        dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,
         distortion=estimate.distortion,

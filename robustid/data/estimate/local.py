@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import as_array
-from robustid.data.estimate.pooling import Estimate
+from robustid.data.estimate.estimated import Estimate
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
 
@@ -54,7 +54,8 @@ def local(records: list[TimeRecord], lines: Any) -> Estimate:
         step=2 * np.pi / (samples * first.dt),
         values=values,
         covariance=covariance,
-        dof=len(records) * (2 * half + 1) - unknowns,
+        dof=float(len(records) * (2 * half + 1) - unknowns),
+        excitations=len(records) // nu or 1,
         coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"

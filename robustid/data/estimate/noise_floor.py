@@ -138,7 +138,8 @@ class NoiseFloor(Frozen):
             raise InputError(
                 f"`frf` has values of shape {frf.values.shape}, the records {peak.shape[1]} outputs and {gain.shape[1]} inputs"
             )
-        bound = Bound(self.factor * peak[:, :, None] * gain[:, None, :], kind="noise_floor")
+        radius = self.factor * peak[:, :, None] * gain[:, None, :]
+        bound = Bound(radius, kind="noise_floor", excitations=len(records) // gain.shape[1])
         beyond = np.exp(-np.log1p(self.factor**2 / np.arange(1, pool + 1)).sum())
         note = (
             f"{bound.words()}: {self.factor:g} times the largest of {pool} DFT values without excitation around each spectral line,"

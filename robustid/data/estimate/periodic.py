@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_array, as_count
-from robustid.data.error_sets import variances
-from robustid.data.estimate.pooling import Estimate
+from robustid.data.estimate.detection import detected
+from robustid.data.estimate.estimated import Estimate
+from robustid.data.estimate.scatter import scattered
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
 
+_Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)
 _log = logging.getLogger("robustid")
 
 # A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
 # 10-15 % (drives, mains), while a multisine meant for identification is flat to a factor of 2 or 3.
 EXCITED = 0.2
 _MAX_CONDITION = 1e6
-_DISTORTED = 4.0  # standard deviations by which the scatter between realisations must exceed noise
 _SIGNIFICANT = 5.0  # standard deviations
 _TRANSIENT_BAND = 8  # lines over which a transient is looked for: that of a lightly damped mode fills a few only
-_GROUPS = 16  # of lines, in each of which distortion is looked for
 
 
 def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
@@ -59,81 +59,53 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
             _log.warning(
                 "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
             )
-    # (F, blocks, periods, signals, experiments)
-    u, y, *r = (by_block(part[:, skipped:, index], nu) for part in spectra.values())
-    return _estimate(records, index, period, u, y, r[0] if r else None, _skipped(skipped, steady))
+    # (K, blocks, periods, signals, experiments)
+    whole = {name: by_block(part[:, skipped:], nu) for name, part in spectra.items()}
+    return _estimate(records, index, period, whole, _skipped(skipped, steady))
 
 
-def _estimate(records: Any, index: Any, period: int, u: Any, y: Any, r: Any, skipped: str) -> Estimate:
+def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:
     first = records[0]
-    ny, nu, blocks, periods = y.shape[3], u.shape[3], u.shape[1], u.shape[2]
-    if r is not None and r.shape[3] == nu and blocks > 1:
-        # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
-        by_reference = inverse_spectra(r.mean(axis=2), index, period, first.dt, "reference")
-        to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
-        inverse = by_reference @ inverse_spectra(to_u, index, period, first.dt, "u")
-        values = (y.mean(axis=2) @ inverse).mean(axis=1)
-        source = "by the reference, "
-    else:
-        inverse = inverse_spectra(u.mean(axis=2), index, period, first.dt, "u")
-        values = (y.mean(axis=2) @ inverse).mean(axis=1)
-        source = ""
-    error = (y - values[:, None, None] @ u) @ inverse[:, :, None]
-    error = error.swapaxes(-1, -2).reshape(len(index), blocks, periods, ny * nu)  # vec: columns stacked
-    each = error.mean(axis=2, keepdims=True)
-    within, between = error - each, each[:, :, 0] - each.mean(axis=1)
+    u, y, r = whole["u"][index], whole["y"][index], whole["reference"][index] if "reference" in whole else None
+    blocks, periods = u.shape[1:3]
+    values, inverse, source = _response(u, y, r, index, period, first.dt)
+    left = y - values[:, None, None] @ u
     rounding = _rounding(records, values, inverse)
-    of_noise, total = blocks * (periods - 1), blocks - 1
+    scatter = scattered(left, inverse, values, u, index, rounding)
     if blocks == 1:
-        covariance, dof, what = _scatter(within, of_noise * periods), of_noise, f"{periods} periods"
-        noise, distortion = np.sqrt(variances(covariance, values.shape)), None
-    else:
-        covariance, dof = _scatter(between[:, :, None], total * blocks), total
-        noise = distortion = None
-        what = f"{blocks} blocks of experiments ({periods} periods each)"
-        if periods > 1:
-            by_noise = _scatter(within, of_noise * periods * blocks)
-            noise = np.sqrt(variances(by_noise, values.shape))
-            distortion = np.sqrt(np.maximum(variances(covariance - by_noise, values.shape), 0) * blocks)
-            if not _distorted(variances(covariance, values.shape), noise**2, rounding, total, of_noise):
-                covariance = (total * covariance + of_noise * by_noise) / (total + of_noise)
-                dof, what = (
-                    total + of_noise,
-                    f"{blocks} blocks and {periods} periods: no distortion seen between blocks",
-                )
+        drive, at_inputs, at_outputs = (whole[name][:, 0] for name in ("u" if r is None else "reference", "u", "y"))
+        found = detected(drive, at_inputs, at_outputs, index, values, inverse[:, 0])
+        scatter = scatter.with_distortion(found)
     power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
-    left = np.mean(np.abs(y - values[:, None, None] @ u) ** 2, axis=(2, 4)).mean(axis=1)
-    left *= blocks * periods / max(blocks * periods - 1, 1)
+    rest = np.mean(np.abs(left) ** 2, axis=(2, 4)).mean(axis=1)
+    rest *= blocks * periods / max(blocks * periods - 1, 1)
     return Estimate(
         index=index,
         step=2 * np.pi / (period * first.dt),
         values=values,
-        covariance=covariance,
-        dof=dof,
-        coherence=np.clip(1 - left / np.where(power > 0, power, 1), 0, 1),
+        covariance=scatter.covariance,
+        dof=scatter.dof,
+        coherence=np.clip(1 - rest / np.where(power > 0, power, 1), 0, 1),
         rounding=rounding,
-        source=f"{source}scatter over {what}{skipped}",
-        noise=noise,
-        distortion=distortion,
+        source=f"{source}scatter over {scatter.words}{skipped}",
+        excitations=blocks,
+        changing=scatter.changing,
+        noise=scatter.noise,
+        distortion=scatter.distortion,
         real=(2 * index) % period == 0,
     )
 
 
-def _scatter(errors: np.ndarray, divisor: int) -> np.ndarray:
-    """Sum of e e^H over blocks and periods, (F, B, P, m) -> (F, m, m)."""
-    flat = errors.reshape(errors.shape[0], -1, errors.shape[-1])
-    return flat.swapaxes(1, 2) @ flat.conj() / divisor
-
-
-def _distorted(total: np.ndarray, noise: np.ndarray, rounding: np.ndarray, d1: int, d2: int) -> bool:
-    """Test of whether the scatter between blocks is more than noise: mean of the logarithm of the ratio, in groups of lines."""
-    from scipy.special import polygamma, psi
-
-    log = np.log((total + rounding**2) / (noise + rounding**2)).reshape(len(total), -1)
-    mean = psi(d1) - np.log(d1) - psi(d2) + np.log(d2)
-    deviation = np.sqrt(polygamma(1, d1) + polygamma(1, d2))
-    groups = np.array_split(log, min(_GROUPS, -(-len(log) // 16)))
-    return any(float(np.max((g.mean(axis=0) - mean) / deviation * np.sqrt(len(g)))) > _DISTORTED for g in groups)
+def _response(u: Any, y: Any, r: Any, index: Any, period: int, dt: float) -> tuple[np.ndarray, np.ndarray, str]:
+    """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), and by what they were found."""
+    if r is not None and r.shape[3] == u.shape[3] and u.shape[1] > 1:
+        # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
+        by_reference = inverse_spectra(r.mean(axis=2), index, period, dt, "reference")
+        to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
+        inverse, source = by_reference @ inverse_spectra(to_u, index, period, dt, "u"), "by the reference, "
+    else:
+        inverse, source = inverse_spectra(u.mean(axis=2), index, period, dt, "u"), ""
+    return (y.mean(axis=2) @ inverse).mean(axis=1), inverse, source
 
 
 def _skipped(count: int, steady: bool) -> str:

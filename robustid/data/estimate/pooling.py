@@ -1,4 +1,9 @@
-"""From covariances to bounds that hold for all spectral lines and entries at once; pooling over neighbouring ones."""
+"""Variances that are shared by neighbouring spectral lines: over how many lines, how smooth, and what their number is worth.
+
+A variance from few residuals makes a bound many times as wide as a known one. Neighbouring lines have almost the same variance,
+in absolute terms (noise behind the dynamics), relative to the response (distortion in front of them), or relative to its square
+(a resonance that moves): which of these, each line's neighbours say.
+"""
 
 from __future__ import annotations
 
@@ -7,65 +12,166 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.data.error_sets import joint_radius, variances
+from robustid.core import Real
 
-_POOLED = 10  # degrees of freedom below which neighbouring lines are pooled, up to this number
+_ENOUGH = 10  # degrees of freedom from which on a line stands for itself
+_WANTED = 60  # degrees of freedom that are pooled where it doesn't
+_MOST = 21  # lines of a pool: a mode of 1 % damping is that wide where lines are 0.1 % of the frequency apart
 _NEAR = 0.1  # neighbours lie within this part of the frequency, or
 _NEAR_LINES = 16  # within so many lines of the transform
+_POWERS = (2, 0, 4)  # of the response, that the variance may follow; the first where nothing speaks for another
+_TOGETHER = 5  # neighbouring pairs of lines over which the phase of a correlation is taken as constant
+_DISTORTED = 4.0  # standard deviations by which a variance must exceed noise
+_GROUPS = 16  # of lines, in each of which distortion is looked for
+_UNLIKE = 0.01  # probability with which any line of equal variance is taken for one of its own
 
 
-class Estimate(NamedTuple):
-    """Result of a method from the records, before any bound."""
+class Pool(NamedTuple):
+    """Variance of every line and signal, from the lines around it."""
 
-    index: np.ndarray  # (F,) spectral line of the transform
-    step: float  # distance of the lines of the transform, rad/s
-    values: np.ndarray  # (F, ny, nu)
-    covariance: np.ndarray  # (F, ny nu, ny nu) of the values
-    dof: float
-    coherence: np.ndarray | None  # (F, ny)
-    rounding: np.ndarray  # (F, ny, nu) floor of the bound
-    source: str  # what the scatter was taken over
-    noise: np.ndarray | None = None  # (F, ny, nu) standard deviations
-    distortion: np.ndarray | None = None
-    real: np.ndarray | None = None  # (F,) lines at which everything is real
+    matrix: np.ndarray  # (F, q, q)
+    dof: Real  # (F,)
+    lines: int  # most lines that were pooled; 1: none
 
 
-def pool(estimate: Estimate) -> tuple[Estimate, np.ndarray]:
-    """Covariances averaged over neighbouring spectral lines where few residuals would leave them hardly known; own variances too.
+class Neighbours(NamedTuple):
+    """The lines around every line."""
 
-    Relative to the response, and absolute, whichever is larger: what a distortion in front of the dynamics does is smooth
-    relative to the response, noise behind them in absolute terms.
+    index: np.ndarray  # (F, n)
+    near: np.ndarray  # (F, n) bool: near enough to count
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the near neighbours of values (F, ...)."""
+        share = self.near / self.near.sum(axis=1, keepdims=True)
+        return np.einsum("fn,fn...->f...", share, values[self.index])
+
+
+def neighbours(index: np.ndarray, count: int) -> Neighbours:
+    """The `count` lines around every spectral line, as far as they are near it in frequency."""
+    lines = index.size
+    count = min(count, lines)
+    around = np.clip(np.arange(lines) - count // 2, 0, lines - count)[:, None] + np.arange(count)
+    away = np.abs(index[around] - index[:, None])
+    return Neighbours(around, away <= np.maximum(_NEAR * index[:, None], _NEAR_LINES))
+
+
+def pool(matrix: np.ndarray, dof: float, size: np.ndarray, index: np.ndarray, residuals: np.ndarray | None) -> Pool:
+    """Variances averaged over neighbouring spectral lines where few residuals would leave them hardly known.
+
+    Parameters
+    ----------
+    matrix : (F, q, q) array
+        Estimated covariance of q signals at every line, from `dof` residuals.
+    size : (F, q) array
+        Size of the response in each signal: what a distortion is proportional to.
+    index : (F,) array
+        Lines of the transform.
+    residuals : (F, c, q) array, optional
+        What the covariance was taken from; they show how far neighbouring lines vary together.
+
+    Notes
+    -----
+    The power p of ``variance = c size^p`` is the one that predicts the own variance of the lines around best, each from its
+    neighbours alone (likelihood of a chi-square). A line whose own variance is larger than its neighbours' by more than chance
+    keeps its own. Lines that vary together are worth fewer degrees of freedom: ``n/(1 + 2 sum_l (1 - l/n) r_l^2)``, r_l the
+    correlation of lines l apart.
     """
-    lines = estimate.index.size
-    own = variances(estimate.covariance, estimate.values.shape)
-    count = min(lines, math.ceil(_POOLED / estimate.dof))
-    if count == 1:
-        return estimate, own
-    index = estimate.index.astype(float)
-    first = np.clip(np.arange(lines) - count // 2, 0, lines - count)
-    neighbours = first[:, None] + np.arange(count)
-    near = np.abs(index[neighbours] - index[:, None]) <= np.maximum(_NEAR * index[:, None], _NEAR_LINES)
-    share = near / near.sum(axis=1, keepdims=True)
-    size = np.abs(estimate.values.transpose(0, 2, 1).reshape(lines, -1))
-    size = np.where(size > 0, size, 1)
-    relative = estimate.covariance / (size[:, :, None] * size[:, None, :])
-    relative = np.einsum("fn,fnij->fij", share, relative[neighbours]) * (size[:, :, None] * size[:, None, :])
-    absolute = np.einsum("fn,fnij->fij", share, estimate.covariance[neighbours])
-    scales = [np.sqrt(np.maximum(np.einsum("fii->fi", c).real, 0)) for c in (relative, absolute)]
-    grow = np.maximum(scales[1], scales[0]) / np.where(scales[0] > 0, scales[0], 1)
-    covariance = np.where(
-        (scales[0].min(axis=1) > 0)[:, None, None], relative * grow[:, :, None] * grow[:, None, :], absolute
-    )
-    least = int(near.sum(axis=1).min())
-    if least == 1:
-        return estimate, own
-    source = f"{estimate.source}, pooled over {count} neighbouring spectral lines"
-    return estimate._replace(covariance=covariance, dof=estimate.dof * least, source=source), own
+    own = np.maximum(np.einsum("fii->fi", matrix).real, 0)
+    count = min(index.size, _MOST, math.ceil(_WANTED / dof)) if dof < _ENOUGH else 1
+    around = neighbours(index, count)
+    used = around.near.sum(axis=1)
+    if used.max() == 1:
+        return Pool(matrix, np.full(index.size, float(dof)), 1)
+    variance = _followed(own, dof, size, around)
+    worth = np.ones(index.size) if residuals is None else _together(residuals, variance, dof, count)
+    degrees = np.maximum(dof * used / np.minimum(worth, used), dof)
+    variance = _guarded(own, variance, dof, degrees)
+    return Pool(_shaped(matrix, variance, around), degrees, int(used.max()))
 
 
-def bound(estimate: Estimate, probability: float) -> tuple[Estimate, np.ndarray]:
-    """The estimate with its covariance pooled where that helps, and the bound that holds everywhere at once."""
-    pooled, own = pool(estimate)
-    radius = joint_radius(probability, estimate.values.size, pooled.dof, pooled.real)
-    spread = np.sqrt(np.maximum(variances(pooled.covariance, pooled.values.shape), own))
-    return pooled, np.maximum(radius * spread, estimate.rounding)
+def _followed(own: Real, dof: float, size: Real, around: Neighbours) -> Real:
+    """Mean variance of the neighbours, (F, q), scaled with the power of the response that fits them best."""
+    # Powers of the largest: the choice does not depend on units, not even by rounding.
+    top, scale = np.max(own, axis=0, initial=0), np.max(size, axis=0, initial=0)
+    own_, size_ = own / np.where(top > 0, top, 1), size / np.where(scale > 0, scale, 1)
+    others = np.maximum(around.near.sum(axis=1) - 1, 1)[:, None]
+    pooled, fits = [], []
+    for power in _POWERS:
+        shape = np.where(size_ > 0, size_, 1) ** power
+        mean = around.mean(own_ / shape)
+        without = np.maximum(mean * (others + 1) - own_ / shape, 0) / others * shape
+        known = without > 0
+        safe = np.where(known, without, 1)
+        fits.append(around.mean(np.where(known, -dof * (np.log(safe) + own_ / safe), 0)))
+        pooled.append(mean * shape)
+    best = np.argmax(fits, axis=0)
+    chosen: Real = np.take_along_axis(np.array(pooled), best[None], axis=0)[0] * np.where(top > 0, top, 1)
+    return np.where(around.near.sum(axis=1)[:, None] > 1, chosen, own)
+
+
+def _together(residuals: np.ndarray, variance: Real, dof: float, count: int) -> Real:
+    """How many lines of a pool are worth one, (F,): 1 where they vary independently."""
+    white = residuals / np.sqrt(np.where(variance > 0, variance, 1))[:, None]
+    power = np.sum(np.abs(white) ** 2, axis=1)  # (F, q)
+    least, wide = _TOGETHER * dof, 2 * count + 1
+    total = np.zeros(len(power))
+    for lag in range(1, min(count, len(power) - _TOGETHER)):
+        product = np.sum(white[lag:] * white[:-lag].conj(), axis=1)
+        both = _running(power[lag:], _TOGETHER) * _running(power[:-lag], _TOGETHER)
+        seen = np.abs(_running(product, _TOGETHER)) ** 2 / np.where(both > 0, both, 1)
+        squared = ((np.where(both > 0, seen, 0) - 1 / least) / (1 - 1 / least)).mean(axis=1)
+        found = np.zeros(len(power))
+        found[: squared.size] = squared
+        there = (np.arange(len(power)) < squared.size).astype(float)
+        smooth = _running(found, wide) / np.maximum(_running(there, wide), 1)
+        total += (1 - lag / count) * np.clip(smooth, -1, 1)
+    return 1 + 2 * np.maximum(total, 0)
+
+
+def _running(values: np.ndarray, width: int) -> np.ndarray:
+    """Sum over the `width` values around each, of the first axis; fewer at the ends."""
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    low = np.clip(np.arange(len(values)) - width // 2, 0, None)
+    high = np.clip(np.arange(len(values)) - width // 2 + width, None, len(values))
+    return total[high] - total[low]
+
+
+def _guarded(own: Real, pooled: Real, dof: float, degrees: Real) -> Real:
+    """The pooled variance; the own one where it is larger by more than chance allows on any line."""
+    from scipy.special import fdtri
+
+    limit = fdtri(2 * dof, 2 * degrees, 1 - _UNLIKE / own.size)[:, None]
+    return np.where(own > limit * pooled, own, pooled)
+
+
+def _shaped(matrix: np.ndarray, variance: Real, around: Neighbours) -> np.ndarray:
+    """The covariance with these variances and the correlations of the neighbourhood."""
+    deviation = np.sqrt(np.maximum(np.einsum("fii->fi", matrix).real, 0))
+    safe = np.where(deviation > 0, deviation, 1)
+    mean = around.mean(matrix / (safe[:, :, None] * safe[:, None, :]))
+    diagonal = np.sqrt(np.maximum(np.einsum("fii->fi", mean).real, 0))
+    diagonal = np.where(diagonal > 0, diagonal, 1)
+    wanted = np.sqrt(variance) / diagonal
+    shaped = mean * (wanted[:, :, None] * wanted[:, None, :])
+    q = np.arange(variance.shape[1])
+    shaped[:, q, q] = variance
+    return shaped
+
+
+def pooled_words(lines: int) -> str:
+    """Say over how many lines variances were pooled; empty where they weren't."""
+    return "" if lines == 1 else f", pooled over up to {lines} neighbouring spectral lines"
+
+
+def exceeds(total: Real, noise: Real, d1: float, d2: float) -> bool:
+    """Test of whether variances (F, ...) are more than noise: mean of the logarithm of the ratio, in groups of lines.
+
+    From d1 and d2 residuals at every line; by four standard deviations in one of the groups.
+    """
+    from scipy.special import polygamma, psi
+
+    log = np.log(total / noise).reshape(len(total), -1)
+    mean = psi(d1) - np.log(d1) - psi(d2) + np.log(d2)
+    deviation = np.sqrt(polygamma(1, d1) + polygamma(1, d2))
+    groups = np.array_split(log, min(_GROUPS, -(-len(log) // 16)))
+    return any(float(np.max((g.mean(axis=0) - mean) / deviation * np.sqrt(len(g)))) > _DISTORTED for g in groups)

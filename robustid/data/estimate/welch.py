@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data.estimate.estimated import Estimate, pooled
 from robustid.data.estimate.local import checked_lines, divided, excited_lines
-from robustid.data.estimate.pooling import Estimate
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
 
@@ -44,16 +44,20 @@ def welch(records: list[TimeRecord], lines: Any) -> Estimate:
         values, covariance = divided(values, covariance, ny)
     power = np.mean(np.abs(z[:, :ny]) ** 2, axis=2)
     residual = np.einsum("fii->fi", spread).real[:, :ny]
-    return Estimate(
+    found = Estimate(
         index=index,
         step=2 * np.pi / (length * first.dt),
         values=values,
         covariance=covariance,
-        dof=dof,
+        dof=float(dof),
+        excitations=len(records) // nu or 1,
         coherence=np.clip(1 - residual / np.where(power > 0, power, 1), 0, 1),
         rounding=np.full(values.shape, np.finfo(float).tiny),
         source=f"Welch: what changes within {2 / (length * first.dt):.3g} Hz is smeared, and the bound does not know it",
     )
+    shared = pooled(found)
+    # Neighbouring lines of Hann windows have correlations of 2/3 and 1/6: 1 + 2 (4/9 + 1/36) of them are worth one.
+    return shared._replace(dof=np.maximum(shared.dof / (1 + 2 * (4 / 9 + 1 / 36)), dof))
 
 
 def _segments(records: list[TimeRecord], name: str, length: int) -> np.ndarray:

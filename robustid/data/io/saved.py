@@ -28,7 +28,7 @@ _ARRAYS = {
     "tangential": ("omega", "values", "right", "left", "bound"),
     "time": ("u", "y", "bound", "reference"),
 }
-_OF_BOUND = {"bound_kind": "kind", "probability": "probability", "bound_dof": "dof"}
+_OF_BOUND = {"bound_kind": "kind", "probability": "probability", "bound_dof": "dof", "excitations": "excitations"}
 _FACTS = {
     "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint"),
     "tangential": ("dt", "note", *_OF_BOUND),
@@ -57,6 +57,8 @@ def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> di
         fields["probability"] = bound.probability
     if bound.dof != _implied_dof(fields):
         fields["bound_dof"] = bound.dof
+    if bound.excitations is not None:
+        fields["excitations"] = bound.excitations
     return fields | ({"joint": bound.joint, "ellipsoid": bound.ellipsoid} if "tilt" in fields else {})
 
 

@@ -8,7 +8,7 @@ from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification
 from robustid.report.charts import lighter
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
-from robustid.report.identified import in_unit, siso, transfer, unit
+from robustid.report.identified import about, in_unit, siso, transfer, unit
 from robustid.report.sections.assumptions import CAUTION
 from robustid.report.sections.claims import certificates, checked
 from robustid.report.sections.guarantee_charts import (
@@ -73,7 +73,7 @@ def sentence(error: WorstCaseError) -> str:
     if omega.size > 1:
         worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
     return (
-        "Every plant that agrees with the data and the assumptions has a response within"
+        f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {bounded_model(error)[0]}{norm},"
         f" {at_frequencies(omega)}.{worst} the median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."

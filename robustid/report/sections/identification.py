@@ -128,7 +128,8 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
 
 
 def _warnings(identification: Identification) -> list[Text]:
-    return [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
+    about = [Text(sentence, "warning") for sentence in identification.problem.about]
+    return about + [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
 
 
 def identification_verdict(identification: Identification, reduction: Reduction | None = None) -> Verdict:

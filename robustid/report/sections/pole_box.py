@@ -12,7 +12,7 @@ from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
 from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict
-from robustid.report.identified import in_unit, transfer
+from robustid.report.identified import about, in_unit, transfer
 from robustid.report.sections.claims import certificates, checked
 from robustid.report.sections.frequency import frequency_charts
 from robustid.report.sections.guarantee_charts import BAND, band_around, bounded_model, error_range
@@ -132,7 +132,8 @@ def sentence(band: WorstCaseOverPoles) -> str:
     size = np.abs(response(band.model, band.omega * band.identification.problem.dt))
     relative = float(np.median(upper / np.maximum(size, np.finfo(float).tiny)))
     return (
-        "Every plant that agrees with the data and the assumptions, its poles anywhere in the box below, has a response within"
+        f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
+        " below, has a response within"
         f" {in_unit(at_most(upper.max()), band.identification)} of the {bounded_model(band)[0]}, {where}; the median is"
         f" {at_most(100 * relative)} % of the response."
     )

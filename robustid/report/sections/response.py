@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.data.estimate import joint_radius
 from robustid.report.charts import Chart
 from robustid.report.curves import most_drawn
@@ -98,7 +98,7 @@ def kind(view: ResponseView) -> str:
     frf = view.frf
     if frf.bound is None:
         return "No bound"
-    words = frf.bound.words().removesuffix(" jointly")
+    words = frf.bound.words().replace(" jointly", "")
     return words[0].upper() + words[1:]
 
 
@@ -113,7 +113,7 @@ def response_verdict(view: ResponseView) -> Verdict:
         "noise_floor": f"The bound was taken from measurements without excitation; it covers what disturbs {where} as it did then.",
         "confidence": "The bound is taken from the scatter of the data; the probability that it holds"
         f" {where} at once isn't stated.",
-        "tolerance": f"The bound is meant for the next record too, {where} at once.",
+        "tolerance": f"The bound is meant for the response in the next record, {where} at once{_chance(frf.bound)}.",
     }
     if frf.bound is None:
         sentence = "Nothing is known about the errors: give a bound, or estimate it from the records."
@@ -121,11 +121,18 @@ def response_verdict(view: ResponseView) -> Verdict:
         sentence = sentences[frf.bound.kind]
     else:
         chance = f"{number(100 * frf.bound.probability, 6)} %"
-        sentence = f"With a probability of {chance} the true response lies within the bound {where} at once."
+        what = "true" if frf.bound.excitations is None else "mean"
+        sentence = f"With a probability of {chance} the {what} response lies within the bound {where} at once."
         if any(words in frf.note for words in _NOTED):
             sentence += " The warnings say what this leaves out."
     key = "undecided" if frf.bound is None else "weak" if warning_sentences(view) else "consistent"
     return Verdict(key, kind(view), sentence, tuple(_numbers(view)))
+
+
+def _chance(bound: Bound | None) -> str:
+    if bound is None or bound.probability is None:
+        return ""
+    return f", with a probability of {number(100 * bound.probability, 6)} %"
 
 
 def _numbers(view: ResponseView) -> list[tuple[str, str]]:
@@ -211,7 +218,9 @@ def warnings(view: ResponseView) -> list[Text]:
 
 def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
-    found = [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
+    bound = view.frf.bound
+    found = [bound.about] if bound is not None and bound.excitations == 1 else []
+    found += [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 
 

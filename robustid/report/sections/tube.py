@@ -9,7 +9,7 @@ from robustid.guarantees import ResponseTube
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel
 from robustid.report.document import Block, Drawing, Facts, Heading, Text
-from robustid.report.identified import in_unit
+from robustid.report.identified import about, in_unit
 from robustid.report.sections.claims import certificates, checked
 from robustid.report.sections.guarantee_charts import BAND, REACHED
 from robustid.report.sections.time import answer_titles
@@ -109,7 +109,8 @@ def sentence(tube: ResponseTube) -> str:
     within, reached = at_most(tube.error_upper[worst]), at_least(tube.error_lower[worst])
     where = "at every sample" if tube.complete else f"at {tube.samples.size} of the {tube.u.size} samples"
     return (
-        "From zero initial conditions, every plant that agrees with the data and the assumptions answers"
+        f"{about(tube.identification)}From zero initial conditions, every plant that agrees with the data and the assumptions"
+        " answers"
         f" {signals.get(tube.input, 'the given ' + input_.name)} within {_with_unit(within, tube)} of the model, {where} until"
         f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s; one of"
         f" {_with_unit(reached, tube)} is reached there."
