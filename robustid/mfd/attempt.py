@@ -13,10 +13,11 @@ import scipy.linalg
 
 from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.mfd.block_model import BlockModel
+from robustid.mfd.block_model import RESOLVED, BlockModel
 from robustid.mfd.chains import input_priority
 from robustid.mfd.exchange import PER_ROUND, exchange
 from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, fit_fraction
+from robustid.mfd.left_out import EVERY, left_out_cost, withheld, withheld_residual
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.problem import FractionProblem
@@ -32,6 +33,9 @@ _CORRELATED = 5.0
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 _FORMED = 1e-6  # part of the cost that forming the fraction may add
 _WORK = 2e10  # products of equations and squared coordinates that a fit may take before it tries no further way
+_SEVERAL = 0.5  # of the spacing of the points: a mode of such damping is seen by several of them
+_BY_ITSELF = 100.0  # the criterion with every point left out, over the criterion: single points decide modes
+_WORTH = 2.0  # a mode that the points don't resolve lowers the criterion at least by this factor
 _FEW, _MANY = 40, 300  # steps, whatever they cost
 _MUCH = 0.99  # an unstable fit of this part of the cost says that the stability boundary ended the descent
 _STEPS, _BEYOND = 100, 30  # of the refinement; beyond the stability boundary, and back
@@ -171,19 +175,76 @@ def _descended(
     if settings.stable:
         inside, outputs = start.reflected(), Outputs(problem)
         start = min(inside, inside.resolved(problem.xi), key=lambda model: outputs.fitted(model).cost)
-    steps = _allowance(problem)
-    found = refine(problem, start, stable=settings.stable, limit=min(_STEPS, steps), budget=budget)
+    found = _searched(problem, data, start, settings, budget, RESOLVED)
+    if settings.stable and found.status is not FitStatus.INTERRUPTED and not budget.spent:
+        found, resolved = _seen_by_several(problem, data, start, settings, budget, found)
+        if found.bound and not budget.spent:
+            return _beyond(problem, found, resolved, budget)
+    return found, 0, np.nan
+
+
+def _searched(
+    problem: FractionProblem,
+    data: Samples,
+    start: BlockModel,
+    settings: Settings,
+    budget: Budget,
+    resolved: float,
+) -> Refined:
+    """End of the refinement, of the exchange of modes, and of the steps that are left."""
+    steps, stable = _allowance(problem), settings.stable
+    found = refine(problem, start, stable=stable, limit=min(_STEPS, steps), resolved=resolved, budget=budget)
     rounds = min(settings.rounds, (steps - len(found.history)) // PER_ROUND)
     if rounds > 0 and suspicious(problem, found.fitted.response, found.status):
-        found = exchange(problem, data, found, stable=settings.stable, rounds=rounds, budget=budget)
+        found = exchange(problem, data, found, stable=stable, rounds=rounds, resolved=resolved, budget=budget)
         steps -= rounds * PER_ROUND
     left = steps - len(found.history)
     if found.status is FitStatus.SLOW and left > 0 and not budget.spent:
-        more = refine(problem, found.fitted.model, stable=settings.stable, limit=left, patient=True, budget=budget)
+        more = refine(
+            problem, found.fitted.model, stable=stable, limit=left, resolved=resolved, patient=True, budget=budget
+        )
         found = more._replace(history=found.history + more.history)
-    if settings.stable and found.bound and found.status is not FitStatus.INTERRUPTED and not budget.spent:
-        return _beyond(problem, found, budget)
-    return found, 0, np.nan
+    return found
+
+
+def _seen_by_several(
+    problem: FractionProblem,
+    data: Samples,
+    start: BlockModel,
+    settings: Settings,
+    budget: Budget,
+    found: Refined,
+) -> tuple[Refined, float]:
+    """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing.
+
+    Such a mode may follow the noise of its point, and is free between the points; then the wider ones predict better
+    what is withheld. Where it is worth more than a factor of two it is a mode of the plant.
+    """
+    outputs, model = Outputs(problem), found.fitted.model
+    narrow = model.distances < _SEVERAL * model.spacing(problem.xi)
+    if not np.any(narrow) or left_out_cost(outputs, found.fitted) <= _BY_ITSELF * found.fitted.cost:
+        return found, RESOLVED
+    wide = _searched(problem, data, start.resolved(problem.xi, _SEVERAL), settings, budget, _SEVERAL)
+    if budget.spent or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
+        return found, RESOLVED
+    left = {RESOLVED: found, _SEVERAL: wide}
+    costs = {part: _withheld_cost(problem, one.fitted.model, part, budget) for part, one in left.items()}
+    if costs[RESOLVED] <= costs[_SEVERAL]:
+        return found, RESOLVED
+    return wide._replace(history=found.history + wide.history), _SEVERAL
+
+
+def _withheld_cost(problem: FractionProblem, model: BlockModel, resolved: float, budget: Budget) -> float:
+    """Criterion at every frequency point but the last, each withheld once."""
+    masks = [withheld(problem, first) for first in range(EVERY)]
+    quiet = budget._replace(report=None)
+    return sum(
+        float(
+            np.sum(np.abs(withheld_residual(problem, model, mask, stable=True, resolved=resolved, budget=quiet)) ** 2)
+        )
+        for mask in masks
+        if np.any(mask)
+    )
 
 
 def blocks_of(problem: FractionProblem, model: StateMatrices) -> BlockModel:
@@ -216,12 +277,13 @@ def _allowance(problem: FractionProblem) -> int:
     return int(np.clip(_WORK / (problem.equations * directions**2), _FEW, _MANY))
 
 
-def _beyond(problem: FractionProblem, found: Refined, budget: Budget) -> tuple[Refined, int, float]:
+def _beyond(problem: FractionProblem, found: Refined, resolved: float, budget: Budget) -> tuple[Refined, int, float]:
     """What the criterion would fall by without stability; the way back from there may end lower than the way along."""
     free = refine(problem, found.fitted.model, stable=False, limit=_BEYOND, budget=budget._replace(report=None))
     poles = free.fitted.model.poles
     unstable = int(np.sum(np.abs(poles) >= 1 if problem.dt is not None else poles.real >= 0))
-    back = refine(problem, free.fitted.model.resolved(problem.xi), stable=True, limit=_BEYOND, budget=budget)
+    inside = free.fitted.model.resolved(problem.xi, resolved)
+    back = refine(problem, inside, stable=True, limit=_BEYOND, resolved=resolved, budget=budget)
     if back.fitted.cost < found.fitted.cost:
         found = back._replace(history=found.history + back.history)
     if not unstable or free.fitted.cost >= found.fitted.cost:

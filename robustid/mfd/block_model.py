@@ -326,10 +326,10 @@ class BlockModel(Frozen):
         """The model with unstable poles reflected: -conj(s), 1/conj(z)."""
         return self._inside(np.full(self.centre.size + self.single.size, _EDGE), reflect=True).normalised()
 
-    def resolved(self, xi: Complex) -> BlockModel:
+    def resolved(self, xi: Complex, part: float = RESOLVED) -> BlockModel:
         """The model with unstable poles reflected and at least the damping that the frequency points resolve."""
         inside = self.reflected()
-        return inside._inside(RESOLVED * inside.spacing(xi)).normalised()
+        return inside._inside(part * inside.spacing(xi)).normalised()
 
     def _near(self) -> BlockModel:
         """Poles in s at most `_FAR` away: beyond, a pole is a feed-through in disguise, and costs digits."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.errors import InputError
-from robustid.mfd.block_model import BlockModel
+from robustid.mfd.block_model import RESOLVED, BlockModel
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.outputs import LocalModel
 from robustid.mfd.problem import FractionProblem
@@ -33,6 +33,7 @@ def exchange(
     stable: bool,
     rounds: int,
     budget: Budget,
+    resolved: float = RESOLVED,
     outputs: Outputs | None = None,
     structured: Callable[[BlockModel, Complex], LocalModel] = lambda model, _: model,
 ) -> Refined:
@@ -52,16 +53,25 @@ def exchange(
         new = structured(more, problem.values - found.fitted.response)
         richer = refine(
             problem,
-            found.fitted.model.joined(new.resolved(problem.xi) if stable else new),
+            found.fitted.model.joined(new.resolved(problem.xi, resolved) if stable else new),
             stable=stable,
             limit=_RICHER,
+            resolved=resolved,
             budget=budget._replace(report=None),
             outputs=outputs,
         )
         fitted = richer.fitted
         for _ in range(more.centre.size):  # one by one: of two equal blocks each seems needless beside the other
             fitted = outputs.fitted(fitted.model.without(int(np.argmin(outputs.importance(fitted)))))
-        other = refine(problem, fitted.model, stable=stable, limit=_AFTER, budget=budget, outputs=outputs)
+        other = refine(
+            problem,
+            fitted.model,
+            stable=stable,
+            limit=_AFTER,
+            resolved=resolved,
+            budget=budget,
+            outputs=outputs,
+        )
         before = found.fitted.cost
         if other.fitted.cost < before:
             found = other._replace(history=found.history + other.history)

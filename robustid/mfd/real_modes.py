@@ -188,10 +188,10 @@ class RealModes(Frozen):
         shift = np.where(outside, distance - np.maximum(np.abs(distance), _EDGE), 0.0)
         return dataclasses.replace(self, centre=self.centre + shift)
 
-    def resolved(self, xi: Complex) -> RealModes:
+    def resolved(self, xi: Complex, part: float = RESOLVED) -> RealModes:
         """The model with unstable modes reflected and at least the damping that the frequency points resolve."""
         inside = self.reflected()
-        return inside._inside(RESOLVED * inside.spacing(xi))
+        return inside._inside(part * inside.spacing(xi))
 
     def tied_outputs(self) -> Real:
         """Matrices C (T, nu, order) for which the response is symmetric: b for every mode, ``B_r' (symmetric)``."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -12,13 +11,12 @@ from robustid.core import StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.mfd.attempt import blocks_of, flipped, refinable, transposed
 from robustid.mfd.block_model import RESOLVED, BlockModel
-from robustid.mfd.refinement import refine
+from robustid.mfd.left_out import withheld, withheld_residual
 
 if TYPE_CHECKING:
     from robustid.mfd.fit import MatrixFraction
 
-_EVERY, _FIRST = 4, 2  # every fourth frequency point is withheld
-_STEPS = 10
+_FIRST = 2  # of the points that are withheld
 _HELD = 1.05
 
 
@@ -33,22 +31,11 @@ def withheld_error(fit: MatrixFraction) -> float:
         return math.nan
     if flipped(problem):
         problem, model = problem.transposed(), transposed(model)
-    points = np.arange(problem.omega.size)
-    withheld = (points % _EVERY == _FIRST) & (points < points.size - 1)  # the last one says what the unit is
-    used = np.any(problem.weight.entries, axis=(1, 2))
-    if not np.any(used & withheld) or not used[-1]:
+    mask = withheld(problem, _FIRST)
+    size = float(np.linalg.norm(problem.weight.select(mask).apply(problem.values[mask])))
+    if not size > 0:
         return math.nan
-    others = dataclasses.replace(
-        problem,
-        omega=problem.omega[~withheld],
-        values=problem.values[~withheld],
-        weight=problem.weight.select(~withheld),
-    )
-    found = refine(others, blocks_of(problem, model), stable=fit.stable, limit=_STEPS).fitted
-    response = found.C @ found.model.states(problem.xi[withheld]) + found.D
-    weight = problem.weight.select(withheld)
-    size = float(np.linalg.norm(weight.apply(problem.values[withheld])))
-    return float(np.linalg.norm(weight.apply(problem.values[withheld] - response))) / size if size > 0 else math.nan
+    return float(np.linalg.norm(withheld_residual(problem, blocks_of(problem, model), mask, stable=fit.stable))) / size
 
 
 def unresolved_poles(fit: MatrixFraction) -> int:

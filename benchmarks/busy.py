@@ -1,0 +1,80 @@
+"""Calls of the library on a busy machine: wall time with a process spinning on every core over that of one thread on an idle one.
+
+Run: python benchmarks/busy.py [--calls fit order ...] on an otherwise quiet machine. Every call runs in a process of its own:
+first with one BLAS thread, then as a user starts it, with the library's own choice of threads, beside the spinning processes.
+Half of the time is the machine's share: on two cores and two spinning processes a ratio of 2 is the best that can be had.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+CALLS = {
+    "fit": "rid.fit_mfd(arrivals.stand_in(0, 20, 500)[0], order=24)",
+    "order": "rid.suggest_order(rid.flexible_structure(lines=60).frequency)",
+    "identify": "rid.identify(problem())",
+    "bands": "rid.worst_case_error(rid.identify(problem()), omega=[50.0, 111.0, 120.0])",
+    "reduce": "rid.reduce_within_bounds(rid.identify(problem()))",
+    "class": "rid.suggest_prior(problem())",
+    "truncate": "rid.balanced_truncation(plant(), order=60)",
+}
+SETUP = f"""
+import sys, time, warnings
+warnings.simplefilter("ignore")
+sys.path[:0] = [{str(HERE)!r}]
+import control, cvxpy, numpy as np, scipy.linalg
+import arrivals
+import robustid as rid
+
+def problem():
+    experiment, prior = rid.flexible_structure(), rid.Prior(gain_bound=0.1, decay_rate=1.05)
+    kautz = rid.kautz(*experiment.modes.T, dt=0.01)
+    return rid.MixedProblem(frequency=experiment.frequency, time=experiment.time, prior=prior, parametric=kautz)
+
+def plant():
+    rng = np.random.default_rng(0)
+    w, blocks = 2 * np.pi * np.geomspace(1, 1000, 100), []
+    A = scipy.linalg.block_diag(*[[[-0.01 * v, v], [-v, -0.01 * v]] for v in w])
+    return control.ss(A, rng.standard_normal((200, 2)), rng.standard_normal((2, 200)), np.zeros((2, 2)))
+
+begin = time.perf_counter()
+"""
+
+
+def seconds(call, **environment):
+    """Wall seconds of a call, its imports not counted."""
+    code = SETUP + CALLS[call] + "\nprint(time.perf_counter() - begin)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **environment}
+    )
+    if done.returncode:
+        sys.exit(done.stderr)
+    return float(done.stdout.split()[-1])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--calls", nargs="+", choices=CALLS, default=list(CALLS))
+    parser.add_argument("--runs", type=int, default=3)
+    arguments = parser.parse_args()
+    idle = {
+        call: min(seconds(call, OPENBLAS_NUM_THREADS="1") for _ in range(arguments.runs)) for call in arguments.calls
+    }
+    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    try:
+        for call in arguments.calls:
+            busy = max(seconds(call) for _ in range(arguments.runs))
+            print(
+                f"{call}: idle, one thread {idle[call]:.2f} s; busy {busy:.2f} s; ratio {busy / idle[call]:.2f}",
+                flush=True,
+            )
+    finally:
+        for process in spinning:
+            process.kill()
+
+
+if __name__ == "__main__":
+    main()
