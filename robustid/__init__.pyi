@@ -19,6 +19,7 @@ from .app.pipeline import identify_reduced as identify_reduced
 from .app.pipeline import run as run
 
 # The class, the question and its answer
+from .bases import integrators as integrators
 from .bases import kautz as kautz
 from .core import Signal as Signal
 

@@ -34,6 +34,10 @@ class SizeError(RobustIdError, ValueError):
     """The problem is too large for the chosen form."""
 
 
+class TimeLimitError(RobustIdError, TimeoutError):
+    """An attribute would take longer than attributes should; the sentence names the method that shows its progress."""
+
+
 class SolverError(RobustIdError, RuntimeError):
     """No solver is available, or none returned usable numbers."""
 

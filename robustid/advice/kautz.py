@@ -11,11 +11,11 @@ import numpy as np
 from robustid.advice.pole_fit import (
     DAMPING,
     LineData,
-    among_lines,
     best_start,
     find_poles,
     residual_rows,
     smallest_rest,
+    wanted_in_basis,
 )
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import ParametricBasis, kautz
@@ -148,9 +148,9 @@ def suggest_kautz(
         )
     poles, reason = find_poles(fit, wanted)
     poles = poles[np.argsort(poles[:, 0])]
-    kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(among_lines(poles, fit))
+    kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
-        reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped: left out"
+        reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
     step = fit.dt
     omega, damping = np.exp(poles[kept]).T / np.array([[step], [1.0]])
     chosen = fixed_delay if fixed_delay is not None else smallest_rest(fit, poles[kept])

@@ -14,7 +14,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import as_array, as_count, response
+from robustid.core import Budget, Progress, as_array, as_count, response
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of, check_siso
@@ -24,6 +24,7 @@ _log = logging.getLogger("robustid")
 
 _REPEATS = (1, 2, 3)  # a third term is the last that the expansion of a cell of poles has
 _PRIORS = 3  # pairs (K, rho) tried with the best parametric part
+_LATE = "the time was over"
 _ANY = Prior(gain_bound=1.0, decay_rate=1.05)  # a placeholder
 
 
@@ -33,6 +34,8 @@ def suggest_class(
     time: TimeRecord | Sequence[TimeRecord] | None = None,
     modes: Any = None,
     delay: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> ClassSuggestion:
     """Choose the pairs, their multiplicity and (K, rho) by the guaranteed error that results.
 
@@ -50,6 +53,10 @@ def suggest_class(
         leave to them.
     delay : int, samples
         Of the pairs; default what the data suggest, 1 where the modes are given.
+    time_limit : float, optional
+        Seconds after which no further candidate is evaluated; the first one always is. So it is on Ctrl-C.
+    progress : callable (done, all), optional
+        Candidates.
 
     Returns
     -------
@@ -81,13 +88,13 @@ def suggest_class(
     """
     data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
     check_siso(data, "suggest_class")
-    wanted = None if delay is None else as_count("delay", delay)
+    wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
     if modes is None:
         parts, resonances = _from_data(data, wanted)
     else:
         parts, resonances = _at_given_poles(data, modes, 1 if wanted is None else wanted)
     omega = np.unique(np.append(default_points(data), resonances))
-    rows = _evaluated(parts, omega)
+    rows = _evaluated(parts, omega, budget)
     best = choice(rows)
     line = None if best is None else float(omega[int(np.argmax(best.upper))])
     return ClassSuggestion(omega=omega, candidates=tuple(rows), next_line=line)
@@ -131,13 +138,28 @@ class _Part(NamedTuple):
         return found
 
 
-def _evaluated(parts: list[_Part], omega: np.ndarray) -> list[ClassCandidate]:
-    """Every part with its first prior, the best with further ones; smallest error first."""
-    rows = [part.candidate(part.problems[0] if part.problems else None, omega, part.note) for part in parts]
+def _evaluated(parts: list[_Part], omega: np.ndarray, budget: Budget) -> list[ClassCandidate]:
+    """Every part with its first prior, the best with further ones, within the budget; smallest error first."""
+    rows: list[ClassCandidate] = []
+    first = [(part, part.problems[0] if part.problems else None, part.note) for part in parts]
+
+    def evaluate(asked: list[tuple[_Part, MixedProblem | None, str]]) -> None:
+        for part, problem, note in asked:
+            late = _LATE if rows and budget.over else ""
+            try:
+                rows.append(part.candidate(problem, omega, note or late))
+            except KeyboardInterrupt:
+                if not rows:
+                    raise
+                rows.append(part.candidate(problem, omega, _LATE))
+                break
+            budget.tell(len(rows), len(parts) + _PRIORS - 1)
+
+    evaluate(first)
     best = choice(rows)
-    if best is not None and np.all(np.isfinite(best.error)):
+    if best is not None and np.all(np.isfinite(best.error)) and not budget.over:
         part = parts[next(k for k, row in enumerate(rows) if row is best)]
-        rows += [part.candidate(problem, omega, "") for problem in part.problems[1:_PRIORS]]
+        evaluate([(part, problem, "") for problem in part.problems[1:_PRIORS]])
     return sorted(rows, key=rank)
 
 

@@ -18,6 +18,8 @@ _WORTH, _WORTH_LEFT = 0.003, 0.75
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
+_BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
+_SLOW = 0.15  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,17 +158,22 @@ def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
     from scipy.optimize import least_squares
 
     positive = data.angle[data.angle > 0]
-    low = np.tile(np.log([positive[0] / 2, DAMPING[0]]), len(poles))
+    low = np.tile(np.log([positive[0] / _BELOW, DAMPING[0]]), len(poles))
     high = np.tile(np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]]), len(poles))
     start = np.clip(poles.ravel(), low + 1e-9, high - 1e-9)
     found = least_squares(residual_rows, start, args=(data,), x_scale="jac", bounds=(low, high), max_nfev=50)
     return found.x.reshape(-1, 2)
 
 
-def among_lines(poles: np.ndarray, data: LineData) -> np.ndarray:
-    """Which poles are resonances that the frequency points show, not background that the fit puts outside them."""
+def wanted_in_basis(poles: np.ndarray, data: LineData) -> np.ndarray:
+    """Which poles belong in the parametric part: resonances that the frequency points show, and whatever decays slowly.
+
+    A pole outside the points, or a well-damped one, is background that a smooth remainder holds, unless it decays slowly: then
+    no class with a useful decay rate has it (friction at 3 Hz below a band that begins at 11 Hz).
+    """
     turn, zeta = np.exp(poles).T
-    return (turn > data.angle[0]) & (turn < data.angle[-1]) & (zeta < 0.99 * DAMPING[1])
+    resonant = (turn > data.angle[0]) & (turn < data.angle[-1]) & (zeta < 0.99 * DAMPING[1])
+    return resonant | (turn * zeta < min(_SLOW, data.angle[-1] / 4))
 
 
 def nearest(angle: np.ndarray, centre: float, reach: float, fewest: int) -> np.ndarray:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from robustid.advice.representatives import missed, selected, thinned
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.core import Frozen, as_array, freeze
+from robustid.core import Budget, Frozen, Progress, as_array, freeze
 from robustid.data import TangentialResponse
 from robustid.errors import InputError, InputTypeError, SizeError, SolverError
-from robustid.identification import MixedProblem, Prior
+from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import analytic_center, gain_path
 
@@ -27,6 +28,11 @@ _TAILS = (
 )
 _CEILINGS = (8.0, 8e3)
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
+_FEW = 40  # frequency points (over the root of the entries) that stand for more of them
+_ROUNDS = 4  # times that the worst of the others join
+_ADDED = 8  # of them at a time
+_QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
+_APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
 _NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest bound can't be told from none
 
 
@@ -50,6 +56,8 @@ class PriorSuggestion(Frozen):
         The gain bound of `prior` is this times the smallest one.
     reason : str
         In words.
+    points : int
+        Frequency points that the gains rest on; fewer than there are where a part stands for all.
     """
 
     prior: Prior | None
@@ -59,6 +67,7 @@ class PriorSuggestion(Frozen):
     priors: tuple[Prior | None, ...]
     safety: float
     reason: str
+    points: int = 0
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("decay_rates", "gains", "errors")})
@@ -81,7 +90,14 @@ class PriorSuggestion(Frozen):
         return "\n".join([*lines, self.reason])
 
 
-def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: str = "slope") -> PriorSuggestion:
+def suggest_prior(
+    problem: MixedProblem,
+    *,
+    decay_rates: Any = None,
+    criterion: str = "slope",
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+) -> PriorSuggestion:
     """Recommend gain bound and decay rate: twice the smallest K that the data allow, at the knee of K against rho.
 
     The smallest K grows with rho, while ``|dG/dz| <= K rho/(rho^2 - 1)`` on the unit circle (Schwarz-Pick) bounds how much G can
@@ -93,14 +109,19 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     problem : MixedProblem
         Measurements and parametric part. Its prior is a placeholder: neither K nor rho of it are used.
     decay_rates : (R,) array, optional
-        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from the mean distance of the frequency points in rad
-        (or one over the number of time samples) over three, to half the highest frequency point in rad, 0.3 at the most: a
-        non-parametric part that decays faster than that is next to a constant, a stronger assumption than a default should make.
+        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from twice the mean distance of (at most 40) frequency
+        points in rad, or one over the number of time samples, to half the highest frequency point in rad, 0.3 at the most. A
+        slower decay lets the non-parametric part do anything between the points, and every data set is consistent; one that
+        decays faster is next to a constant, a stronger assumption than a default should make.
     criterion : {"slope", "error"}
         What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band relative
         to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case
         bounded at 7 frequencies: seconds to minutes). The parametric part is taken as it is: see `worst_case_over_poles` for
         poles from data.
+    time_limit : float, optional
+        Seconds after which no further decay rate is tried. Ctrl-C ends the search in the same way.
+    progress : callable (done, all), optional
+        Decay rates.
 
     Returns
     -------
@@ -115,6 +136,9 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
 
     Notes
     -----
+    Of more than 50 frequency points (fewer for MIMO) about 40 stand for all: dense at the modes, a few everywhere. Where the
+    model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, four times at most. The
+    gains then are lower ends; at the recommended decay rate it is that of all points.
     A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
     they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
 
@@ -132,32 +156,117 @@ def suggest_prior(problem: MixedProblem, *, decay_rates: Any = None, criterion: 
     """
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
-    rates = possible_rates(problem) if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
+    rates = None if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
-    if rates.size == 0 or rates[0] <= 1:
+    if rates is not None and (rates.size == 0 or rates[0] <= 1):
         raise InputError(f"`decay_rates` must hold numbers above 1; got {decay_rates!r}")
+    budget = Budget(time_limit, progress)
+    masks = _representatives(problem)
+    while True:
+        part = problem if masks is None else selected(problem, masks)
+        tried = _possible(part, _default_rates(problem)) if rates is None else rates
+        found = _suggested(problem, part, tried, criterion, budget)
+        if masks is None or found.prior is None or budget.over:
+            return found
+        if _lighter(problem, part, found.prior.decay_rate) is problem:
+            return found  # its gain is that of all points already
+        model = identify(dataclasses.replace(part, prior=found.prior)).model
+        more = missed(problem, masks, model)
+        if more is None or sum(mask.sum() for mask in more) > found.points + _ADDED * _ROUNDS:
+            return _of_all(problem, found, budget)
+        masks = more
+
+
+def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> PriorSuggestion:
+    """The gain at the recommended decay rate from all frequency points; where it is infinite, at the next best."""
+    while (prior := found.prior) is not None and not budget.over:
+        trial = problem.with_prior(gain_bound=prior.gain_bound, decay_rate=prior.decay_rate)
+        if formulate(trial, accuracy=_TAILS).work > _QUICK_WORK:
+            return found
+        gain = smallest_gain(problem, prior.decay_rate, problem, _CEILINGS[:1])
+        gains = np.where(found.decay_rates == prior.decay_rate, gain, found.gains)
+        if np.isinf(gain):
+            gains[found.decay_rates > prior.decay_rate] = np.inf
+        found = _result(problem, found.decay_rates, gains, found.errors, found.points)
+        if found.prior is None or found.prior.decay_rate == prior.decay_rate:
+            return found
+    return found
+
+
+def _representatives(problem: MixedProblem) -> tuple[np.ndarray, ...] | None:
+    """Masks of the frequency points that stand for all; None where there are few enough."""
+    few = int(_FEW / np.sqrt(problem.entries.count))
+    return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)
+
+
+def _suggested(
+    problem: MixedProblem, part: MixedProblem, rates: np.ndarray, criterion: str, budget: Budget
+) -> PriorSuggestion:
+    """The curve of the gains of a part of the data, and the prior at its knee."""
     gains = np.full(rates.size, np.inf)
-    for k, rho in enumerate(rates):
-        gains[k] = smallest_gain(problem, float(rho))
-        _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
-        if np.isinf(gains[k]):
-            break  # a larger rho makes the class smaller still
-    floor = response_sizes(problem)[
-        1
-    ]  # a non-parametric part smaller than every bound can't be seen, hence not excluded either
-    priors = tuple(
+    # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
+    done, ceilings = 0, _CEILINGS if part is problem else _CEILINGS[:1]
+    try:
+        for k, rho in enumerate(rates):
+            gains[k] = smallest_gain(_lighter(problem, part, float(rho)), float(rho), problem, ceilings)
+            done = k + 1
+            budget.tell(done, rates.size)
+            _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
+            if np.isinf(gains[k]):
+                done = rates.size  # a larger rho makes the class smaller still
+            if done == rates.size or budget.over:
+                break
+    except KeyboardInterrupt:
+        if not done:
+            raise
+    rates, gains = rates[:done], gains[:done]
+    errors = np.full(rates.size, np.nan)
+    if criterion == "error":
+        errors = _guaranteed_errors(problem, _priors(problem, rates, gains))
+    return _result(problem, rates, gains, errors, sum(f.omega.size for f in part.frequency))
+
+
+def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProblem:
+    """All points where they cost no more than a part of them: a fast decay needs few coefficients for any number of points."""
+    if part is problem:
+        return problem
+    trials = (
+        one.with_prior(gain_bound=_CEILINGS[0] * response_sizes(problem)[0], decay_rate=rho) for one in (problem, part)
+    )
+    try:
+        whole, few = (formulate(one, accuracy=_TAILS).work for one in trials)
+    except SizeError:
+        return part
+    return problem if whole <= few else part
+
+
+def _priors(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> tuple[Prior | None, ...]:
+    """What would be recommended at each decay rate."""
+    # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
+    floor = response_sizes(problem)[1]
+    return tuple(
         dataclasses.replace(problem.prior, gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho))
         if np.isfinite(gain)
         else None
         for rho, gain in zip(rates, gains, strict=True)
     )
-    errors = np.full(rates.size, np.nan)
-    if criterion == "error":
-        errors = _guaranteed_errors(problem, priors)
+
+
+def _result(
+    problem: MixedProblem, rates: np.ndarray, gains: np.ndarray, errors: np.ndarray, points: int
+) -> PriorSuggestion:
+    priors = _priors(problem, rates, gains)
     prior, reason = _recommend(problem, rates, gains, errors, priors)
     return PriorSuggestion(
-        prior=prior, decay_rates=rates, gains=gains, errors=errors, priors=priors, safety=SAFETY, reason=reason
+        prior=prior,
+        decay_rates=rates,
+        gains=gains,
+        errors=errors,
+        priors=priors,
+        safety=SAFETY,
+        reason=reason,
+        points=points,
     )
 
 
@@ -176,10 +285,18 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
     return errors
 
 
-def smallest_gain(problem: MixedProblem, decay_rate: float) -> float:
-    """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none."""
-    largest, smallest = response_sizes(problem)
-    for ceiling in _CEILINGS:
+def smallest_gain(
+    problem: MixedProblem,
+    decay_rate: float,
+    whole: MixedProblem | None = None,
+    ceilings: tuple[float, ...] = _CEILINGS,
+) -> float:
+    """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none.
+
+    Gain bounds up to the `ceilings`, in units of the largest response (of a `whole` that the data are a part of), are tried.
+    """
+    largest, smallest = response_sizes(problem if whole is None else whole)
+    for ceiling in ceilings:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
         data = formulate(trial, accuracy=_TAILS).data
@@ -225,8 +342,12 @@ def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
 
 
 def possible_rates(problem: MixedProblem) -> np.ndarray:
-    """The default rates without the slowest ones, at which many data, or matrices, need too many coefficients."""
-    rates, refusal = _default_rates(problem), None
+    """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
+    return _possible(problem, _default_rates(problem))
+
+
+def _possible(problem: MixedProblem, rates: np.ndarray) -> np.ndarray:
+    refusal: SizeError | None = None
     largest = response_sizes(problem)[0] * _CEILINGS[0]
     entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
@@ -245,13 +366,13 @@ def possible_rates(problem: MixedProblem) -> np.ndarray:
 def _default_rates(problem: MixedProblem) -> np.ndarray:
     finest, widest = [], []
     if problem.angles.size:
-        finest.append(float(problem.angles[-1]) / problem.angles.size / 3)
+        finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, _FEW))
         widest.append(float(problem.angles[-1]) / 2)
     if problem.taylor:
         finest.append(1 / problem.taylor)
         widest.append(0.3)
     high = min(max(widest), 0.3)
-    return 1 + np.geomspace(np.clip(min(finest), high / 300, high / 4), high, _RATES)
+    return 1 + np.geomspace(np.clip(min(finest), high / 300, high / 8), high, _RATES)
 
 
 def _slope(rho: Any) -> Any:

@@ -12,9 +12,11 @@ from robustid.advice import entry_sizes, possible_rates, response_sizes, suggest
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes, PriorChoice
 from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
-from robustid.bases import ParametricBasis, kautz
+from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.data import FrequencyResponse
+from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem, Prior, identify, prior_fields
+from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
@@ -39,6 +41,7 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         hz=tuple((found.omega / (2 * np.pi)).tolist()),
         damping=tuple(found.damping.tolist()),
         repeat=chosen.repeat,
+        integrators=chosen.integrators,
         delay=found.delay,
         note=MODES_NOTE + found.summary(),
         **box,
@@ -51,11 +54,48 @@ def _pairs(intervals: np.ndarray) -> tuple:
 
 
 def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
-    """The Kautz pairs that the run file states; None for none."""
-    if not modes.hz:
-        return None
-    omega = 2 * np.pi * np.array(modes.hz)
-    return kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0)
+    """The Kautz pairs and integrators that the run file states; None for none."""
+    parts = [integrators(modes.integrators, dt=dt)] if modes.integrators else []
+    if modes.hz:
+        omega = 2 * np.pi * np.array(modes.hz)
+        parts.append(kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0))
+    return stack_bases(parts) if parts else None
+
+
+def stated_modes(modes: Any) -> dict[str, Any]:
+    """What `modes` says, as keys of the section [modes]: pairs (Hz, damping), a fit, or rows of its mode table.
+
+    The poles at z = 1 of a fit become integrators.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        Something else; more than two integrators.
+    """
+    if isinstance(modes, MatrixFraction | RecordFit):
+        modes = mode_table(modes if isinstance(modes, MatrixFraction) else modes.model)
+    if not isinstance(modes, Sequence) or isinstance(modes, str):
+        raise InputTypeError(
+            f"`modes` must be pairs (Hz, damping), a fit, or its mode table; got {type(modes).__name__}"
+        )
+    if not any(isinstance(row, ModeRow) for row in modes):
+        pairs = [_pair(row) for row in modes]
+        return {"hz": [hz for hz, _ in pairs], "damping": [damping for _, damping in pairs]}
+    rows = [row for row in modes if isinstance(row, ModeRow)]
+    rigid = sum(row.count for row in rows if row.rigid)
+    rows = [row for row in rows if not row.rigid]
+    if bad := [row for row in rows if not 0 < row.damping <= 1 or not row.hz > 0]:
+        raise InputError(f"`modes`: the fit has a pole that is not damped, at {bad[0].hz:.5g} Hz; leave its row out")
+    found: dict[str, Any] = {"hz": [row.hz for row in rows], "damping": [row.damping for row in rows]}
+    return found | ({"integrators": rigid} if rigid else {})
+
+
+def _pair(row: Any) -> tuple[float, float]:
+    try:
+        hz, damping = (float(number) for number in row)
+    except (TypeError, ValueError):
+        raise InputTypeError(f"`modes` must hold pairs (Hz, damping); got {row!r}") from None
+    return hz, damping
 
 
 def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:

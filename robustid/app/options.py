@@ -204,7 +204,16 @@ class Modes:
     """Poles of the parametric part; without `hz` they are taken from the response."""
 
     hz: tuple[float, ...] | None = key(several(_positive), help="Frequencies of the modes; [] for none.", unit="Hz")
-    damping: tuple[float, ...] | None = key(several(_positive), help="Damping ratios of the modes.")
+    damping: tuple[float, ...] | None = key(
+        several(_positive), help="Damping ratios of the modes; 1 for a single real pole at that frequency."
+    )
+    integrators: int = key(
+        whole(0, 2),
+        0,
+        help="Poles at z = 1 in the parametric part: 1 for an integrator (torque to speed), 2 for a rigid body (torque to angle).",
+        flag="--integrators",
+        keyword="integrators",
+    )
     count: int | None = key(whole(1), help="How many modes are looked for in the response, where hz doesn't say them.")
     repeat: int = key(
         whole(1),

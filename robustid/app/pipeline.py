@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from robustid.app.checks import Option, options, refuse_unknown
+from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say, measured
 from robustid.app.result import IdentifiedReduced
@@ -68,7 +69,7 @@ def _stated(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 def identify_reduced(
     data: Any,
     *,
-    modes: Sequence[tuple[float, float]] | None = None,
+    modes: Any = None,
     prior: Prior | None = None,
     omega: Any = None,
     executor: Any = None,
@@ -84,8 +85,9 @@ def identify_reduced(
     ----------
     data : MixedProblem, FrequencyResponse, TimeRecord, or a sequence of these two
         A problem states the class: `modes`, `repeat`, `delay` and `prior` are not given then. Else data with bounds.
-    modes : sequence of (Hz, damping), optional
-        Poles of the parametric part; empty for none; None to take them from the first frequency response.
+    modes : sequence of (Hz, damping), MatrixFraction, RecordFit or rows of `mode_table`, optional
+        Poles of the parametric part: stated, or those of a fit, its poles at z = 1 as integrators; empty for none; None to
+        take them from the first frequency response.
     prior : Prior, optional
         None: twice the smallest gain bound, at the knee of its curve against the decay rate.
     omega, executor : optional
@@ -123,14 +125,21 @@ def identify_reduced(
         hz = np.atleast_1d(np.asarray(omega, dtype=float)) / (2 * np.pi)
         content["worst_case"]["at_hz"] = hz.tolist()
     if modes is not None:
-        content["modes"] |= {"hz": [float(m[0]) for m in modes], "damping": [float(m[1]) for m in modes]}
+        content["modes"] |= stated_modes(modes)
     if prior is not None:
         content["prior"] = {name: value for name, value in prior_fields(prior).items() if value is not None}
     asked = read_run_file(content, "identify_reduced", sources=False)
     around = Surroundings(progress or _silent, executor=executor)
     if not isinstance(data, MixedProblem):
         return from_data(asked, _as_measured(data), around)
-    given = {"modes": modes, "prior": prior, "delay": asked.modes.delay, "repeat": asked.modes.repeat > 1 or None}
+    own = asked.modes
+    given = {
+        "modes": modes,
+        "prior": prior,
+        "delay": own.delay,
+        "repeat": own.repeat > 1 or None,
+        "integrators": own.integrators or None,
+    }
     if named := [name for name, value in given.items() if value is not None]:
         raise InputError(f"`{named[0]}` is part of the problem already; change it there, or give the data alone")
     return from_problem(asked, data, around)

@@ -140,8 +140,8 @@ def _check_modes(run: RunFile) -> None:
         raise InputError("[modes] hz is given without damping; give both, or neither to have them taken from the data")
     if modes.hz is not None and modes.count is not None:
         raise InputError("[modes] count says how many to look for, hz which they are; give one of them")
-    if bad := [d for d in modes.damping or () if d >= 1]:
-        raise InputError(f"[modes] damping is a ratio below 1, not percent; got {bad[0]:g}")
+    if bad := [d for d in modes.damping or () if d > 1]:
+        raise InputError(f"[modes] damping is a ratio below 1, not percent; got {bad[0]:g} (1 stands for a real pole)")
     if (modes.hz_interval is None) != (modes.damping_interval is None):
         raise InputError("[modes] hz_interval and damping_interval make one pole-uncertainty box; give both or neither")
     if run.worst_case.over_poles and modes.hz is not None and modes.hz_interval is None:

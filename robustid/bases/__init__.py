@@ -1,7 +1,7 @@
 """The functions in which systems are described: interpolation bases and parametric bases."""
 
 from robustid.bases.input_normal import InputNormalPair, input_normal_pair, shift_pair, solve_stein
-from robustid.bases.parametric import ParametricBasis, as_basis, kautz, stack_bases
+from robustid.bases.parametric import ParametricBasis, as_basis, integrators, kautz, stack_bases
 from robustid.bases.sections import Sections
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "Sections",
     "as_basis",
     "input_normal_pair",
+    "integrators",
     "kautz",
     "shift_pair",
     "solve_stein",

@@ -111,7 +111,7 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     omega : float or (M,) array, rad/s
         Natural frequencies, 0 < omega sqrt(1 - damping^2) < pi/dt.
     damping : float or (M,) array
-        Damping ratios, 0 < damping < 1.
+        Damping ratios, 0 < damping <= 1; 1 stands for one real pole exp(-omega dt), as in `mode_table`.
     dt : float, s
         Sample time.
     repeat : int
@@ -123,7 +123,7 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     Returns
     -------
     ParametricBasis
-        2 * repeat functions per mode.
+        2 * repeat functions per mode; `repeat` for a real pole.
 
     Notes
     -----
@@ -146,10 +146,10 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
         damping = np.repeat(damping, omega.size)
     if omega.size != damping.size:
         raise InputError(f"`omega` and `damping` must have the same length; got {omega.size} and {damping.size}")
-    if np.any((damping <= 0) | (damping >= 1)):
+    if np.any((damping <= 0) | (damping > 1)):
         raise InputError(
-            "`damping` must lie strictly between 0 and 1 (use a StateSpace basis for real poles);"
-            f" got {damping[(damping <= 0) | (damping >= 1)][0]:g}"
+            "`damping` must lie between 0 and 1 (1 for a real pole; integrators are `rid.integrators`);"
+            f" got {damping[(damping <= 0) | (damping > 1)][0]:g}"
         )
     turn = omega * dt * np.sqrt(1 - damping**2)
     if np.any((omega <= 0) | (turn >= np.pi)):
@@ -159,14 +159,47 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     return stack_bases(parts)
 
 
+def integrators(count: int = 1, *, dt: float) -> ParametricBasis:
+    """Integrators: the functions 1/(z - 1) and, with `count` 2, 1/(z - 1)^2.
+
+    Parameters
+    ----------
+    count : int
+        1 for an integrator (from torque to speed), 2 for a rigid body (from torque to angle).
+    dt : float, s
+        Sample time.
+
+    Returns
+    -------
+    ParametricBasis
+        `count` functions.
+
+    Notes
+    -----
+    A rigid body behind a zero-order hold, (z + 1)/(z - 1)^2, is in their span.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> rid.integrators(2, dt=0.1).response([np.pi]).real
+    array([[-0.5 ,  0.25]])
+    """
+    dt, count = as_positive("dt", dt), as_count("count", count, least=1)
+    labels = ("integrator", "double integrator", *(f"integrator of order {k}" for k in range(3, count + 1)))
+    A, B = np.eye(count) + np.eye(count, k=-1), np.eye(count, 1)
+    return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, labels[:count], np.ones(count, complex))
+
+
 def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> ParametricBasis:
-    a = np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * (omega * dt))
-    R = np.array([[a.real, -a.imag], [a.imag, a.real]])
+    a = complex(np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * (omega * dt)))
+    real = damping == 1
+    R = np.array([[a.real]]) if real else np.array([[a.real, -a.imag], [a.imag, a.real]])
     # Chain of binomials: x_j(k) = binom(k, j) a^k obeys x_j(k+1) = a (x_j(k) + x_{j-1}(k)).
     A = np.kron(np.eye(repeat) + np.eye(repeat, k=-1), R)
-    B = np.zeros((2 * repeat, 1))
+    states = A.shape[0]
+    B = np.zeros((states, 1))
     B[0] = 1.0
-    C, D = np.eye(2 * repeat), np.zeros((2 * repeat, 1))
+    C, D = np.eye(states), np.zeros((states, 1))
     if delay == 0:
         C, D = A.copy(), B.copy()
     gramian = solve_stein(A, A.T, B @ B.T)
@@ -178,8 +211,10 @@ def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> P
         B = np.eye(n + 1)[:, -1:]
         C = np.hstack([C, np.zeros((C.shape[0], 1))])
     hz = f"{omega / (2 * np.pi):.4g} Hz"
-    labels = [f"{part} {hz}" + (f" (k^{j})" if j else "") for j in range(repeat) for part in ("Re", "Im")]
-    poles = np.concatenate([np.repeat([a, a.conjugate()], repeat), np.zeros(A.shape[0] - 2 * repeat)])
+    parts = ("real pole",) if real else ("Re", "Im")
+    labels = [f"{part} {hz}" + (f" (k^{j})" if j else "") for j in range(repeat) for part in parts]
+    own = [a.real] if real else [a, a.conjugate()]
+    poles = np.concatenate([np.repeat(own, repeat), np.zeros(A.shape[0] - states)])
     return ParametricBasis(A, B, C, D, dt, tuple(labels), poles)
 
 

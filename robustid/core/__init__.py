@@ -1,6 +1,7 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.balancing import Balancing, balancing
+from robustid.core.budget import Budget, Progress
 from robustid.core.files import atomic_write
 from robustid.core.state_space import (
     Complex,
@@ -51,8 +52,10 @@ from robustid.core.workers import Workers, worker_pool
 __all__ = [
     "Arrays",
     "Balancing",
+    "Budget",
     "Complex",
     "Frozen",
+    "Progress",
     "Real",
     "Record",
     "Response",

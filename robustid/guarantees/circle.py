@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real, freeze, responses
+from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze, responses
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
+from robustid.guarantees.sweep import Folder, Spread, value_sets
 from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, largest_errors, norm_of_bounds, schur_bound
 from robustid.identification import Identification
 
@@ -67,13 +67,17 @@ class CircleBound(Frozen):
 
 
 class Remembered:
-    """The smallest bound on the circle that has been computed for a result: the only part of it that changes."""
+    """The smallest bound on the circle that has been computed for a result, the only part of it that changes.
+
+    `unfinished` is one that an attribute began: not stated, but gone on from.
+    """
 
     def __init__(self, bound: CircleBound | None = None) -> None:
-        self.bound = bound
+        self.bound, self.unfinished = bound, bound
 
     def take(self, bound: CircleBound) -> None:
         """Remember a bound, unless one at most as large is known."""
+        self.unfinished = None
         if self.bound is None or bound.largest < self.bound.largest:
             self.bound = bound
 
@@ -133,8 +137,9 @@ def refine(
     rtol: float,
     everywhere: bool,
     spread: tuple[Spread, Progress | None, Folder | None],
+    budget: Budget,
 ) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol, until a budget is over.
 
     `values` and those of a bound `before` are used again; `settings` are the directions and the gap of a fine value set.
     New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
@@ -150,10 +155,17 @@ def refine(
     rounds = 0
     while True:
         rounds += 1
+        cut = rounds > 1 and budget.over
         for wanted, how in ((coarse, _COARSE), (sharp, settings)):
-            found = value_sets(consistent, np.array(wanted), *how, *spread)
-            known |= by_frequency(found)
-        fine |= set(sharp)
+            if cut:
+                break
+            # The ends of the circle, first of all, whatever they take.
+            limit = budget if rounds > 1 else None
+            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *spread, limit)
+            found = by_frequency(sets_there)
+            known |= found
+            fine |= set(found) & set(sharp)
+            cut |= len(found) < len(wanted)
         edges = np.array(sorted(known))
         entries, upper, lower = error.arrays_at({w: known[w] for w in edges.tolist()})
         sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
@@ -177,7 +189,7 @@ def refine(
             else:
                 coarse.append(float(sum(arcs[k]) / 2))
         sharp = sorted(set(sharp))
-        if result.converged or edges.size + len(coarse) > _LARGEST or rounds == _ROUNDS:
+        if result.converged or cut or edges.size + len(coarse) > _LARGEST or rounds == _ROUNDS:
             return result
 
 

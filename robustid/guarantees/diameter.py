@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind, freeze
-from robustid.guarantees.sweep import Progress
+from robustid.core import Frozen, Progress, Real, as_kind, freeze
 from robustid.guarantees.worst_case import WorstCaseError, worst_case_error
 from robustid.identification import MixedProblem, identify
 
@@ -43,7 +42,7 @@ class Diameter(Frozen):
 
     @property
     def largest(self) -> float:
-        """Guaranteed bound over the circle (with an integrator: |omega| >= the first frequency point); it may take minutes."""
+        """Guaranteed bound over the circle (with an integrator: |omega| >= the first frequency point): twice `error.hinf`."""
         return 2 * self.error.hinf
 
     def verify(self) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from robustid.core import (
     Frozen,
+    Progress,
     Real,
     Savable,
     as_count,
@@ -29,7 +30,7 @@ from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_siso
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
-from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
+from robustid.guarantees.sweep import Folder, Spread, value_sets
 from robustid.identification import Identification, MixedProblem, prove_margin
 
 _log = logging.getLogger("robustid")

@@ -9,12 +9,12 @@ import os
 import pathlib
 import pickle
 import zipfile
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from concurrent.futures import Executor
 
 import numpy as np
 
-from robustid.core import Real, Workers, atomic_write, digest, read_arrays, text_array, threads_for
+from robustid.core import Budget, Progress, Real, Workers, atomic_write, digest, read_arrays, text_array, threads_for
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
@@ -23,7 +23,6 @@ from robustid.identification import describe_problem
 
 _log = logging.getLogger("robustid")
 
-Progress = Callable[[int, int], None]
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
 Spread = Executor | int | None  # over any executor, over so many processes of our own, or in this process
@@ -37,16 +36,20 @@ def value_sets(
     executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
+    budget: Budget | None = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
 
-    What is finished is written to the folder `resume`, and what is there already isn't computed again.
+    What is finished is written to the folder `resume`, and what is there already isn't computed again. Where a budget is
+    over, and on Ctrl-C without a folder, those of the frequencies that are finished, one at least.
     """
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
     if found and progress is not None:
         progress(len(found), omega.size)
     missing = [w for w in omega.tolist() if w not in found]
+    if budget is not None and np.isfinite(budget.left):
+        missing = [missing[k] for k in spread_order(len(missing))]
     try:
         # Closed at once, whatever happens: the processes of our own end with it.
         with contextlib.closing(_each(consistent, missing, directions, gap, executor)) as each:
@@ -56,12 +59,25 @@ def value_sets(
                 found[w] = value
                 if progress is not None:
                     progress(len(found), omega.size)
+                if budget is not None and budget.over:
+                    break
+    except KeyboardInterrupt:
+        if store is not None or not found:
+            raise
+        _log.warning("interrupted: %d of %d frequencies are finished, and returned", len(found), omega.size)
     except SolverError as error:
         kept = "give `resume` a folder to keep what is finished"
         if store is not None:
             kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
         raise SolverError(f"{error}; {kept}") from error
-    return [one for w in omega.tolist() for one in found[w]]
+    return [one for w in omega.tolist() for one in found.get(w, ())]
+
+
+def spread_order(count: int) -> list[int]:
+    """The numbers below `count` in an order of which every beginning is spread over all of them: 0, middle, quarters, ..."""
+    bits = max(count - 1, 1).bit_length()
+    turned = (int(f"{k:0{bits}b}"[::-1], 2) for k in range(2**bits))
+    return [k for k in turned if k < count]
 
 
 def _each(

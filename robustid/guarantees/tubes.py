@@ -6,12 +6,13 @@ import concurrent.futures
 import dataclasses
 import functools
 import itertools
+import logging
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, as_array, as_count, as_kind, as_positive, freeze, simulate
+from robustid.core import Budget, Frozen, Progress, Real, as_array, as_count, as_kind, as_positive, freeze, simulate
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme
@@ -19,8 +20,10 @@ from robustid.guarantees.curvature import known_part
 from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal, check_siso
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.sweep import Progress
+from robustid.guarantees.sweep import spread_order
 from robustid.identification import Identification, SupportCertificate
+
+_log = logging.getLogger("robustid")
 
 SIGNALS = ("impulse", "step")
 _MOST = 60  # samples of a default tube
@@ -245,6 +248,7 @@ def response_tube(
     gap: float = 0.01,
     executor: concurrent.futures.Executor | None = None,
     progress: Progress | None = None,
+    time_limit: float | None = None,
 ) -> ResponseTube:
     """Guaranteed tube around the response to an impulse, a step or a given input: no consistent system leaves it.
 
@@ -271,6 +275,8 @@ def response_tube(
     executor : concurrent.futures.Executor, optional
         Spreads the samples. Default: in this process.
     progress : callable (done, all), optional
+    time_limit : float, optional
+        Seconds; then, and on Ctrl-C, the tube has the samples that are finished, spread over the horizon.
 
     Returns
     -------
@@ -307,12 +313,7 @@ def response_tube(
     samples = _samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, u)
-    work = functools.partial(_ends, outputs, gap)
-    found: list[tuple[Extreme, Extreme]] = []
-    for pair in (map if executor is None else executor.map)(work, samples.tolist()):
-        found.append(pair)
-        if progress is not None:
-            progress(len(found), samples.size)
+    samples, found = _bounded(outputs, samples, gap, executor, Budget(time_limit, progress))
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
         identification=identification,
@@ -327,6 +328,32 @@ def response_tube(
         certificates=tuple(end.certificate for pair in found for end in pair),
         gap=gap,
     )
+
+
+def _bounded(
+    outputs: Outputs,
+    samples: NDArray[np.intp],
+    gap: float,
+    executor: concurrent.futures.Executor | None,
+    budget: Budget,
+) -> tuple[NDArray[np.intp], list[tuple[Extreme, Extreme]]]:
+    """The samples that were bounded within a budget, at least one, in their order, and their ends."""
+    order = spread_order(samples.size) if np.isfinite(budget.left) else range(samples.size)
+    work = functools.partial(_ends, outputs, gap)
+    found: dict[int, tuple[Extreme, Extreme]] = {}
+    bounded = (map if executor is None else executor.map)(work, samples[list(order)].tolist())
+    try:
+        for k, pair in zip(order, bounded, strict=False):
+            found[k] = pair
+            budget.tell(len(found), samples.size)
+            if budget.over:
+                break
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
+    done = sorted(found)
+    return samples[done], [found[k] for k in done]
 
 
 def _ends(outputs: Outputs, gap: float, sample: int) -> tuple[Extreme, Extreme]:

@@ -11,18 +11,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, as_count, as_kind, as_positive, freeze, responses, threads_for
-from robustid.errors import InputError
+from robustid.core import (
+    Budget,
+    Complex,
+    Frozen,
+    Progress,
+    Real,
+    Savable,
+    as_count,
+    as_kind,
+    as_positive,
+    freeze,
+    responses,
+    threads_for,
+)
+from robustid.errors import InputError, TimeLimitError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.sweep import Folder, Progress, Spread, value_sets
+from robustid.guarantees.sweep import Folder, Spread, value_sets
 from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification
 
+_AT_ONCE = 10.0  # seconds that an attribute may take
+_COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
+_SECONDS = 2e-10  # for a multiplication of a Newton step
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 
 
@@ -135,8 +151,26 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle, to 5 %: more frequencies are evaluated where it needs them (once; it may take minutes)."""
-        return self.on_circle() if self.known_circle is None else self.known_circle
+        """The bound on the whole circle that `on_circle` has found, or to 5 % where ten seconds do for it.
+
+        Raises
+        ------
+        TimeLimitError
+            Where they don't: `on_circle` takes as long as you give it, and shows its progress.
+        """
+        if self.known_circle is not None:
+            return self.known_circle
+        remembered = self._circle
+        if _SECONDS * self.consistent_set.posed.work * _COARSE_STEPS < _AT_ONCE:
+            found = self.on_circle(time_limit=_AT_ONCE)
+            if not found.converged:
+                remembered.bound, remembered.unfinished = None, found
+        if remembered.bound is None:
+            raise TimeLimitError(
+                "the bound on the whole circle takes more than ten seconds: call on_circle(progress=..., time_limit=...) of this"
+                " result first; `hinf` and `circle` then are what it found"
+            )
+        return remembered.bound
 
     @property
     def known_circle(self) -> CircleBound | None:
@@ -151,7 +185,10 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @property
     def hinf(self) -> float:
-        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point)."""
+        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point).
+
+        That of `on_circle`; computed at once where ten seconds do for it (see `circle`).
+        """
         return self.circle.largest
 
     @property
@@ -203,6 +240,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         executor: Spread = None,
         progress: Progress | None = None,
         resume: Folder | None = None,
+        time_limit: float | None = None,
     ) -> CircleBound:
         """Rigorous bound of |F - model| on the whole circle, by adaptive refinement; MIMO: of its singular values.
 
@@ -218,27 +256,39 @@ class WorstCaseError(Frozen, Drawable, Savable):
             Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
         executor, progress, resume : optional
             As in `worst_case_error`.
+        time_limit : float, optional
+            Seconds; then, and on Ctrl-C, the bound so far is returned: it holds, and says that it has not converged. A further
+            call goes on from there.
 
         Returns
         -------
         CircleBound
         """
         rtol, consistent = as_positive("rtol", rtol), self.consistent_set
-        known = self.values, self.known_circle
+        known = self.values, self.known_circle or self._circle.unfinished
         settings, spread = (self.directions, self.gap), (executor, progress, resume)
         with threads_for(consistent.data.sarason.pair.order):
-            found = refine(self._around, consistent, *known, settings, rtol, everywhere, spread)
+            found = refine(self._around, consistent, *known, settings, rtol, everywhere, spread, Budget(time_limit))
         self._circle.take(found)  # for `hinf` and `save`, from now on
         return found
 
     def weight(
-        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+        self,
+        *,
+        kind: str = "additive",
+        order: int | None = None,
+        below: float | None = None,
+        executor: Spread = None,
+        progress: Progress | None = None,
+        time_limit: float | None = None,
     ) -> UncertaintyWeight:
         """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
 
-        See `uncertainty_weight` for the arguments; the bound is that of `on_circle`, held to 30 % everywhere.
+        See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
+        as it comes within `time_limit` seconds: W is above it all the same.
         """
-        circle = self.on_circle(0.3, everywhere=True)
+        limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
+        circle = self.on_circle(0.3, everywhere=True, **limits)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
@@ -307,6 +357,7 @@ def worst_case_error(
     executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
+    time_limit: float | None = None,
 ) -> WorstCaseError:
     """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
 
@@ -338,6 +389,8 @@ def worst_case_error(
     resume : path, optional
         Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
         again.
+    time_limit : float, optional
+        Seconds; then the result has the frequencies that are finished, spread over the range. So it has on Ctrl-C without `resume`.
 
     Returns
     -------
@@ -376,7 +429,7 @@ def worst_case_error(
     grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
     gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    values = value_sets(consistent, grid, directions, gap, executor, progress, resume)
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, Budget(time_limit))
     with threads_for(consistent.data.sarason.pair.order):
         intervals = parameter_intervals(consistent)
     return WorstCaseError(

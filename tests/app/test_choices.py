@@ -204,3 +204,31 @@ def test_wider_bounds_keep_their_kind():
         assert wide.bound.joint == data.bound.joint
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
         assert "times 3" in wide.note
+
+
+def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():
+    s = 1j * np.linspace(3.0, 90.0, 60)
+    values = 5 / s**2 + 40 / (s**2 + 2 * 0.02 * 40 * s + 1600)
+    frf = rid.FrequencyResponse(s.imag, values, bound=1e-3 * np.abs(values))
+    fit = rid.fit_mfd(frf, order=4, rigid_body=rid.RigidBody(1))
+    found = choices.stated_modes(fit)
+    assert found["integrators"] == 2
+    assert found["hz"] == pytest.approx([40 / (2 * np.pi)], rel=1e-3)
+    assert choices.stated_modes(rid.mode_table(fit)) == found
+    assert choices.stated_modes([(9, 0.1)]) == {"hz": [9.0], "damping": [0.1]}
+    for wrong, words in ((3.0, "pairs"), ([3.0], "pairs"), ("9:0.1", "pairs")):
+        with pytest.raises(rid.errors.InputTypeError, match=words):
+            choices.stated_modes(wrong)
+
+
+def test_integrators_and_real_poles_are_stated_in_keyword_and_run_file():
+    z = np.exp(1j * 0.01 * np.linspace(1.0, 60.0, 25))
+    values = 0.02 / (z - 1) + 0.1 / (z - np.exp(-0.2))
+    frf = rid.FrequencyResponse(np.linspace(1.0, 60.0, 25), values, bound=1e-4, dt=0.01)
+    prior = rid.Prior(gain_bound=1e-3, decay_rate=1.2)
+    found = rid.identify_reduced(frf, modes=[(20 / (2 * np.pi), 1.0)], integrators=1, prior=prior, worst_case=False)
+    assert found.consistent
+    assert found.identification.problem.parametric.size == 2
+    again = tomllib.loads(found.run_file.text())["modes"]
+    assert (again["integrators"], again["damping"]) == (1, [1.0])
+    assert found.reduction.order == 2

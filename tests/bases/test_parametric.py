@@ -94,3 +94,21 @@ def test_kautz_refuses_by_name(arguments, words):
 def test_parametric_bases_are_checked(basis, error, words):
     with pytest.raises(error, match=words):
         as_basis(basis, 0.01)
+
+
+def test_damping_one_is_a_single_real_pole():
+    basis = rid.kautz([30.0, 50.0], [1.0, 0.1], dt=0.01, delay=1)
+    assert basis.size == 3
+    assert basis.poles[0] == pytest.approx(np.exp(-0.3), rel=1e-15)
+    impulse = basis.impulse(40)[:, 0]
+    np.testing.assert_allclose(impulse[2:], np.exp(-0.3) * impulse[1:-1], rtol=1e-12)
+    assert np.sum(basis.impulse(4000)[:, 0] ** 2) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_integrators_span_the_sampled_rigid_body():
+    z = np.exp(1j * np.array([0.1, 1.0, 3.0]))
+    columns = rid.integrators(2, dt=0.1).response([0.1, 1.0, 3.0])
+    np.testing.assert_allclose(columns, np.stack([1 / (z - 1), 1 / (z - 1) ** 2], axis=1), rtol=1e-12)
+    assert rid.integrators(dt=0.1).has_integrator
+    with pytest.raises(rid.InputError, match="`count`"):
+        rid.integrators(0, dt=0.1)

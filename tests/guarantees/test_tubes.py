@@ -319,3 +319,11 @@ def test_bad_input(mixed):
     refuted = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
     with pytest.raises(rid.InconsistentDataError, match="inconsistent"):
         response_tube(refuted)
+
+
+def test_a_budget_leaves_the_samples_that_are_finished(mixed):
+    whole = response_tube(mixed, horizon=6)
+    part = response_tube(mixed, horizon=6, time_limit=1e-9)
+    assert part.samples.size == 1
+    np.testing.assert_allclose(part.upper, whole.upper[part.samples], rtol=1e-9)
+    assert part.verify()

@@ -351,3 +351,51 @@ def test_inconsistent_data_have_no_band():
         rid.worst_case_error(result)
     with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
         rid.worst_case_error(result.model)
+
+
+# Budgets.
+
+
+def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
+    problem, truth = random_experiment(1, "mixed", 12)
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
+    first = error.on_circle(0.02, time_limit=1e-9)
+    assert not first.converged
+    omega = np.linspace(0, np.pi / problem.dt, 200)
+    away = np.abs(truth.response(omega * problem.dt) - response(error.model, omega * problem.dt))
+    cell = np.clip(np.searchsorted(first.edges, omega, side="right") - 1, 0, first.bound.size - 1)
+    assert np.all(away <= first.bound[cell])
+    told = []
+    second = error.on_circle(0.2, progress=lambda done, count: told.append((done, count)))
+    assert second.converged
+    assert set(first.edges) <= set(second.edges)
+    assert told[-1][0] == told[-1][1]
+    assert error.hinf == second.largest
+
+
+def test_an_attribute_that_would_take_long_names_the_method(monkeypatch):
+    from robustid.guarantees import worst_case
+
+    error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 12)[0]), omega=[50.0])
+    for seconds in (1e-9, 1e-3):  # none at all; so few that nothing converges
+        monkeypatch.setattr(worst_case, "_AT_ONCE", seconds)
+        with pytest.raises(rid.errors.TimeLimitError, match="on_circle"):
+            _ = error.hinf
+        assert error.known_circle is None
+    assert error.on_circle(0.5).largest == error.hinf
+
+
+def test_frequencies_that_a_budget_allows_are_spread_over_the_range():
+    result = rid.identify(random_experiment(1, "mixed", 12)[0])
+    grid = np.linspace(10.0, 100.0, 8)
+    whole = rid.worst_case_error(result, omega=grid, directions=4)
+    part = rid.worst_case_error(result, omega=grid, directions=4, time_limit=1e-9)
+    assert part.omega.size == 1
+    np.testing.assert_allclose(part.upper, whole.upper[grid == part.omega], rtol=1e-9)
+
+    def stop(done, count):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    left = rid.worst_case_error(result, omega=grid, directions=4, progress=stop)
+    assert left.omega.size == 2

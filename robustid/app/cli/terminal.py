@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import re
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
+_WORTH_SAYING = 2.0  # seconds that are left
 EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
@@ -68,14 +70,15 @@ def shown(out: Any, text: str) -> Iterator[Callable[[str], None]]:
 
 
 def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
-    """Progress in at most ten steps."""
-    last = -1
+    """Progress in at most ten steps, with an estimate of the rest."""
+    last, began = -1, time.monotonic()
 
     def progress(done: int, count: int) -> None:
         nonlocal last
         if 10 * done // count != last:
             last = 10 * done // count
-            show(f"{words}: {done} of {count}")
+            rest = (time.monotonic() - began) * (count - done) / max(done, 1)
+            show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
 
     return progress
 
