@@ -249,14 +249,20 @@ def _withheld_cost(problem: FractionProblem, model: BlockModel, resolved: float,
 
 def blocks_of(problem: FractionProblem, model: StateMatrices) -> BlockModel:
     """A realisation in s or z as blocks in the unit of the nodes, its rigid-body chains (at the end) as the problem says."""
-    rigid, flexible = problem.rigid, len(model.A)
-    directions = free = None
-    if rigid is not None:
-        flexible -= 2 * rigid.count
-        directions, free = rigid.directions, np.zeros(rigid.directions.shape, dtype=bool)
-        free[:, np.setdiff1d(np.arange(problem.values.shape[2]), rigid.pivots)] = rigid.free
+    directions, free = directions_of(problem)
+    flexible = len(model.A) - 2 * len(directions)
     A, B = model.A[:flexible, :flexible] / problem.scale, model.B[:flexible] / problem.scale
     return BlockModel.of(A, B, discrete=problem.dt is not None, directions=directions, free=free)
+
+
+def directions_of(problem: FractionProblem) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (count, nu) of the rigid-body modes, and which of their entries are free."""
+    nu = problem.values.shape[2]
+    if problem.rigid is None:
+        return np.zeros((0, nu)), np.zeros((0, nu), dtype=bool)
+    free = np.zeros(problem.rigid.directions.shape, dtype=bool)
+    free[:, np.setdiff1d(np.arange(nu), problem.rigid.pivots)] = problem.rigid.free
+    return problem.rigid.directions, free
 
 
 def _completed(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Frozen, StateMatrices, freeze
 from robustid.mfd.chains import chain
-from robustid.mfd.modal import modal_parts
+from robustid.mfd.pole_pairs import poles_in_pairs
 from robustid.mfd.state_fit import diagonal_blocks
 
 Real = NDArray[np.float64]
@@ -76,7 +75,7 @@ class BlockModel(Frozen):
         nu = B.shape[1]
         directions = np.zeros((0, nu)) if directions is None else directions
         free = np.zeros(directions.shape, dtype=bool) if free is None else free
-        pairs, single, single_inputs = _split(A, B, float(discrete))
+        pairs, single, single_inputs = poles_in_pairs(A, B, float(discrete))
         return cls(
             np.array([pair.centre for pair in pairs]),
             np.array([pair.coupling for pair in pairs]),
@@ -210,7 +209,7 @@ class BlockModel(Frozen):
         lines, outputs, nu = *rows.shape[:2], self.inputs.shape[2]
         flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
         parts: list[NDArray[Any]] = []
-        pair_moves, single_moves = self._input_moves()
+        pair_moves, single_moves = self.input_moves()
         blocks = rows[:, :, :flexible].reshape(lines, outputs, -1, 2)
         blocks = np.einsum("fomr,mruq->foumq", blocks, pair_moves, optimize=True)
         alone = np.einsum("fom,muq->foumq", rows[:, :, flexible : flexible + m], single_moves, optimize=True)
@@ -250,12 +249,8 @@ class BlockModel(Frozen):
     def tied_changes(self, states: Complex, C: Real, tangent: Complex) -> Complex:
         """The tangent where C is tied to the inputs: what moves the inputs moves the outputs as well, and so does v."""
         tangent = with_transposes(tangent, self.pole_coordinates)
-        for k, inputs in enumerate(self.inputs):
-            first, second = inputs[:, :, None]
-            ratio = -self.fall[k] / self.coupling[k]
-            system = np.vstack([np.hstack([second, ratio * first]), np.hstack([first, second])])
-            gain = np.linalg.lstsq(system, C[:, 2 * k : 2 * k + 2].T.ravel(), rcond=None)[0][1]
-            tangent[..., self.centre.size + k] -= gain / self.coupling[k] * first * states[:, None, 2 * k]
+        for k, fall in enumerate(self.tied_falls(C)):
+            tangent[..., self.centre.size + k] += fall[:, None] * states[:, None, 2 * k]
         return tangent
 
     def reach(self, xi: Complex) -> Real:
@@ -295,7 +290,7 @@ class BlockModel(Frozen):
     def moved(self, step: Real, least: Real | None = None) -> BlockModel:
         """The model after a step in the coordinates of `tangent`, poles kept at least so far inside."""
         m, r, nu = self.centre.size, self.single.size, self.inputs.shape[2]
-        pair_moves, single_moves = self._input_moves()
+        pair_moves, single_moves = self.input_moves()
         ends = np.cumsum([m, m, r, m * pair_moves.shape[3], r * single_moves.shape[2]])
         centre, fall, single, pair, alone, rest = np.split(step, ends)
         directions = self.directions.copy()
@@ -367,7 +362,18 @@ class BlockModel(Frozen):
         swing = np.sqrt((-self.coupling * self.fall).astype(complex))
         return shifted, 1 / ((shifted - swing) * (shifted + swing))
 
-    def _input_moves(self) -> tuple[Real, Real]:
+    def tied_falls(self, C: Real) -> Real:
+        """Derivatives (m, nu) of the first columns of C by v, where C is tied to the inputs."""
+        out = np.zeros((self.centre.size, self.inputs.shape[2]))
+        for k, inputs in enumerate(self.inputs):
+            first, second = inputs[:, :, None]
+            ratio = -self.fall[k] / self.coupling[k]
+            system = np.vstack([np.hstack([second, ratio * first]), np.hstack([first, second])])
+            gain = np.linalg.lstsq(system, C[:, 2 * k : 2 * k + 2].T.ravel(), rcond=None)[0][1]
+            out[k] = -gain / self.coupling[k] * inputs[0]
+        return out
+
+    def input_moves(self) -> tuple[Real, Real]:
         """Orthonormal moves of the inputs that no scaling within a block makes: (m, 2, nu, 2 nu - 2), (r, nu, nu - 1)."""
         m, _, nu = self.inputs.shape
         turned = np.stack([self.coupling[:, None] * self.inputs[:, 1], -self.fall[:, None] * self.inputs[:, 0]], axis=1)
@@ -413,61 +419,3 @@ def _distance(centre: Real, product: Real, discrete: bool) -> Real:
     if not discrete:
         return -(centre + swing)
     return 1 - np.where(product > 0, np.hypot(centre, np.sqrt(np.maximum(product, 0.0))), np.abs(centre) + swing)
-
-
-class _Pair(NamedTuple):
-    """A block of two poles."""
-
-    centre: float
-    coupling: float
-    fall: float
-    inputs: Real  # (2, nu)
-
-
-def _split(A: Real, B: Real, origin: float) -> tuple[list[_Pair], Real, Real]:
-    """Blocks of two poles; poles without a partner and their inputs. Two real neighbours make a block."""
-    pairs: list[_Pair] = []
-    alone: list[tuple[float, Real]] = []
-    if not len(A):
-        return pairs, np.zeros(0), np.zeros((0, B.shape[1]))
-    parts, rigid, _ = modal_parts(A, origin)
-    for number, part in enumerate(parts):
-        block, inputs = part.block, np.asarray(part.left @ B, dtype=float)
-        if number == 0 and rigid:
-            count = int(np.sum(block[np.triu_indices(rigid, 1)] != 0))  # chains of two integrators
-            pairs += [_Pair(origin, 1.0, 0.0, inputs[[k, count + k]]) for k in range(count)]
-            alone += [(origin, row) for row in inputs[2 * count :]]
-        elif len(block) == 1:
-            alone.append((float(block[0, 0]), inputs[0]))
-        elif len(block) == 2 and np.any(block != block[0, 0] * np.eye(2)):
-            pairs.append(_cyclic(block, inputs))
-        else:
-            poles, V = np.linalg.eig(block)
-            rows = np.linalg.solve(V.astype(complex), inputs.astype(complex))
-            pairs += [
-                _Pair(pole.real, pole.imag, pole.imag, np.stack([2 * row.real, -2 * row.imag]))
-                for pole, row in zip(poles, rows, strict=True)
-                if pole.imag > 0
-            ]
-            alone += [(pole.real, row.real) for pole, row in zip(poles, rows, strict=True) if pole.imag == 0]
-    alone.sort(key=lambda item: item[0])
-    even = len(alone) // 2 * 2
-    single = alone[even:]
-    for (low, first), (high, second) in zip(alone[:even:2], alone[1:even:2], strict=True):
-        if low == high:  # two modes of one pole: no block of two coordinates holds them
-            single += [(low, first), (high, second)]
-        else:
-            pairs.append(_cyclic(np.diag([low, high]), np.stack([first, second])))
-    return pairs, np.array([pole for pole, _ in single]), np.array([row for _, row in single]).reshape(-1, B.shape[1])
-
-
-def _cyclic(block: Real, inputs: Real) -> _Pair:
-    """Two poles as ``[[a, s], [-v, a]]``, in the basis (N t/s, t) of N = block - a I for a vector t that N turns most."""
-    a = float(np.trace(block)) / 2
-    N = block - a * np.eye(2)
-    s = math.sqrt(abs(float(np.linalg.det(N)))) or float(np.linalg.norm(N))
-    turned = np.array([N[1], -N[0]])  # t' turned t = det [t, N t]
-    values, vectors = np.linalg.eigh(turned + turned.T)
-    t = vectors[:, np.argmax(np.abs(values))]
-    basis = np.stack([N @ t / s, t], axis=1)
-    return _Pair(a, s, float(np.linalg.det(N)) / s, np.asarray(np.linalg.solve(basis, inputs), dtype=np.float64))

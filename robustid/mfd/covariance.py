@@ -14,6 +14,7 @@ from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.krylov_blocks import raised
+from robustid.mfd.modal_covariance import ModalCovariance, modal_covariance
 from robustid.mfd.vector_polynomials import VectorPolynomials
 
 _LINES_AT_ONCE = 256
@@ -48,7 +49,9 @@ class FitCovariance(Frozen):
     basis : VectorPolynomials
         The orthonormal polynomials, without their values at the frequency points.
     forbidden : (m, parameters + m) array
-        R.
+        R; with modal structure also the directions that it forbids.
+    modes : ModalCovariance or None
+        Of the coordinates of a modal structure, for the deviations of mode shapes.
     """
 
     fit: MatrixFraction
@@ -62,6 +65,7 @@ class FitCovariance(Frozen):
     damping_std: np.ndarray
     basis: VectorPolynomials
     forbidden: np.ndarray
+    modes: ModalCovariance | None = None
 
     def __post_init__(self) -> None:
         names = ("poles", "pole_std", "hz", "hz_std", "damping", "damping_std", "forbidden")
@@ -152,7 +156,8 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
         raise InputTypeError(f"`fit` must be a MatrixFraction from fit_mfd; got {type(fit).__name__}")
     problem = fit.problem
     basis = problem.basis(fit.nodes.denominators, fit.nodes.response)
-    forbidden = problem.forbidden(basis, fit.nodes)
+    modes = modal_covariance(fit, basis) if fit.modal is not None else None
+    forbidden = problem.forbidden(basis, fit.nodes) if modes is None else modes.forbidden
     parameters = basis.size - len(forbidden)
     spare = problem.equations - parameters
     if noise is not None:
@@ -161,6 +166,8 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
         variance = fit.cost / spare
     else:
         raise InputError(f"`fit` has {parameters} free coefficients and no more real equations; give `noise`")
+    if modes is not None:
+        modes = dataclasses.replace(modes, variance=variance)
     empty = basis.columns.shape[1:]
     basis = dataclasses.replace(basis, values=np.empty((0, basis.size)), columns=np.empty((0, *empty)))
     poles, changes = pole_changes(fit, basis)
@@ -174,7 +181,7 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
     last = np.argsort(fixed, kind="stable")
     poles, changes = poles[last], changes[last]
     return FitCovariance(
-        fit, variance, parameters, poles, *_deviations(poles, changes, variance, problem.dt), basis, forbidden
+        fit, variance, parameters, poles, *_deviations(poles, changes, variance, problem.dt), basis, forbidden, modes
     )
 
 

@@ -173,8 +173,8 @@ class Weight(Frozen):
             entries = np.broadcast_to(np.any(entries, axis=1, keepdims=True), entries.shape).astype(float)
         return Weight(entries, matrix=None if matrix is None else matrix[:, swap][:, :, swap], note=self.note)
 
-    def select(self, points: np.ndarray) -> Weight:
-        """The weight at some frequency points: indices or a mask."""
+    def select(self, points: np.ndarray | slice) -> Weight:
+        """The weight at some frequency points: indices, a mask or a slice."""
         parts: list[Any] = [None if part is None else part[points] for part in (self.output, self.input, self.matrix)]
         chosen = dict(zip(("output", "input", "matrix"), parts, strict=True))
         return dataclasses.replace(self, entries=self.entries[points], **chosen)

@@ -235,7 +235,8 @@ def fit_mfd(
     if time_limit is not None:
         deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
-    problem, data, form, shape = stated(frf, order, domain, form, weight, feedthrough, rigid_body)
+    through = feedthrough or (structure is not None and structure.power == 2)
+    problem, data, form, shape = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
     if structure is not None:

@@ -16,10 +16,11 @@ from robustid.mfd.block_model import BlockModel
 from robustid.mfd.exchange import exchange
 from robustid.mfd.iteration import FitStatus, FractionFit
 from robustid.mfd.modal_structure import Modal
+from robustid.mfd.mode_gains import gains
 from robustid.mfd.model import realise
 from robustid.mfd.outputs import Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.real_modes import RealModes, mode_gains
+from robustid.mfd.real_modes import RealModes
 from robustid.mfd.refinement import Budget, Refined, refine
 from robustid.mfd.rigid_body import rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples
@@ -111,48 +112,40 @@ def _structured(problem: FractionProblem, modal: Modal, blocks: BlockModel, valu
     if not modal.real and not modal.symmetric:
         return blocks
     C = Outputs(dataclasses.replace(problem, values=values)).fitted(blocks).C
-    return _real_modes(problem, modal, blocks, C) if modal.real else _symmetric_blocks(blocks, C)
+    return _real_modes(problem, modal, blocks, C) if modal.real else _symmetric_blocks(blocks, C, modal.power)
 
 
-def _symmetric_blocks(blocks: BlockModel, C: Real) -> BlockModel:
-    """Blocks whose input shape is that of the symmetric part of the residue; real poles keep theirs."""
+def _symmetric_blocks(blocks: BlockModel, C: Real, power: int) -> BlockModel:
+    """Blocks whose input shape is that of the symmetric part of the gain; real poles keep theirs."""
     inputs = blocks.inputs.copy()
-    for k in np.flatnonzero(blocks.fall > 0).tolist():
-        ratio, _, R = _residue(blocks, C, k)
-        shape: Complex = np.linalg.svd(R + R.T)[0][
-            :, 0
-        ]  # R + R' = s u u' up to a phase, which the block's commutant takes up
-        inputs[k] = np.real(shape), -ratio * np.imag(shape)
+    for k, M in enumerate(gains(blocks, C, power)):
+        if blocks.fall[k] > 0:
+            # M + M' = s u u' up to a phase, which the commutant of the block takes up; its inputs [1, -j/w] B are u.
+            shape = np.linalg.svd(M + M.T)[0][:, 0]
+            ratio = math.sqrt(blocks.fall[k] / blocks.coupling[k])
+            inputs[k] = np.real(shape), -ratio * np.imag(shape)
     return dataclasses.replace(blocks, inputs=inputs).normalised()
 
 
 def _real_modes(problem: FractionProblem, modal: Modal, blocks: BlockModel, C: Real) -> RealModes:
-    """Modes of real shape: of every residue over that of the mode's own function the real part, of that the largest term."""
-    discrete = problem.dt is not None
+    """Modes of real shape: of every gain the real part, of that the largest term."""
     swing = np.sqrt((-blocks.coupling * blocks.fall).astype(complex))
-    decays = np.stack([blocks.centre + swing, blocks.centre - swing], axis=1)
     single = blocks.single[: blocks.single.size // 2 * 2].reshape(-1, 2).astype(complex)
-    poles = np.concatenate([decays, single])
-    if discrete:
-        poles = _in_s(poles)
+    poles = np.concatenate([np.stack([blocks.centre + swing, blocks.centre - swing], axis=1), single])
+    discrete = problem.dt is not None
+    poles = _in_s(poles) if discrete else poles
     centre, square = poles.mean(axis=1).real, -(((poles[:, 0] - poles[:, 1]) / 2) ** 2).real
-    nu = blocks.inputs.shape[2]
-    scale_out, scale_in = (np.sqrt(np.mean(problem.weight.entrywise**2, axis=axes)) for axes in ((0, 2), (0, 1)))
-    inputs = np.empty((centre.size, nu))
-    for k in range(blocks.centre.size):
-        first = 2 * k
-        if blocks.fall[k] > 0:
-            R = _residue(blocks, C, k)[2]
-            gain = mode_gains(poles[k : k + 1], discrete, modal.power)[0]
-            M = (R / gain).real
-        else:
-            A = np.array([[blocks.centre[k], blocks.coupling[k]], [-blocks.fall[k], blocks.centre[k]]])
-            M = C[:, first : first + 2] @ np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k])
-        inputs[k] = _largest(M, scale_out, scale_in, modal.symmetric)
+    rows, columns = (np.sqrt(np.mean(problem.weight.entrywise**2, axis=axes)) for axes in ((0, 2), (0, 1)))
+    inputs = np.empty((centre.size, blocks.inputs.shape[2]))
     inputs[blocks.centre.size :] = blocks.single_inputs[: 2 * len(single) : 2]
-    return RealModes(
-        centre, square, inputs, blocks.directions, blocks.free, discrete=discrete, power=modal.power
-    ).normalised()
+    for k, gain in enumerate(gains(blocks, C, modal.power)):
+        M = np.real(gain)
+        if blocks.fall[k] <= 0:  # real poles: of the static gain
+            A = np.array([[blocks.centre[k], blocks.coupling[k]], [-blocks.fall[k], blocks.centre[k]]])
+            M = C[:, 2 * k : 2 * k + 2] @ np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k])
+        inputs[k] = _largest(M, rows, columns, modal.symmetric)
+    modes = RealModes(centre, square, inputs, blocks.directions, blocks.free, discrete=discrete, power=modal.power)
+    return modes.normalised()
 
 
 def _largest(M: Real, rows: Real, columns: Real, symmetric: bool) -> Real:
@@ -161,17 +154,6 @@ def _largest(M: Real, rows: Real, columns: Real, symmetric: bool) -> Real:
         values, vectors = np.linalg.eigh(M + M.T)
         return vectors[:, np.argmax(np.abs(values))]
     return np.linalg.svd(rows[:, None] * M * columns)[2][0] / columns
-
-
-def _residue(blocks: BlockModel, C: Real, k: int) -> tuple[float, Complex, Complex]:
-    """For a complex pair: w = ``sqrt(v/s)``, the output shape, and the residue ``c b'/2`` at the upper pole.
-
-    ``(xi - A)^{-1}`` has the residue ``[1; jw] [1, -j/w]/2``.
-    """
-    ratio = math.sqrt(blocks.fall[k] / blocks.coupling[k])
-    shape = C[:, 2 * k] + 1j * ratio * C[:, 2 * k + 1]
-    drive = blocks.inputs[k, 0] - 1j / ratio * blocks.inputs[k, 1]
-    return ratio, shape, np.outer(shape, drive) / 2
 
 
 def _in_s(poles: Complex) -> Complex:
@@ -188,7 +170,11 @@ def _realised(fitted: Fitted, scale: float, turned: bool) -> StateMatrices:
     if not turned:
         return fitted.state_space(scale)
     if not isinstance(fitted.model, RealModes):
-        return transposed(fitted.state_space(scale))
+        A, B, C, D = transposed(fitted.state_space(scale))
+        swapped = np.arange(len(A))  # the states of a block change places: [[a, s], [-v, a]] again
+        paired = 2 * fitted.model.centre.size
+        swapped[:paired] = swapped[:paired].reshape(-1, 2)[:, ::-1].ravel()
+        return StateMatrices(A[np.ix_(swapped, swapped)], B[swapped], C[:, swapped], D)
     none = np.zeros((0, len(fitted.C)))
     model = dataclasses.replace(fitted.model, inputs=fitted.C.T, directions=none, free=none.astype(bool))
     return fitted._replace(model=model, C=fitted.model.inputs.T, D=fitted.D.T).state_space(scale)

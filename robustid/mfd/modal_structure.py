@@ -34,7 +34,8 @@ class Modal(Frozen):
         Reciprocal: ``P = P^T``, as where sensors and actuators sit together (as many outputs as inputs, in the same order and
         unit but for one common factor). The sign of a mode is found.
     quantity : {"position", "velocity", "acceleration"}
-        What the outputs measure, of inputs that are forces (or proportional to them).
+        What the outputs measure, of inputs that are forces (or proportional to them). With accelerations P has a direct term:
+        D is fitted, too, and takes up what rigid bodies add.
 
     Notes
     -----
@@ -49,8 +50,9 @@ class Modal(Frozen):
     >>> s = 1j * np.linspace(1, 9, 60)[:, None, None]
     >>> values = np.outer([1.0, -2.0], [3.0, 1.0]) / (s**2 + 0.2 * s + 16)
     >>> fit = rid.fit_mfd(rid.FrequencyResponse(np.abs(s.ravel()), values), order=2, modal=rid.Modal("proportional"))
-    >>> fit.model.nstates, fit.status.converged
-    (2, True)
+    >>> (row,) = rid.mode_table(fit)
+    >>> round(row.hz, 4), row.shape.round(6), row.drive.round(6)
+    (0.6366, array([-0.5,  1. ]), array([-6., -2.]))
     """
 
     damping: str = "general"

@@ -6,15 +6,21 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import response_at
 from robustid.errors import InputTypeError
 from robustid.mfd.covariance import FitCovariance
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.modal import continuous, curve_points, modal_form, schur_poles
+from robustid.mfd.modal_covariance import mode_shapes
+from robustid.mfd.mode_functions import mode_gains
 
 if TYPE_CHECKING:
     import control
+
+
+Array = NDArray[np.generic]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +47,13 @@ class ModeRow:
         The entry where that is largest.
     hz_std, damping_std : float
         Standard deviations, where a covariance is given, else nan.
+    shape, drive : (ny,), (nu,) arrays or None
+        How a pair shows at the outputs (largest entry 1) and what of each input drives it: ``shape drive'`` stands over
+        ``s^2 + 2 zeta omega s + omega^2``, real for a fit with real shapes (a fit's `Modal.quantity` counted); of the sampled
+        model behind a zero-order hold the same. For the rigid body ``shape drive/s^2``, (ny, count) and (count, nu). None for
+        real poles, poles too close to be told apart, and poles that all entries share.
+    shape_std, drive_std : arrays or None
+        Standard deviations ``sqrt(E|d|^2)`` of pairs, for fits with `modal` structure where a covariance is given.
     """
 
     pole: complex
@@ -54,6 +67,11 @@ class ModeRow:
     input: int
     hz_std: float = np.nan
     damping_std: float = np.nan
+    # Arrays: too long to print, and no equality.
+    shape: Array | None = dataclasses.field(default=None, repr=False, compare=False)
+    drive: Array | None = dataclasses.field(default=None, repr=False, compare=False)
+    shape_std: Array | None = dataclasses.field(default=None, repr=False, compare=False)
+    drive_std: Array | None = dataclasses.field(default=None, repr=False, compare=False)
 
 
 def mode_table(
@@ -97,14 +115,22 @@ def mode_table(
         part, inputs, outputs = A[block, block], B[block], C[:, block]
         if form.rigid and block.start == 0:
             pole = 1.0 if dt else 0.0
-            rows.append(ModeRow(pole, form.rigid, 0.0, np.nan, True, form.rigid, np.inf, 0, 0))
+            row = ModeRow(pole, form.rigid, 0.0, np.nan, True, form.rigid, np.inf, 0, 0)
+            chains = int(np.count_nonzero(np.diag(part, form.rigid // 2))) if form.rigid % 2 == 0 else 0
+            if 2 * chains == form.rigid and not np.any(inputs[:chains]):
+                unit = 1.0 if not dt else 1 / dt**2
+                row = dataclasses.replace(row, shape=outputs[:, :chains], drive=unit * inputs[chains:])
+            rows.append(row)
             peaks.append(np.abs(_slowest(part - pole * np.eye(form.rigid), inputs, outputs)))
             continue
         for pole in schur_poles(part):
             if pole.imag >= 0:
                 count, s = 1 + int(pole.imag > 0), continuous(pole, dt)
                 damping = float(-s.real / abs(s)) if s else np.nan
-                rows.append(ModeRow(complex(pole), count, abs(s) / (2 * np.pi), damping, False, len(part), 0.0, 0, 0))
+                row = ModeRow(complex(pole), count, abs(s) / (2 * np.pi), damping, False, len(part), 0.0, 0, 0)
+                if len(part) == 2 == count:
+                    row = dataclasses.replace(row, **_shapes(part, inputs, outputs, s, dt))
+                rows.append(row)
                 peaks.append(_peak(part, inputs, outputs, s, dt))
     found = [_with_deviation(row, covariance) for row in _with_participation(rows, peaks)]
     return tuple(sorted(found, key=lambda row: (not row.rigid, row.hz)))
@@ -114,10 +140,40 @@ def _of_fit(fit: MatrixFraction, covariance: FitCovariance | None) -> tuple[Mode
     """Modes of a fit, each once: where poles are shared, those of the entries as one column."""
     fraction = fit.fraction
     if fraction.shape is None:
-        return mode_table(fit.model, covariance)
+        rows = mode_table(fit.model, covariance)
+        return rows if fit.modal is None else _with_shapes(rows, fit, covariance)
     rows = mode_table(dataclasses.replace(fraction, shape=None).model, covariance)
     places = (divmod(row.output, fraction.shape[1]) for row in rows)
-    return tuple(dataclasses.replace(row, output=i, input=j) for row, (i, j) in zip(rows, places, strict=True))
+    return tuple(
+        dataclasses.replace(row, output=i, input=j, shape=None, drive=None)
+        for row, (i, j) in zip(rows, places, strict=True)
+    )
+
+
+def _with_shapes(
+    rows: tuple[ModeRow, ...], fit: MatrixFraction, covariance: FitCovariance | None
+) -> tuple[ModeRow, ...]:
+    """Rows of a fit of modal structure with its own shapes, exactly as the structure has them."""
+    found = mode_shapes(fit, None if covariance is None else covariance.modes)
+    out: list[ModeRow] = []
+    for row in rows:
+        if row.count == 2 and not row.rigid:
+            k = int(np.nanargmin(np.abs(found.poles - row.pole)))
+            deviations = (
+                {} if covariance is None else {"shape_std": found.shape_std[k], "drive_std": found.drive_std[k]}
+            )
+            row = dataclasses.replace(row, shape=found.shape[k], drive=found.drive[k], **deviations)
+        out.append(row)
+    return tuple(out)
+
+
+def _shapes(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np.ndarray]:
+    """Shape and drive of a pair ``[[a, b], [-b, a]]``: its residue over that of a real mode, of the largest entry."""
+    M = np.outer(C[:, 0] + 1j * C[:, 1], B[0] - 1j * B[1])
+    unit = dt if dt else 1.0
+    M = M / (2 * unit**2 * mode_gains(np.array([s * unit]), bool(dt), 0)[0])
+    i, j = np.unravel_index(np.argmax(np.abs(M)), M.shape)
+    return {"shape": M[:, j] / (M[i, j] or 1.0), "drive": M[i]}
 
 
 def _slowest(N: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:

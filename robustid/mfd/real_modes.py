@@ -14,8 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Frozen, StateMatrices, freeze
-from robustid.mfd.block_model import RESOLVED, least_distances, line_spacing, tied_gains, with_transposes
+from robustid.mfd.block_model import (
+    RESOLVED,
+    least_distances,
+    line_spacing,
+    tied_gains,
+    with_transposes,
+)
 from robustid.mfd.chains import chain
+from robustid.mfd.mode_functions import zero_order_held
 from robustid.mfd.state_fit import diagonal_blocks
 
 Real = NDArray[np.float64]
@@ -83,7 +90,7 @@ class RealModes(Frozen):
     @property
     def decays(self) -> Complex:
         """Poles in s, each pair together, (m, 2): in the unit of the nodes or rad/sample."""
-        swing = np.sqrt(-self._apart.astype(complex))
+        swing = np.sqrt((-self._apart).astype(complex))
         return np.stack([self.centre + swing, self.centre - swing], axis=1).astype(np.complex128)
 
     @property
@@ -123,7 +130,7 @@ class RealModes(Frozen):
         m = self.centre.size
         shapes = np.einsum("om,mu->oum", C[:, :m], self.inputs)
         parts = [slope[:, None, None] * shapes for slope in (slopes[0], self._unit * slopes[1])]
-        turned = np.einsum("om,muq->oumq", C[:, :m], self._input_moves())
+        turned = np.einsum("om,muq->oumq", C[:, :m], self.input_moves())
         parts.append((values[:, None, None, :, None] * turned).reshape(*parts[0].shape[:3], m * turned.shape[3]))
         for i, j in np.argwhere(self.free):
             change = np.zeros((xi.size, len(C), self.inputs.shape[1], 1), dtype=complex)
@@ -167,7 +174,7 @@ class RealModes(Frozen):
             self,
             centre=self.centre + centre,
             square=self.square + self._unit * square,
-            inputs=self.inputs + np.einsum("muq,mq->mu", self._input_moves(), turn.reshape(m, nu - 1)),
+            inputs=self.inputs + np.einsum("muq,mq->mu", self.input_moves(), turn.reshape(m, nu - 1)),
             directions=directions,
         )._near()
         return (trial if least is None else trial._inside(least)).normalised()
@@ -234,7 +241,7 @@ class RealModes(Frozen):
             self, centre=self.centre + np.minimum(self.distances - np.maximum(least, _EDGE), 0.0)
         )
 
-    def _input_moves(self) -> Real:
+    def input_moves(self) -> Real:
         """Orthonormal moves (m, nu, nu - 1) of the directions that are no scalings."""
         return np.linalg.svd(self.inputs[:, :, None])[0][:, :, 1:]
 
@@ -266,7 +273,7 @@ class RealModes(Frozen):
             return _Curve(self.decays, _pairs(numerators[self.power]), constant, _stacked(turns), _stacked(falls))
         p, other = self.decays.T
         half = (p - other) / 2  # j times the damped frequency
-        (k, k_slope), (n, n_slope) = _held(p, self.power), _held(other, self.power)
+        (k, k_slope), (n, n_slope) = zero_order_held(p, self.power), zero_order_held(other, self.power)
         e, f = np.exp(p), np.exp(other)
         numerator = (k - n) / (2 * half), (n * e - k * f) / (2 * half)
         by_centre = (k_slope - n_slope) / (2 * half), ((n_slope + n) * e - (k_slope + k) * f) / (2 * half)
@@ -278,24 +285,6 @@ class RealModes(Frozen):
         falls = [(-(e + f), 2 * e * f), ((e - f) / (2 * half), zero)]
         turns = _stacked([by_centre, by_square])
         return _Curve(np.stack([e, f], axis=1), _pairs(numerator), constant, turns, _stacked(falls))
-
-
-def mode_gains(decays: Complex, discrete: bool, power: int) -> Complex:
-    """Residue of h at the first pole of pairs (m, 2) of poles in s."""
-    half = (decays[:, 0] - decays[:, 1]) / 2
-    held = _held(decays[:, 0], power)[0] if discrete else decays[:, 0] ** power
-    return held / (2 * half)
-
-
-def _held(p: Complex, power: int) -> tuple[Complex, Complex]:
-    """``k = p^q (e^p - 1)/p`` of ``p^q/(s - p)`` behind a zero-order hold, ``k/(z - e^p)`` (plus 1 for q = 2), and its slope."""
-    first = np.expm1(p) / p
-    slope = (np.exp(p) - first) / p
-    if power == 0:
-        return first, slope
-    if power == 1:
-        return np.expm1(p), np.exp(p)
-    return p * np.expm1(p), np.expm1(p) + p * np.exp(p)
 
 
 def _line(coefficients: Real, xi: Complex) -> Complex:

@@ -30,7 +30,8 @@ class TiedOutputs(Outputs):
         """Weighted response (1, rows, columns) of every coefficient: of C first, then of D."""
         changes: Any = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
         if self.criterion.feedthrough:
-            through = np.broadcast_to(self._gains.transpose(1, 2, 0), (*changes.shape[:3], len(self._gains)))
+            through = symmetric_matrices(self.ny).transpose(1, 2, 0)
+            through = np.broadcast_to(through, (*changes.shape[:3], through.shape[2]))
             changes = np.concatenate([changes, through], axis=3)
         return self.rows([changes])
 
@@ -40,7 +41,7 @@ class TiedOutputs(Outputs):
         C = np.tensordot(coefficients[0, : len(ties)], ties, axes=1)
         if not self.criterion.feedthrough:
             return C
-        return np.hstack([C, np.tensordot(coefficients[0, len(ties) :], self._gains, axes=1)])
+        return np.hstack([C, np.tensordot(coefficients[0, len(ties) :], symmetric_matrices(self.ny), axes=1)])
 
     def changes(self, fitted: Fitted) -> Real:
         """Weighted derivatives (1, rows, T) of the response in the coordinates of the model, the ties kept."""
@@ -53,11 +54,11 @@ class TiedOutputs(Outputs):
         seen = fitted.basis.transpose(0, 2, 1) @ self.target[..., None]
         return (fitted.inverse @ seen)[..., 0], fitted.model.width
 
-    @property
-    def _gains(self) -> Real:
-        """Symmetric matrices (T, ny, ny), a basis."""
-        pairs = [(i, j) for i in range(self.ny) for j in range(i + 1)]
-        out = np.zeros((len(pairs), self.ny, self.ny))
-        for gain, (i, j) in zip(out, pairs, strict=True):
-            gain[i, j] = gain[j, i] = 1.0
-        return out
+
+def symmetric_matrices(size: int) -> Real:
+    """A basis (T, size, size) of the symmetric matrices."""
+    pairs = [(i, j) for i in range(size) for j in range(i + 1)]
+    out = np.zeros((len(pairs), size, size))
+    for gain, (i, j) in zip(out, pairs, strict=True):
+        gain[i, j] = gain[j, i] = 1.0
+    return out

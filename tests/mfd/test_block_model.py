@@ -8,6 +8,7 @@ import scipy.linalg
 
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.chains import chain
+from support.mechanics import unscaled
 
 OMEGA = np.linspace(0.3, 3, 11)
 
@@ -29,15 +30,6 @@ def block_model(seed, n, nu, count, discrete):
     directions = rng.standard_normal((count, nu))
     free = np.abs(directions) > 0.3
     return BlockModel.of(A, B, discrete=discrete, directions=directions, free=free), A, B, xi
-
-
-def unscaled(model, step):
-    """The moved model without the normalisation, which changes C as well."""
-    normalised, BlockModel.normalised = BlockModel.normalised, lambda self: self
-    try:
-        return model.moved(step)
-    finally:
-        BlockModel.normalised = normalised
 
 
 @pytest.mark.parametrize("discrete", [False, True])

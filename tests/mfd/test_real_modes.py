@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import cont2discrete
 
 from robustid.core import response_at
-from robustid.mfd.real_modes import RealModes, mode_gains
+from robustid.mfd.mode_functions import mode_gains
+from robustid.mfd.real_modes import RealModes
 
 OMEGA = np.linspace(0.3, 2.9, 12)
 POWERS = (0, 1, 2)
@@ -113,7 +114,7 @@ def test_gains_are_residues(discrete, power):
     states = np.linalg.norm(model.inputs, axis=1) * np.array(
         [model.states(np.array([p + near]))[0, k, 0] / model.inputs[k, 0] for k, p in enumerate(pole)]
     )
-    assert np.allclose(mode_gains(model.decays, discrete, power), near * states, rtol=1e-4)
+    assert np.allclose(mode_gains(model.decays[:, 0], discrete, power), near * states, rtol=1e-4)
 
 
 @pytest.mark.parametrize("discrete", [False, True])

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 import robustid as rid
+from robustid.mfd.block_model import BlockModel
 
 OMEGA = 2 * np.pi * np.linspace(2, 450, 160)
 BETWEEN = 2 * np.pi * np.linspace(3.3, 440, 411)  # none of OMEGA
@@ -66,3 +67,12 @@ def measured(system, seed, level, omega=OMEGA):
     values, rng = system.response(omega), np.random.default_rng([seed, 7])
     noise = (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)) / np.sqrt(2)
     return rid.FrequencyResponse(omega, values * (1 + level * noise), dt=system.dt)
+
+
+def unscaled(model, step):
+    """The moved model without the normalisation of blocks, which changes C as well."""
+    normalised, BlockModel.normalised = BlockModel.normalised, lambda self: self
+    try:
+        return model.moved(step)
+    finally:
+        BlockModel.normalised = normalised
