@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Real, freeze
 from robustid.errors import InputError
 from robustid.guarantees import PoleCell, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -49,8 +49,8 @@ class ClassCandidate(Frozen):
     modes: KautzSuggestion | None
     cell: PoleCell | None
     margin: float
-    upper: np.ndarray
-    error: np.ndarray
+    upper: Real
+    error: Real
     note: str
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class ClassCandidate(Frozen):
         """Return whether the error holds for all poles in a pole-uncertainty box; else for these poles only (given, or none)."""
         return self.modes is not None and self.pairs > 0
 
-    def guaranteed(self, omega: np.ndarray) -> tuple[Identification, np.ndarray]:
+    def guaranteed(self, omega: Real) -> tuple[Identification, Real]:
         """Identification of `problem` and proved bound of |F - model| at frequencies in rad/s, for all poles covered."""
         if self.problem is None:
             raise InputError(f"this candidate has no problem: {self.note}")
@@ -114,7 +114,7 @@ class ClassSuggestion(Frozen):
         Where the bound of the best one is largest: a frequency point there shrinks it most. None where none has an error.
     """
 
-    omega: np.ndarray
+    omega: Real
     candidates: tuple[ClassCandidate, ...]
     next_line: float | None
 

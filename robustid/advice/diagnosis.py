@@ -11,9 +11,9 @@ import numpy as np
 from robustid.advice.kautz import further_mode
 from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
-from robustid.core import Frozen
+from robustid.core import Complex, Frozen, Real, as_kind
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError, SolverError
+from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem
 from robustid.identification.formulation import QUICK_EXACT, formulate
 from robustid.identification.solver import margin_path
@@ -125,8 +125,7 @@ def diagnose(identification: Identification) -> Diagnosis:
     >>> found.inflation > 1, [trial.change for trial in found.trials]
     (True, ['K times 2', 'K times 10', 'rho - 1 halved'])
     """
-    if not isinstance(identification, Identification):
-        raise InputTypeError(f"`identification` must be an Identification; got {type(identification).__name__}")
+    as_kind("identification", identification, Identification, "an Identification")
     problem = identification.problem
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate
     changes: list[tuple[str, MixedProblem]] = []
@@ -138,7 +137,7 @@ def diagnose(identification: Identification) -> Diagnosis:
     changes.append(("rho - 1 halved", problem.with_prior(decay_rate=1 + (rho - 1) / 2)))
     if problem.parameter_bounds is not None:
         changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
-    trials = []
+    trials: list[Trial] = []
     for text, changed in changes:
         try:
             trials.append(Trial(text, _reachable_margin(changed), changed))
@@ -191,26 +190,27 @@ def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProbl
     return dataclasses.replace(problem, parametric=parts, parameter_bounds=bounds)
 
 
-def _mode_of(poles: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def _mode_of(poles: Complex, dt: float) -> tuple[Real, Real]:
     """Natural frequency in rad/s and damping ratio of complex poles."""
     size = np.abs(np.log(poles))
     return size / dt, -np.log(np.abs(poles)) / size
 
 
-def _modes(problem: MixedProblem) -> list[tuple[np.ndarray, int]]:
+def _modes(problem: MixedProblem) -> list[tuple[Complex, int]]:
     """Complex poles of the parametric part, upper half, each with its multiplicity."""
     poles = np.zeros(0) if problem.parametric is None else problem.parametric.poles
-    left, modes = list(poles[poles.imag > 0]), []
+    left = list(poles[poles.imag > 0])
+    modes: list[tuple[Complex, int]] = []
     while left:
         same = [a for a in left if abs(a - left[0]) <= _SAME_POLE * (1 - abs(left[0]))]
         left = [a for a in left if a not in same]
-        modes.append((np.array([np.mean(same)]), len(same)))
+        modes.append((np.array([np.mean(same)], complex), len(same)))
     return modes
 
 
 def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
     """The next derivative terms k^j a^k of every complex pole pair of the parametric part."""
-    parts = []
+    parts: list[ParametricBasis] = []
     for pole, count in _modes(problem):
         chain = kautz(*_mode_of(pole, problem.dt), dt=problem.dt, repeat=count + 1, delay=1)
         parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))

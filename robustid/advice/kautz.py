@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import (
     DAMPING,
@@ -19,7 +20,7 @@ from robustid.advice.pole_fit import (
 )
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, as_count, as_positive, freeze
+from robustid.core import Frozen, Real, as_count, as_positive, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 
@@ -45,12 +46,12 @@ class KautzSuggestion(Frozen):
         What was done and why it stopped, in words.
     """
 
-    omega: np.ndarray
-    damping: np.ndarray
-    omega_interval: np.ndarray
-    damping_interval: np.ndarray
-    level: np.ndarray
-    undetermined: np.ndarray
+    omega: Real
+    damping: Real
+    omega_interval: Real
+    damping_interval: Real
+    level: Real
+    undetermined: NDArray[np.bool_]
     basis: ParametricBasis | None
     delay: int
     reason: str
@@ -61,7 +62,7 @@ class KautzSuggestion(Frozen):
 
     def summary(self) -> str:
         """One line per mode, then the reason."""
-        lines = []
+        lines: list[str] = []
         for k, (w, z) in enumerate(zip(self.omega / (2 * np.pi), self.damping, strict=True)):
             low, high = self.omega_interval[k] / (2 * np.pi)
             lightest, heaviest = self.damping_interval[k]
@@ -169,7 +170,7 @@ def suggest_kautz(
     )
 
 
-def further_mode(frf: FrequencyResponse, omega: np.ndarray, damping: np.ndarray) -> tuple[float, float]:
+def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[float, float]:
     """Natural frequency and damping of the mode, in the measured range, that a fit with these and a smooth remainder lacks most."""
     from scipy.optimize import least_squares
 
@@ -178,8 +179,12 @@ def further_mode(frf: FrequencyResponse, omega: np.ndarray, damping: np.ndarray)
     start = best_start(poles, data)
     positive = data.angle[data.angle > 0]
     low, high = np.log([[positive[0], DAMPING[0]], [min(positive[-1], 0.999 * np.pi), DAMPING[1]]])
+
+    def rows(new: Real) -> Real:
+        return residual_rows(np.vstack([poles, new]), data)
+
     found = least_squares(
-        lambda new: residual_rows(np.append(poles, [new], axis=0), data),
+        rows,
         np.clip(start, low + 1e-9, high - 1e-9),
         x_scale="jac",
         bounds=(low, high),

@@ -14,7 +14,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import Budget, Progress, as_array, as_count, response
+from robustid.core import Budget, Progress, Real, as_array, as_count, response
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of, check_siso
@@ -110,7 +110,7 @@ class _Part(NamedTuple):
     problems: tuple[MixedProblem, ...]
     note: str = ""
 
-    def candidate(self, problem: MixedProblem | None, omega: np.ndarray, note: str) -> ClassCandidate:
+    def candidate(self, problem: MixedProblem | None, omega: Real, note: str) -> ClassCandidate:
         """Evaluated, unless a note says why not."""
         unknown = np.full(omega.size, np.nan)
         found = ClassCandidate(
@@ -138,7 +138,7 @@ class _Part(NamedTuple):
         return found
 
 
-def _evaluated(parts: list[_Part], omega: np.ndarray, budget: Budget) -> list[ClassCandidate]:
+def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCandidate]:
     """Every part with its first prior, the best with further ones, within the budget; smallest error first."""
     rows: list[ClassCandidate] = []
     first = [(part, part.problems[0] if part.problems else None, part.note) for part in parts]
@@ -167,19 +167,19 @@ def _with_priors(problem: MixedProblem) -> tuple[MixedProblem, ...]:
     return tuple(dataclasses.replace(problem, prior=prior) for prior in suggest_prior(problem).by_slope())
 
 
-def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_Part], np.ndarray]:
+def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_Part], Real]:
     modes = as_array("modes", modes, ndim=2)
     if modes.shape[1] != 2:
         raise InputError(f"`modes` must have one row (rad/s, damping ratio) per mode; got shape {modes.shape}")
     omega, damping = modes.T
-    parts = []
+    parts: list[_Part] = []
     for repeat in _REPEATS:
         basis = kautz(omega, damping, dt=data.dt, repeat=repeat, delay=delay)
         parts.append(_part(data, len(modes), repeat, lambda basis=basis: dataclasses.replace(data, parametric=basis)))
     return parts, omega
 
 
-def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], np.ndarray]:
+def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], Real]:
     """The modes that the data show, one fewer and one more."""
     if not data.frequency:
         raise InputError("`frequency` is needed to take the modes from; or give the `modes` that you know")

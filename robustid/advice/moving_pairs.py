@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis, kautz, stack_bases
-from robustid.core import Frozen, freeze
+from robustid.core import Complex, Frozen, Real, freeze
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import Formulation, TaylorFormulation
@@ -40,7 +41,7 @@ class MovingPairs(Frozen):
     """
 
     parts: tuple[ParametricBasis | _Pair, ...]
-    start: np.ndarray
+    start: Real
     dt: float
 
     def __post_init__(self) -> None:
@@ -56,9 +57,9 @@ class MovingPairs(Frozen):
         parts = (dataclasses.replace(p, repeat=p.repeat + 1) if isinstance(p, _Pair) else p for p in self.parts)
         return dataclasses.replace(self, parts=tuple(parts))
 
-    def at(self, poles: np.ndarray) -> ParametricBasis:
+    def at(self, poles: Real) -> ParametricBasis:
         """The basis with its pairs at these poles."""
-        made = []
+        made: list[ParametricBasis] = []
         for part in self.parts:
             if isinstance(part, _Pair):
                 omega, damping = np.exp(poles[part.mode])
@@ -66,14 +67,14 @@ class MovingPairs(Frozen):
             made.append(part)
         return stack_bases(made)
 
-    def inside(self, poles: np.ndarray) -> np.ndarray:
+    def inside(self, poles: Real) -> Real:
         """Return the poles with dampings and frequencies that are possible: inside the circle, below the Nyquist frequency."""
         damping = np.clip(poles[:, 1], np.log(_LIGHTEST), np.log(_HEAVIEST))
         turn = np.log(_HIGHEST * np.pi / self.dt) - 0.5 * np.log1p(-np.exp(2 * damping))
         return np.stack([np.minimum(poles[:, 0], turn), damping], axis=1)
 
 
-def units(problem: MixedProblem, poles: np.ndarray) -> np.ndarray:
+def units(problem: MixedProblem, poles: Real) -> Real:
     """Steps over which the samples are approximately linear in the logs of frequency and damping, (M, 2).
 
     In frequency the distance of the pole from the nearest frequency point on the circle, for records of N samples 1/N rad or the
@@ -95,7 +96,8 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
     links = np.zeros((n + basis.size,) * 2, bool)
     links[:n, :n], links[n:, :n] = basis.A != 0, basis.C != 0
     label = np.asarray(connected_components(links, directed=False)[1])
-    parts, start = [], []
+    parts: list[ParametricBasis | _Pair] = []
+    start: list[Real] = []
     for number in dict.fromkeys(label[n:].tolist()):
         part = _block(basis, np.flatnonzero(label[:n] == number), np.flatnonzero(label[n:] == number))
         found = _mode_of(part)
@@ -107,16 +109,16 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
     return MovingPairs(tuple(parts), np.array(start), basis.dt)
 
 
-def _block(basis: ParametricBasis, states: np.ndarray, functions: np.ndarray) -> ParametricBasis:
+def _block(basis: ParametricBasis, states: NDArray[np.intp], functions: NDArray[np.intp]) -> ParametricBasis:
     """Some functions with the states that they need, and the poles as they are known."""
-    A, labels = basis.A[states][:, states], tuple(basis.labels[i] for i in functions)
+    A, labels = basis.A[states][:, states], tuple(basis.labels[int(i)] for i in functions)
     computed = np.linalg.eigvals(A) if states.size else np.zeros(0)
     poles = basis.poles[np.abs(computed[:, None] - basis.poles).argmin(axis=1)] if states.size else computed
     C = basis.C[functions][:, states]
     return ParametricBasis(A, basis.B[states], C, basis.D[functions], basis.dt, labels, poles)
 
 
-def _mode_of(part: ParametricBasis) -> tuple[np.ndarray, int, int] | None:
+def _mode_of(part: ParametricBasis) -> tuple[Real, int, int] | None:
     """Logs of frequency and damping, multiplicity and delay of what `kautz` made; None of anything else."""
     n, m = part.states, part.size
     if m < 2 or m % 2 or n < m:
@@ -134,7 +136,7 @@ def _mode_of(part: ParametricBasis) -> tuple[np.ndarray, int, int] | None:
     return np.log([size / part.dt, damping]), m // 2, delay
 
 
-def moved_samples(pairs: MovingPairs, formulation: Formulation, p: np.ndarray, poles: np.ndarray) -> np.ndarray:
+def moved_samples(pairs: MovingPairs, formulation: Formulation, p: Real, poles: Real) -> Complex:
     """Derivatives of what the parametric part gives at the samples, to the logs of the poles, (N, 2 M), in units of the bounds.
 
     Of P(theta) q(theta) with the q nearest to P p: the projection of P p on the span at theta. So the scale of the functions,
@@ -143,7 +145,7 @@ def moved_samples(pairs: MovingPairs, formulation: Formulation, p: np.ndarray, p
     problem, rows = formulation.problem, formulation.rows
     given, step = rows.P @ p, (_STEP * units(problem, poles)).ravel()
 
-    def projected(which: int, sign: int) -> np.ndarray:
+    def projected(which: int, sign: int) -> Complex:
         moved = poles.ravel().copy()
         moved[which] += sign * step[which]
         P = _columns(dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2))))
@@ -152,7 +154,7 @@ def moved_samples(pairs: MovingPairs, formulation: Formulation, p: np.ndarray, p
     return np.stack([(projected(i, 1) - projected(i, -1)) / (2 * step[i]) for i in range(step.size)], axis=1)
 
 
-def _columns(problem: MixedProblem) -> np.ndarray:
+def _columns(problem: MixedProblem) -> Complex:
     """The columns of the parameters at the samples; those of the non-parametric part are left out but for one."""
     return TaylorFormulation(problem, 1).rows.P
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_count, as_positive
+from robustid.core import Real, as_count, as_kind, as_positive
 from robustid.data import TimeRecord
-from robustid.errors import InputTypeError
 from robustid.guarantees import WorstCaseError, check_siso, response_tube, worst_case_error
 from robustid.identification import Identification, MixedProblem
 
@@ -125,11 +124,9 @@ def suggest_next(
     """
     count = as_count("count", count, least=1)
     eps = None if bound is None else as_positive("bound", bound)
+    kinds = (Identification, WorstCaseError)
+    as_kind("identification", identification, kinds, "an Identification or a WorstCaseError")
     given = identification.identification if isinstance(identification, WorstCaseError) else identification
-    if not isinstance(given, Identification):
-        raise InputTypeError(
-            f"`identification` must be an Identification or a WorstCaseError; got {type(identification).__name__}"
-        )
     check_siso(given.problem, "suggest_next")
     if not isinstance(identification, WorstCaseError):
         omega = _between(given.problem) if candidates is None else candidates
@@ -137,8 +134,8 @@ def suggest_next(
     elif candidates is None:
         error = identification
     else:
-        options = {"omega": candidates, "directions": identification.directions}
-        error = worst_case_error(given, model=identification.model, **options)
+        directions, model = identification.directions, identification.model
+        error = worst_case_error(given, model=model, omega=candidates, directions=directions)
     eps = _usual_bound(given.problem) if eps is None else eps
     ends = zip(error.omega.tolist(), error.lower.ravel().tolist(), error.upper.ravel().tolist(), strict=True)
     found = [NextMeasurement("frequency", at, low, high, eps) for at, low, high in ends]
@@ -155,7 +152,7 @@ def _usual_bound(problem: MixedProblem) -> float:
     return float(np.median(np.concatenate([_used_bounds(t) / _drive(t) for t in problem.time])))
 
 
-def _used_bounds(record: TimeRecord) -> np.ndarray:
+def _used_bounds(record: TimeRecord) -> Real:
     return record.bound.radius[record.bound.used]
 
 
@@ -163,7 +160,7 @@ def _drive(record: TimeRecord) -> float:
     return float(np.abs(record.u).max()) or 1.0
 
 
-def _between(problem: MixedProblem) -> np.ndarray:
+def _between(problem: MixedProblem) -> Real:
     """Middles of the widest gaps, relative to their frequency, of the frequency points, 0 and pi/dt; and the parametric poles."""
     top, basis = np.pi / problem.dt, problem.parametric
     integrator = basis is not None and basis.has_integrator
@@ -173,7 +170,8 @@ def _between(problem: MixedProblem) -> np.ndarray:
     grid = [middles[np.argsort(-widths / middles)[:_FREQUENCIES]]]
     if basis is not None:
         poles = basis.poles[np.imag(basis.poles) > 0]
-        grid.append(np.unique(np.round(np.angle(poles), 12)) / problem.dt)
+        turns = np.round(np.asarray(np.angle(poles), dtype=float), 12)
+        grid.append(np.asarray(np.unique(turns) / problem.dt, dtype=float))
     return np.concatenate(grid)
 
 
@@ -185,8 +183,8 @@ def _continued(given: Identification, model: Any) -> list[NextMeasurement]:
     record = max(records, key=lambda t: t.u.shape[0])
     held = record.u.shape[0]
     u = np.concatenate([record.u[:, 0], np.full(held, record.u[-1, 0])])
-    samples = np.unique(np.round(np.linspace(held, 2 * held - 1, min(held, _SAMPLES))).astype(int))
-    tube = response_tube(given, input=u, model=model, times=samples * record.dt, gap=_RTOL / 5)
+    samples = np.round(np.linspace(float(held), float(2 * held - 1), min(held, _SAMPLES)))
+    tube = response_tube(given, input=u, model=model, times=np.unique(samples) * record.dt, gap=_RTOL / 5)
     worst, drive = int(np.argmax(tube.error_upper)), _drive(record)
     ends = float(tube.error_lower[worst]) / drive, float(tube.error_upper[worst]) / drive
     return [NextMeasurement("time", float(tube.times[worst]), *ends, float(np.median(_used_bounds(record))) / drive)]

@@ -7,6 +7,9 @@ import logging
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
 
 _log = logging.getLogger("robustid")
 
@@ -26,9 +29,9 @@ _SLOW = 0.15  # decay per sample, in units of log; a smooth remainder can hold a
 class LineData:
     """Angles of the frequency points, values, bounds, sample time; for several entries (F, E), a bound infinite if not measured."""
 
-    angle: np.ndarray
-    value: np.ndarray
-    bound: np.ndarray
+    angle: Real
+    value: Complex
+    bound: Real
     dt: float
 
     def select(self, index: Any) -> LineData:
@@ -48,13 +51,13 @@ class LineData:
         """Number of modes (four numbers each) that the frequency points tell from a smooth remainder, one spare equation left."""
         return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
 
-    def scaled(self, columns: np.ndarray) -> np.ndarray:
+    def scaled(self, columns: Complex) -> Real:
         """Complex columns as real rows in units of the bounds."""
         weighted = columns / self.bound[:, None]
         return np.concatenate([weighted.real, weighted.imag])
 
 
-def pole_pair(angle: np.ndarray, pole: np.ndarray, power: int = 1) -> np.ndarray:
+def pole_pair(angle: Real, pole: Real, power: int = 1) -> Complex:
     """1 and z^-1 over (1 - 2 Re a z^-1 + |a|^2 z^-2)^power: the real span of a pole pair, (F, 2).
 
     Delays need no columns: they move within the span of pair and smooth remainder.
@@ -66,20 +69,20 @@ def pole_pair(angle: np.ndarray, pole: np.ndarray, power: int = 1) -> np.ndarray
     return np.stack([first, back * first], axis=1)
 
 
-def smooth_terms(angle: np.ndarray) -> np.ndarray:
+def smooth_terms(angle: Real) -> Complex:
     """1, z^-1, z^-2 at the frequency points, (F, 3)."""
     return np.exp(-1j * angle[:, None] * np.arange(SMOOTH))
 
 
-def design(data: LineData, poles: np.ndarray) -> np.ndarray:
+def design(data: LineData, poles: Real) -> Real:
     """The pairs of all poles (log angle, log damping), then the smooth remainder, as real rows in units of the bounds."""
     columns = [pole_pair(data.angle, pole) for pole in poles] + [smooth_terms(data.angle)]
     return data.scaled(np.hstack(columns))
 
 
-def residual_rows(poles: np.ndarray, data: LineData) -> np.ndarray:
+def residual_rows(poles: Real, data: LineData) -> Real:
     """Residuals of least squares at these poles, in units of the bounds, as real rows: real parts of all entries first."""
-    left = []
+    left: list[Real] = []
     for one in data.each:
         columns = design(one, poles.reshape(-1, 2))
         Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
@@ -88,13 +91,13 @@ def residual_rows(poles: np.ndarray, data: LineData) -> np.ndarray:
     return np.hstack(left).ravel()
 
 
-def ratios(rows: np.ndarray) -> np.ndarray:
+def ratios(rows: Real) -> Real:
     """|e_k|/bound_k from real rows."""
     half = rows.size // 2
     return np.hypot(rows[:half], rows[half:])
 
 
-def find_poles(data: LineData, wanted: int | None) -> tuple[np.ndarray, str]:
+def find_poles(data: LineData, wanted: int | None) -> tuple[Real, str]:
     """Poles (log angle, log damping) one after the other, all refined together after each."""
     data = data.select(slice(None, None, -(-data.angle.size // _MOST_LINES)))
     poles = np.zeros((0, 2))
@@ -121,11 +124,11 @@ def find_poles(data: LineData, wanted: int | None) -> tuple[np.ndarray, str]:
         poles, before = further, after
 
 
-def _count(poles: np.ndarray) -> str:
+def _count(poles: Real) -> str:
     return f"{len(poles)} mode{'s' * (len(poles) != 1)}"
 
 
-def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
+def best_start(poles: Real, data: LineData) -> Real:
     """The pole on a grid whose pair removes most of the residual."""
     lines = data.angle.size
     # Between the frequency points too: the resonance of a light mode usually lies there.
@@ -140,7 +143,7 @@ def best_start(poles: np.ndarray, data: LineData) -> np.ndarray:
     return where
 
 
-def _gains(data: LineData, poles: np.ndarray, tried: list[np.ndarray]) -> np.ndarray:
+def _gains(data: LineData, poles: Real, tried: list[Real]) -> Real:
     """Reduction by a further pair, for each pole tried, of the sum of squares of one entry."""
     columns = design(data, poles)
     Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
@@ -150,10 +153,11 @@ def _gains(data: LineData, poles: np.ndarray, tried: list[np.ndarray]) -> np.nda
     gram = np.einsum("kni,knj->nij", stacked, stacked)
     gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
     moment = np.einsum("kni,k->ni", stacked, residual)
-    return np.einsum("ni,ni->n", moment, np.linalg.solve(gram, moment[..., None])[..., 0])
+    weights = np.asarray(np.linalg.solve(gram, moment[..., None]), dtype=float)[..., 0]
+    return np.einsum("ni,ni->n", moment, weights)
 
 
-def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
+def refine(poles: Real, data: LineData) -> Real:
     """All poles together, from a start, by nonlinear least squares."""
     from scipy.optimize import least_squares
 
@@ -165,7 +169,7 @@ def refine(poles: np.ndarray, data: LineData) -> np.ndarray:
     return found.x.reshape(-1, 2)
 
 
-def wanted_in_basis(poles: np.ndarray, data: LineData) -> np.ndarray:
+def wanted_in_basis(poles: Real, data: LineData) -> NDArray[np.bool_]:
     """Which poles belong in the parametric part: resonances that the frequency points show, and whatever decays slowly.
 
     A pole outside the points, or a well-damped one, is background that a smooth remainder holds, unless it decays slowly: then
@@ -176,29 +180,30 @@ def wanted_in_basis(poles: np.ndarray, data: LineData) -> np.ndarray:
     return resonant | (turn * zeta < min(_SLOW, data.angle[-1] / 4))
 
 
-def nearest(angle: np.ndarray, centre: float, reach: float, fewest: int) -> np.ndarray:
+def nearest(angle: Real, centre: float, reach: float, fewest: int) -> NDArray[np.intp]:
     """Indices of the frequency points within `reach` of `centre`, and of the nearest ones up to `fewest`."""
     distance = np.abs(angle - centre)
     count = max(fewest, int(np.sum(distance <= reach)))
     return np.sort(np.argsort(distance, kind="stable")[:count])
 
 
-def smallest_rest(data: LineData, poles: np.ndarray) -> int:
+def smallest_rest(data: LineData, poles: Real) -> int:
     """The delay for which modes and smooth remainder fit with the smallest remainder: what is left to the gain bound."""
     if not len(poles):
         return 0
     return int(np.argmin(np.sum([_rest_sizes(one, poles) for one in data.each], axis=0)))
 
 
-def _rest_sizes(data: LineData, poles: np.ndarray) -> np.ndarray:
+def _rest_sizes(data: LineData, poles: Real) -> Real:
     """Largest smooth remainder of one entry at each delay, relative to its largest value."""
     y = data.scaled(data.value[:, None])[:, 0]
-    smooth, sizes = smooth_terms(data.angle), []
+    smooth = smooth_terms(data.angle)
+    sizes: list[float] = []
     for delay in _DELAYS:
         shift = np.exp(-1j * delay * data.angle)[:, None]
         modes = np.hstack([shift * pole_pair(data.angle, pole) for pole in poles])
         columns = data.scaled(np.hstack([modes, smooth]))
         norms = np.linalg.norm(columns, axis=0)
-        weights = np.linalg.lstsq(columns / norms, y, rcond=1e-12)[0] / norms
-        sizes.append(np.abs(smooth @ weights[-SMOOTH:]).max())
+        weights = np.asarray(np.linalg.lstsq(columns / norms, y, rcond=1e-12)[0], dtype=float) / norms
+        sizes.append(float(np.abs(smooth @ weights[-SMOOTH:]).max()))
     return np.array(sizes) / max(np.abs(data.value).max(), np.finfo(float).tiny)

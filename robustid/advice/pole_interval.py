@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest, pole_pair, ratios, smooth_terms
+from robustid.core import Real
 
 _RAYS = 16
 _LOCAL = (12, 60)  # fewest and most frequency points of the local fit
@@ -17,9 +18,9 @@ class _Local:
     """A local fit: its data, and the columns that don't depend on the pole in question."""
 
     data: LineData
-    fixed: np.ndarray
+    fixed: Real
 
-    def minimax(self, pole: np.ndarray, level: float | None = None) -> tuple[float, float]:
+    def minimax(self, pole: Real, level: float | None = None) -> tuple[float, float]:
         """Lower and upper bound of the smallest max |e|/bound at this pole; stops once a `level` is decided."""
         columns = np.hstack([self.data.scaled(pole_pair(self.data.angle, pole)), self.fixed])
         columns = columns / np.linalg.norm(columns, axis=0)
@@ -29,7 +30,7 @@ class _Local:
         lower, upper = 0.0, np.inf
         for _ in range(30):
             root = np.sqrt(np.tile(weight, 2))
-            solution = np.linalg.lstsq(root[:, None] * columns, root * y, rcond=1e-12)[0]
+            solution = np.asarray(np.linalg.lstsq(root[:, None] * columns, root * y, rcond=1e-12)[0], dtype=float)
             ratio = ratios(y - columns @ solution)
             lower, upper = max(lower, float(np.sqrt(weight @ ratio**2))), min(upper, float(ratio.max()))
             decided = level is not None and (lower > level or upper <= level)
@@ -40,7 +41,7 @@ class _Local:
         return lower, upper
 
 
-def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, tuple[float, float]]:
+def _local_fit(data: LineData, poles: Real, which: int) -> tuple[_Local, tuple[float, float]]:
     """The frequency points around one mode, without the modes far away; and the range of angles that they span."""
     turn, zeta = np.exp(poles[which])
     near = nearest(data.angle, turn, 5 * zeta * turn, _LOCAL[0])
@@ -53,7 +54,8 @@ def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, t
     power = 2 if 2 * near.size > 4 + 4 * len(close) + SMOOTH else 1
     columns = design(data, poles)
     norms = np.linalg.norm(columns, axis=0)
-    weights = np.linalg.lstsq(columns / norms, data.scaled(data.value[:, None])[:, 0], rcond=1e-12)[0] / norms
+    y = data.scaled(data.value[:, None])[:, 0]
+    weights = np.asarray(np.linalg.lstsq(columns / norms, y, rcond=1e-12)[0], dtype=float) / norms
     far = sum(
         (pole_pair(data.angle, poles[i]) @ weights[2 * i : 2 * i + 2] for i in others if i not in close), np.zeros(1)
     )
@@ -64,7 +66,7 @@ def _local_fit(data: LineData, poles: np.ndarray, which: int) -> tuple[_Local, t
     return _Local(local, local.scaled(np.hstack(parts))), span
 
 
-def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.ndarray, float, bool]:
+def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float, bool]:
     """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the end of the search was reached."""
     fits = [_local_fit(one, poles, which) for one in data.each]
     local, span = [local for local, _ in fits], fits[0][1]
@@ -85,9 +87,7 @@ def pole_interval(data: LineData, poles: np.ndarray, which: int) -> tuple[np.nda
     return np.exp(box.T), level, reached
 
 
-def _reach(
-    fits: list[_Local], centre: np.ndarray, ray: np.ndarray, level: float, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
+def _reach(fits: list[_Local], centre: Real, ray: Real, level: float, low: Real, high: Real) -> Real:
     """The last pole along a ray, inside the range of the search, that isn't refuted; rounded outwards."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(ray > 0, (high - centre) / ray, np.where(ray < 0, (low - centre) / ray, np.inf))

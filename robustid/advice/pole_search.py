@@ -11,9 +11,9 @@ import numpy as np
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
-from robustid.core import Frozen, as_positive, freeze, threads_for
+from robustid.core import Complex, Frozen, Real, as_kind, as_positive, freeze, threads_for
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError, SolverError
+from robustid.errors import InputError, SolverError
 from robustid.identification import (
     Claim,
     Identification,
@@ -39,8 +39,8 @@ class PoleTrial(NamedTuple):
     """Poles that were tried (rad/s, 1), the proven interval of the margin there, and whether the search went on from them."""
 
     change: str
-    omega: np.ndarray
-    damping: np.ndarray
+    omega: Real
+    damping: Real
     margin: float
     margin_lower: float
     kept: bool
@@ -77,12 +77,12 @@ class KautzImprovement(Frozen):
     problem: MixedProblem
     margin: float
     margin_lower: float
-    omega_before: np.ndarray
-    damping_before: np.ndarray
-    omega: np.ndarray
-    damping: np.ndarray
+    omega_before: Real
+    damping_before: Real
+    omega: Real
+    damping: Real
     repeated: bool
-    slope: np.ndarray
+    slope: Real
     box: KautzSuggestion | None
     trials: tuple[PoleTrial, ...]
     reason: str
@@ -93,7 +93,7 @@ class KautzImprovement(Frozen):
         self._set(**{name: freeze(getattr(self, name)) for name in names})
 
     @property
-    def margins(self) -> np.ndarray:
+    def margins(self) -> Real:
         """Margins of the trials that the search went on from: falling."""
         return np.array([trial.margin for trial in self.trials if trial.kept])
 
@@ -109,7 +109,7 @@ class KautzImprovement(Frozen):
 
     def summary(self) -> str:
         """One line per pair, then the reason and the note."""
-        lines = []
+        lines: list[str] = []
         for k, (w, z) in enumerate(zip(self.omega / (2 * np.pi), self.damping, strict=True)):
             before = f"{self.omega_before[k] / (2 * np.pi):.5g} Hz, damping {self.damping_before[k]:.3g}"
             lines.append(f"pair {k + 1}: {before}" + (f" -> {w:.5g} Hz, damping {z:.3g}" if self.moved else ""))
@@ -171,8 +171,7 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     >>> found.trials[0].margin > 100, found.margin < 1, np.round(found.omega[1] / (2 * np.pi), 2)
     (True, True, np.float64(17.67))
     """
-    if not isinstance(problem, MixedProblem):
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+    as_kind("problem", problem, MixedProblem, "a MixedProblem")
     target, pairs = as_positive("target", target), pairs_of(problem)
     formulation = formulate(problem, accuracy=_DIGITS)
     with threads_for(formulation.count):
@@ -186,7 +185,7 @@ class _Point:
     """Pairs, their poles (log frequency, log damping), and the margin with them."""
 
     pairs: MovingPairs
-    poles: np.ndarray
+    poles: Real
     formulation: Formulation
     claim: Claim
 
@@ -226,13 +225,13 @@ class _Search:
 
     def _move(self, at: _Point) -> tuple[_Point, str]:
         """Steps of the minimax problem with linearised pairs, in a trust region."""
-        radius, D = _RADIUS, None
+        radius, slopes = _RADIUS, None
         for step in range(1, _MOST_STEPS + 1):
             unit = units(self.problem, at.poles)
-            if D is None:
-                D = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
+            if slopes is None:
+                slopes = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
             try:
-                d, promised = _linearised(at.formulation.data, D, radius)
+                d, promised = _linearised(at.formulation.data, slopes, radius)
                 if promised > (1 - _WORTH) * at.margin:
                     reach = 100 * radius * float(unit[:, 0].max())
                     return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
@@ -250,17 +249,17 @@ class _Search:
                 else:
                     if kept > _GOOD * (at.margin - promised) and length > 0.9 * radius:
                         radius *= 2
-                    at, D = new, None
+                    at, slopes = new, None
             if at.margin <= self.target:
                 return at, f"the margin wanted, {self.target:.4g}, is reached"
             if radius < _SMALLEST:
                 return at, "no further step makes it smaller"
         return at, f"after {_MOST_STEPS} steps"
 
-    def _at(self, pairs: MovingPairs, poles: np.ndarray) -> _Point:
+    def _at(self, pairs: MovingPairs, poles: Real) -> _Point:
         return self._point(dataclasses.replace(self.problem, parametric=pairs.at(poles)), pairs, poles)
 
-    def _point(self, problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> _Point:
+    def _point(self, problem: MixedProblem, pairs: MovingPairs, poles: Real) -> _Point:
         formulation = self.formulation.of(problem)
         return _Point(pairs, poles, formulation, prove_margin(formulation.data, "structured", _DIGITS)[0])
 
@@ -271,7 +270,7 @@ class _Search:
         _log.info("%s: margin %.6g%s", change, point.margin, "" if kept else " (not taken)")
 
 
-def _linearised(data: ConvexData, D: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+def _linearised(data: ConvexData, D: Complex, radius: float) -> tuple[Real, float]:
     """The d in [-radius, radius] that minimises the margin of y - E x - P p - D d, and that margin."""
     rows, more = data.rows, D.shape[1]
     ends = np.vstack([rows.ends, np.tile([-radius, radius], (more, 1))])
@@ -281,7 +280,7 @@ def _linearised(data: ConvexData, D: np.ndarray, radius: float) -> tuple[np.ndar
     return claim.p[-more:], claim.margin
 
 
-def margin_slope(pairs: MovingPairs, formulation: Formulation, claim: Claim, poles: np.ndarray) -> np.ndarray:
+def margin_slope(pairs: MovingPairs, formulation: Formulation, claim: Claim, poles: Real) -> Real:
     """Derivatives of the margin to the logs of frequency and damping, (M, 2), by the envelope theorem."""
     D = moved_samples(pairs, formulation, claim.p, poles)
     return -np.real(claim.certificate.samples.conj() @ D).reshape(-1, 2)
@@ -328,7 +327,7 @@ def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str
     return f"{said}. By a local fit of the frequency points these are:\n{box.summary()}"
 
 
-def _box(problem: MixedProblem, pairs: MovingPairs, poles: np.ndarray) -> KautzSuggestion | None:
+def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggestion | None:
     """Pole-uncertainty box that the frequency points leave, in the order of the pairs."""
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines:

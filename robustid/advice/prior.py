@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice.representatives import missed, selected, thinned
+from robustid.advice.representatives import Mask, missed, selected, thinned
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.core import Budget, Frozen, Progress, as_array, freeze
+from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze
 from robustid.data import TangentialResponse
-from robustid.errors import InputError, InputTypeError, SizeError, SolverError
+from robustid.errors import InputError, SizeError, SolverError
 from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import analytic_center, gain_path
@@ -61,9 +61,9 @@ class PriorSuggestion(Frozen):
     """
 
     prior: Prior | None
-    decay_rates: np.ndarray
-    gains: np.ndarray
-    errors: np.ndarray
+    decay_rates: Real
+    gains: Real
+    errors: Real
     priors: tuple[Prior | None, ...]
     safety: float
     reason: str
@@ -154,8 +154,7 @@ def suggest_prior(
     >>> found.gains, found.prior
     (array([0., 0.]), Prior(gain_bound=0.06, decay_rate=1.3))
     """
-    if not isinstance(problem, MixedProblem):
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+    as_kind("problem", problem, MixedProblem, "a MixedProblem")
     rates = None if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
@@ -194,14 +193,14 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
     return found
 
 
-def _representatives(problem: MixedProblem) -> tuple[np.ndarray, ...] | None:
+def _representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
     """Masks of the frequency points that stand for all; None where there are few enough."""
     few = int(_FEW / np.sqrt(problem.entries.count))
     return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)
 
 
 def _suggested(
-    problem: MixedProblem, part: MixedProblem, rates: np.ndarray, criterion: str, budget: Budget
+    problem: MixedProblem, part: MixedProblem, rates: Real, criterion: str, budget: Budget
 ) -> PriorSuggestion:
     """The curve of the gains of a part of the data, and the prior at its knee."""
     gains = np.full(rates.size, np.inf)
@@ -241,7 +240,7 @@ def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProb
     return problem if whole <= few else part
 
 
-def _priors(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> tuple[Prior | None, ...]:
+def _priors(problem: MixedProblem, rates: Real, gains: Real) -> tuple[Prior | None, ...]:
     """What would be recommended at each decay rate."""
     # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
     floor = response_sizes(problem)[1]
@@ -253,9 +252,7 @@ def _priors(problem: MixedProblem, rates: np.ndarray, gains: np.ndarray) -> tupl
     )
 
 
-def _result(
-    problem: MixedProblem, rates: np.ndarray, gains: np.ndarray, errors: np.ndarray, points: int
-) -> PriorSuggestion:
+def _result(problem: MixedProblem, rates: Real, gains: Real, errors: Real, points: int) -> PriorSuggestion:
     priors = _priors(problem, rates, gains)
     prior, reason = _recommend(problem, rates, gains, errors, priors)
     return PriorSuggestion(
@@ -275,7 +272,7 @@ def slope_bound(prior: Prior) -> float:
     return prior.gain_bound * _slope(prior.decay_rate)
 
 
-def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) -> np.ndarray:
+def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) -> Real:
     """Median guaranteed error at every decay rate, with the gain bound that would be recommended there."""
     errors = np.full(len(priors), np.nan)
     for k, prior in enumerate(priors):
@@ -314,7 +311,8 @@ def smallest_gain(
 
 def response_sizes(problem: MixedProblem) -> tuple[float, float]:
     """Largest response in the data and smallest bound, both as a gain (output per input), divided by the scaling."""
-    values, bounds = [], []
+    values: list[float] = []
+    bounds: list[float] = []
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
     for f in problem.frequency:
         values.append(float(entry_sizes(problem, f).max()))
@@ -328,25 +326,25 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
     return max(*values, *bounds), min(bounds)
 
 
-def entry_sizes(problem: MixedProblem, f: Any) -> np.ndarray:
+def entry_sizes(problem: MixedProblem, f: Any) -> Real:
     """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
     return (np.abs(f.values) / _largest_weights(f, scales))[f.bound.used]
 
 
-def _largest_weights(f: Any, scales: np.ndarray) -> np.ndarray:
+def _largest_weights(f: Any, scales: Real) -> Real:
     """Factor of the scaling for every sample; of one in directions, of the largest gain in them."""
     if isinstance(f, TangentialResponse):
         return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
     return scales
 
 
-def possible_rates(problem: MixedProblem) -> np.ndarray:
+def possible_rates(problem: MixedProblem) -> Real:
     """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
     return _possible(problem, _default_rates(problem))
 
 
-def _possible(problem: MixedProblem, rates: np.ndarray) -> np.ndarray:
+def _possible(problem: MixedProblem, rates: Real) -> Real:
     refusal: SizeError | None = None
     largest = response_sizes(problem)[0] * _CEILINGS[0]
     entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
@@ -363,8 +361,9 @@ def _possible(problem: MixedProblem, rates: np.ndarray) -> np.ndarray:
     raise refusal or InputError("`problem` has no decay rate to try")
 
 
-def _default_rates(problem: MixedProblem) -> np.ndarray:
-    finest, widest = [], []
+def _default_rates(problem: MixedProblem) -> Real:
+    finest: list[float] = []
+    widest: list[float] = []
     if problem.angles.size:
         finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, _FEW))
         widest.append(float(problem.angles[-1]) / 2)
@@ -372,7 +371,8 @@ def _default_rates(problem: MixedProblem) -> np.ndarray:
         finest.append(1 / problem.taylor)
         widest.append(0.3)
     high = min(max(widest), 0.3)
-    return 1 + np.geomspace(np.clip(min(finest), high / 300, high / 8), high, _RATES)
+    low = float(np.clip(min(finest), high / 300, high / 8))
+    return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
 
 
 def _slope(rho: Any) -> Any:
@@ -381,9 +381,9 @@ def _slope(rho: Any) -> Any:
 
 def _recommend(
     problem: MixedProblem,
-    rates: np.ndarray,
-    gains: np.ndarray,
-    errors: np.ndarray,
+    rates: Real,
+    gains: Real,
+    errors: Real,
     priors: tuple[Prior | None, ...],
 ) -> tuple[Prior | None, str]:
     largest, floor = response_sizes(problem)

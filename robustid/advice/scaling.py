@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem
@@ -13,7 +14,7 @@ from robustid.identification import MixedProblem
 KINDS = ("signals", "outputs", "inputs", "entries")
 
 
-def suggest_scaling(data: Any, *, by: str = "signals") -> np.ndarray:
+def suggest_scaling(data: Any, *, by: str = "signals") -> Real:
     r"""The scaling of a `Prior` for MIMO plants, from the sizes of the data.
 
     .. math:: S_{ij} = s_i / t_j, \quad \min_{s, t} \sum_{ij} (\log m_{ij} - \log s_i + \log t_j)^2
@@ -69,7 +70,7 @@ def suggest_scaling(data: Any, *, by: str = "signals") -> np.ndarray:
 def _experiments(data: Any) -> list[Any]:
     if isinstance(data, MixedProblem):
         return [*data.frequency, *data.time]
-    items = list(data) if isinstance(data, list | tuple) else [data]
+    items: list[Any] = [*data] if isinstance(data, list | tuple) else [data]
     for item in items:
         if not isinstance(item, FrequencyResponse | TimeRecord | TangentialResponse):
             raise InputTypeError(
@@ -80,7 +81,7 @@ def _experiments(data: Any) -> list[Any]:
     return items
 
 
-def _sizes(items: list[Any]) -> np.ndarray:
+def _sizes(items: list[Any]) -> Real:
     """Size of every entry, (ny, nu), positive."""
     responses = [item for item in items if isinstance(item, FrequencyResponse)]
     records = [item for item in items if isinstance(item, TimeRecord)]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen
-from robustid.errors import InputError, InputTypeError, SolverError
+from robustid.core import Frozen, Real, as_kind
+from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
 
@@ -57,10 +57,10 @@ class Sensitivity(Frozen):
         As stated first.
     """
 
-    omega: np.ndarray
+    omega: Real
     variations: tuple[Variation, ...]
 
-    def curve(self, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    def curve(self, kind: str) -> tuple[Real, Real]:
         """Abscissa, ascending, and median half-width: of what was stated and the variations of one kind.
 
         `kind`: "gain" (abscissa K), "decay" (rho) or "lines" (their number).
@@ -110,17 +110,16 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
     >>> [row.what for row in table.variations][:3]
     ['as stated', 'gain bound x 0.5', 'gain bound x 2']
     """
-    if not isinstance(problem, MixedProblem):
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+    as_kind("problem", problem, MixedProblem, "a MixedProblem")
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
-    rows = []
+    rows: list[Variation] = []
     for what, kind, changed in _variations(problem):
         prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
         rows.append(Variation(what, kind, prior.gain_bound, prior.decay_rate, lines, *guaranteed(changed, grid)))
     return Sensitivity(grid, tuple(rows))
 
 
-def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, float]:
+def guaranteed(problem: MixedProblem, omega: Real) -> tuple[float, float, float]:
     """Margin, and median and largest half-width of the sets of values relative to the response; NaN where nothing fits.
 
     MIMO: the norms of the matrices of both.
@@ -141,7 +140,7 @@ def guaranteed(problem: MixedProblem, omega: np.ndarray) -> tuple[float, float, 
     return result.margin, float(np.median(relative)), float(relative.max())
 
 
-def half_width(support: np.ndarray) -> float:
+def half_width(support: Real) -> float:
     """Half the largest width of a set from its support function in an even number of directions."""
     half = support.size // 2
     return float((support[:half] + support[half:]).max() / 2)
@@ -165,7 +164,7 @@ def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]
             )
 
 
-def default_points(problem: MixedProblem) -> np.ndarray:
+def default_points(problem: MixedProblem) -> Real:
     """Frequencies over the range of the frequency points, in rad/s."""
     top = np.pi / problem.dt
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
