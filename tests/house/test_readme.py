@@ -1,4 +1,4 @@
-"""The README as its readers follow it: the snippet and the command lines, on the files that the demo writes."""
+"""The README as its readers follow it: the snippet and the command lines, on files like those that the demo writes."""
 
 import re
 import shlex
@@ -13,11 +13,15 @@ from robustid.app.cli import main as cli
 README = Path(__file__).parents[2] / "README.md"
 
 
-@pytest.fixture
-def demo_files(tmp_path, monkeypatch):
+AS_THE_DEMO = {"extra_hz": np.linspace(17.2, 18.1, 10)}
+FEWER = {"lines": 6, "samples": 6, "extra_hz": [17.4, 17.6, 17.7, 17.9]}  # coefficients: 29 for 62
+
+
+@pytest.fixture(params=[FEWER, pytest.param(AS_THE_DEMO, marks=pytest.mark.slow)], ids=["fewer samples", "the demo's"])
+def demo_files(tmp_path, monkeypatch, request):
     folder = tmp_path / "robustid-demo"
     folder.mkdir()
-    data = rid.flexible_structure(seed=0, extra_hz=np.linspace(17.2, 18.1, 10))  # as the demo
+    data = rid.flexible_structure(seed=0, **request.param)
     rid.save(folder / "frequency.csv", data.frequency)
     rid.save(folder / "step.csv", data.time)
     monkeypatch.chdir(tmp_path)
