@@ -48,8 +48,12 @@ from .errors import RobustIdError as RobustIdError
 from .errors import Status as Status
 
 # What holds for every consistent system
+from .guarantees import Family as Family
+from .guarantees import Member as Member
 from .guarantees import WorstCaseError as WorstCaseError
+from .guarantees import coverage as coverage
 from .guarantees import diameter as diameter
+from .guarantees import family as family
 from .guarantees import refute as refute
 from .guarantees import response_tube as response_tube
 from .guarantees import robust_stability_margin as robust_stability_margin

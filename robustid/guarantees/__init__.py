@@ -4,27 +4,38 @@ from robustid.guarantees import storage as storage  # registers the results that
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.diameter import Diameter, diameter
+from robustid.guarantees.families import Driver, Family
+from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, check_siso, default_grid
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.refute import Refutation, refute
+from robustid.guarantees.scores import Ranked, chance_of_order, ranked
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
+from robustid.guarantees.unite import family
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
+from robustid.guarantees.withheld import Band, Coverage, band_of_others, coverage
 from robustid.guarantees.worst_case import LEAST, MOST, WorstCaseError, worst_case_error
 
 __all__ = [
     "AMPLITUDE",
     "LEAST",
     "MOST",
+    "Band",
     "CircleBound",
     "ControlPair",
+    "Coverage",
     "Diameter",
+    "Driver",
+    "Family",
     "MarginStatus",
+    "Member",
     "ParameterIntervals",
     "PoleCell",
+    "Ranked",
     "Refutation",
     "ResponseTube",
     "RobustStabilityMargin",
@@ -33,13 +44,18 @@ __all__ = [
     "WorstCaseError",
     "WorstCaseOverPoles",
     "as_frequencies",
+    "band_of_others",
     "box_of",
+    "chance_of_order",
     "check_siso",
+    "coverage",
     "default_grid",
     "diameter",
     "entry_weights",
+    "family",
     "magnitude_weight",
     "norm_of_bounds",
+    "ranked",
     "refute",
     "response_tube",
     "robust_stability_margin",

@@ -17,7 +17,8 @@ from robustid.core import Complex, Real, as_array, freeze, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model
 
-KINDS = ("additive", "multiplicative", "inverse")
+INPUT = "input_multiplicative"
+KINDS = ("additive", "multiplicative", INPUT, "inverse")
 _EPS = np.finfo(float).eps
 _BLOCK = 2_000_000  # entries of all resolvents at once
 _FAR = 1e100  # where the series diverges: larger than any gain, and finite, so that an entry that is zero stays so

@@ -147,6 +147,12 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
             for name in ("omega", "damping")
         )  # type: ignore[return-value]
 
+    def with_model(self, model: Any) -> WorstCaseOverPoles:
+        """Return the same guarantees around another nominal; nothing is solved anew."""
+        model, angles = as_nominal(model, self.identification), self.omega * self.identification.problem.dt
+        upper, magnitude = union_of(self.kept, response(model, angles), angles)
+        return dataclasses.replace(self, model=model, upper=upper.reshape(-1, 1, 1), magnitude=magnitude)
+
     def __repr__(self) -> str:
         return (
             f"<WorstCaseOverPoles: {self.omega.size} frequencies, {len(self.cells)} cells of poles left,"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real
 from robustid.errors import InputError
-from robustid.guarantees.cells import KINDS, Cells, Pieces, check_plant, enclose
+from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
 from robustid.identification import check_model
 from robustid.reduction import doubtful_distance
 
@@ -65,10 +65,11 @@ def robust_stability_margin(
     With negative feedback ``u = -K y``, sensitivity ``S = (I + F_id K)^{-1}`` and ``T = I - S``, every loop is stable if the
     nominal one is and, for all frequencies,
 
-    .. math:: b\,\bar\sigma(K S) < 1, \qquad b\,\bar\sigma(T) < 1, \qquad b\,\bar\sigma(S) < 1
+    .. math:: b\,\bar\sigma(K S) < 1, \quad b\,\bar\sigma(T) < 1, \quad b\,\bar\sigma(T_u) < 1, \quad b\,\bar\sigma(S) < 1
 
-    for an additive, multiplicative and inverse multiplicative bound b. The margin is the smallest reciprocal of the left
-    side. For a bound per entry (additive) it is that of the spectral radius of :math:`[b_{ij}]\,[|KS|_{ij}]`, which does not
+    for an additive, multiplicative (at the outputs, at the inputs: ``T_u = K S F_id``) and inverse multiplicative bound b.
+    The margin is the smallest reciprocal of the left side. For a bound per entry (additive) it is that of the spectral
+    radius of :math:`[b_{ij}]\,[|KS|_{ij}]`, which does not
     depend on the units of the signals.
 
     Parameters
@@ -81,7 +82,7 @@ def robust_stability_margin(
         Edges of the cells in rad/s, from 0 to pi/dt.
     bound : (C,) or (C, ny, nu) array
         Bound of ``|F - F_id|`` on each cell, or of the relative error (see `uncertainty_weight`).
-    kind : {"additive", "multiplicative", "inverse"}
+    kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
 
     Returns
     -------
@@ -124,7 +125,10 @@ def robust_stability_margin(
         )
     if kind != "additive" and cells.bound.ndim > 1 and cells.bound[0].size > 1:
         raise InputError(f"`bound` of kind {kind!r} must have shape (C,): one bound of the largest singular value")
-    loop = _loop(plant, _check_controller(controller, plant), kind)
+    controller = _check_controller(controller, plant)
+    # K F_id (I + K F_id)^-1 is what the loop with both exchanged has at its outputs.
+    loop = _loop(controller, plant, "multiplicative") if kind == INPUT else _loop(plant, controller, kind)
+    loop.dt = plant.dt  # a static controller may have none
     poles, doubt = doubtful_distance(loop.A)
     if np.any(1 - np.abs(poles) <= doubt):
         worst = poles[np.argmax(np.abs(poles))]

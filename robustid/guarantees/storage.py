@@ -1,4 +1,4 @@
-"""Worst-case errors, at fixed poles and over a pole-uncertainty box, as numbers and text with all that their proofs need."""
+"""Worst-case errors, at fixed poles, over a pole-uncertainty box and of families, as numbers and text with all their proofs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 
 from robustid.core import Arrays, Record, as_count, describe, keep, part, rebuild, under
 from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.families import Family
+from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
@@ -20,6 +22,7 @@ from robustid.identification import Identification, MarginCertificate
 
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
 _BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
+_MEMBER = "member/{}/"
 
 
 def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
@@ -127,7 +130,7 @@ def _pack_nominal(result: WorstCaseError | WorstCaseOverPoles) -> Arrays:
     """The model where it isn't that of the identification."""
     if result.model is result.identification.model:
         return {}
-    return under(_MODEL, {name: np.asarray(getattr(result.model, name)) for name in "ABCD"})
+    return _matrices(result.model)
 
 
 def _nominal(matrices: Arrays, identification: Identification) -> Any:
@@ -150,6 +153,44 @@ def _parameters(arrays: Arrays, identification: Identification) -> ParameterInte
     return found
 
 
+def _pack_family(family: Family) -> tuple[Record, Arrays]:
+    arrays = _matrices(family.model)
+    members: list[Record] = []
+    for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
+        described, numbers = describe(error)  # around the nominal: with the circle, where it has been bounded
+        arrays |= under(_MEMBER.format(k), numbers)
+        members.append({"name": member.name, "condition": member.condition, "result": described})
+    record = {
+        "members": members,
+        "tried": [list(pair) for pair in family.tried],
+        "schedule": family.schedule,
+        "interval": None if family.interval is None else list(family.interval),
+        "summary": family.summary().splitlines(),
+    }
+    return record, arrays
+
+
+def _unpack_family(record: Record, arrays: Arrays) -> Family:
+    found: list[Member] = []
+    for k, item in enumerate(record["members"]):
+        error = rebuild(item["result"], part(arrays, _MEMBER.format(k)))
+        if not isinstance(error, WorstCaseError | WorstCaseOverPoles):
+            raise ValueError("a member of it is not bounded")
+        found.append(Member(error, item["name"], **item["condition"]))
+    if any(not np.array_equal(m.result.omega, found[0].result.omega) for m in found):
+        raise ValueError("its members are not bounded at the same frequencies")
+    interval = None if record["interval"] is None else tuple(map(float, record["interval"]))
+    model = _nominal(part(arrays, _MODEL), found[0].identification)
+    tried = tuple((int(order), float(size)) for order, size in record["tried"])
+    family = Family(members=as_members(found), model=model, tried=tried, schedule=record["schedule"], interval=interval)
+    family.__dict__["errors"] = tuple(m.result for m in found)
+    return family
+
+
+def _matrices(model: Any) -> Arrays:
+    return under(_MODEL, {name: np.asarray(getattr(model, name)) for name in "ABCD"})
+
+
 keep(WorstCaseError, "worst-case error", pack=_pack_error, unpack=_unpack_error)
 keep(
     WorstCaseOverPoles,
@@ -158,3 +199,4 @@ keep(
     pack=_pack_band,
     unpack=_unpack_band,
 )
+keep(Family, "family", words="family of plants", pack=_pack_family, unpack=_unpack_family)

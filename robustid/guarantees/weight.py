@@ -12,7 +12,8 @@ from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze
 from robustid.errors import InputError
 from robustid.guarantees.bilinear import ControlPair, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
-from robustid.guarantees.cells import KINDS, Cells, Pieces, check_plant, enclose
+from robustid.guarantees.cells import KINDS, Cells, check_plant
+from robustid.guarantees.covers import check_square, smallest_gain, unbounded
 from robustid.guarantees.magnitude import Magnitude, improve, raised, to_plane
 from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 _LARGEST_ORDER = 12
 _USEFUL = 1.1  # where no order is tight enough, one that leaves this factor to be gained is as good
 _SPARE = 1e-10  # the gain exceeds what the proof needs by more than the proof's own rounding allowance
-_RESOLVED = 0.02  # largest relative radius of |F_id| on a piece of arc
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class UncertaintyWeight(Frozen):
     tried : tuple
         Pairs (order, ratio), from order 0.
     kind : str
-        "additive", "multiplicative" or "inverse".
+        "additive", "multiplicative" (at the outputs), "input_multiplicative" or "inverse".
     nominal : control.StateSpace or None
         The model that the uncertainty is about.
     """
@@ -126,10 +126,10 @@ def uncertainty_weight(
     r"""Turn a bound of the error of a model into a weight for robust control, of the smallest order that follows it.
 
     .. math::
-        F = F_{id} + W\Delta, \qquad F = (I + W\Delta) F_{id}, \qquad F = (I + W\Delta)^{-1} F_{id}, \qquad
-        \bar\sigma(\Delta) \le 1
+        F = F_{id} + W\Delta, \quad F = (I + W\Delta) F_{id}, \quad F = F_{id} (I + W\Delta), \quad
+        F = (I + W\Delta)^{-1} F_{id}, \qquad \bar\sigma(\Delta) \le 1
 
-    for every F with ``|F - F_id| <= bound``, W one scalar model for all entries.
+    for every F with ``|F - F_id| <= bound``, W one scalar model for all entries; the kinds in this order.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ def uncertainty_weight(
     bound : (C,) or (C, ny, nu) array
         On each cell, of the largest singular value of ``F - F_id``, or of each entry: then the norm of the matrix of bounds
         is taken, which depends on the units of the signals (`entry_weights` doesn't).
-    kind : {"additive", "multiplicative", "inverse"}
-        The relative kinds take ``bound/sigma_min(F_id)`` and ``bound/(sigma_min(F_id) - bound)``, at the outputs; as many
-        inputs as outputs.
+    kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
+        The relative kinds take ``bound/sigma_min(F_id)``, at the outputs or the inputs, and
+        ``bound/(sigma_min(F_id) - bound)``, at the outputs; as many inputs as outputs.
     order : int, optional
         Of the weight, at most. Default: the smallest whose |W| stays within `tightness` of the bound; see `magnitude_weight`.
     tightness : float
@@ -230,39 +230,13 @@ def _relative(plant: Any, cells: Cells, kind: str) -> Real:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
     if kind == "additive":
         return cells.bound
-    if plant.noutputs != plant.ninputs:
-        raise InputError(
-            f"`nominal` must have as many inputs as outputs for kind {kind!r}; got {plant.ninputs} and {plant.noutputs}."
-            ' Use kind="additive"'
-        )
-    least, frequency = _smallest_gain(plant, cells)
+    check_square(plant, kind)
+    least, frequency = smallest_gain(plant, cells)
     room = least - (cells.bound if kind == "inverse" else 0.0)
     if np.any(room <= 0):
         worst = int(np.argmin(room))
-        raise InputError(
-            f"`bound` is not relative to anything at {frequency[worst]:.6g} rad/s: |nominal| may be as small as"
-            f" {max(least[worst], 0.0):.3g} there, the bound is {cells.bound[worst]:.3g}, so that the error of kind {kind!r} is"
-            ' unbounded. Use kind="additive"'
-        )
+        raise unbounded(frequency[worst], least[worst], cells.bound[worst], kind)
     return cells.bound / room * (1 + 1e-12)
-
-
-def _smallest_gain(plant: Any, cells: Cells) -> tuple[Real, Real]:
-    """Lower bound of the smallest singular value of F_id on every cell, and the frequency of the piece that decides."""
-
-    def least(pieces: Pieces) -> tuple[Real, Real]:
-        sizes = np.asarray(np.linalg.svd(pieces.values, compute_uv=False), dtype=float)
-        return sizes[:, -1], np.linalg.norm(pieces.radius, axis=(1, 2))
-
-    def coarse(pieces: Pieces) -> NDArray[np.bool_]:
-        size, radius = least(pieces)
-        return radius > _RESOLVED * size
-
-    pieces = enclose(plant, cells.angles, coarse)
-    size, radius = least(pieces)
-    order = np.lexsort((size - radius, pieces.cell))
-    decisive = order[np.searchsorted(pieces.cell[order], np.arange(cells.bound.size))]
-    return (size - radius)[decisive] * (1 - 1e-12), pieces.middle[decisive] / plant.dt
 
 
 def magnitude_weight(

@@ -1,0 +1,139 @@
+"""The nominal of several plants: the centres of the smallest discs that hold them all, and a small model of these."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real, freeze, responses
+from robustid.data import FrequencyResponse
+from robustid.errors import RobustIdError
+from robustid.guarantees.discs import smallest_disc
+from robustid.guarantees.member import Bounded, corners
+from robustid.guarantees.nominal import as_nominal
+from robustid.identification import Identification
+from robustid.mfd import fit_mfd
+
+_log = logging.getLogger("robustid")
+
+ENOUGH = 1.2  # the band of a nominal may exceed the radius of the smallest disc by so much
+_ORDERS = 30  # tried at most
+_HELD = np.array([0.25, 0.5, 0.75])  # parts of the way from one frequency to the next where the fit is held too,
+_LIGHTER = 0.3  # with a weight so much smaller; and where it is looked at:
+_SEEN = np.arange(1, 16) / 16
+_FAR = 1.0  # radii: a model farther from what takes the place of the centres has a peak of its own
+
+
+class Centres(NamedTuple):
+    """Smallest discs that hold the values of all members, entry by entry: centre and radius, (F, ny, nu) each."""
+
+    centre: Complex
+    radius: Real
+
+
+def centres_of(bounded: Sequence[Bounded]) -> Centres:
+    """Smallest discs around the polygons of all members."""
+    shape = bounded[0].upper.shape
+    centre, radius = np.zeros(shape, complex), np.zeros(shape)
+    for entry in np.ndindex(shape[1:]):
+        hulls = [corners(one, entry) for one in bounded]
+        for k, parts in enumerate(zip(*hulls, strict=True)):
+            centre[k, *entry], radius[k, *entry] = smallest_disc(np.concatenate(parts))
+    return Centres(freeze(centre), freeze(radius))
+
+
+def fitted_nominal(
+    identifications: Sequence[Identification],
+    omega: Real,
+    centres: Centres,
+    order: int | None,
+    band: Callable[[Any], Real],
+) -> tuple[Any, tuple[tuple[int, float], ...]]:
+    """Small stable model near the centres, in units of the radii, and the ratio of its band to the radii at every order tried.
+
+    The smallest order at which the band of the members around it, which `band` gives, exceeds the radius nowhere by more than
+    `ENOUGH`; where none does, that with the smallest largest ratio. Between the frequencies, where nothing was solved, the mean of
+    the members' models takes the place of the centres (shifted by what the centres are off it at both sides), and a model
+    farther from it than the radius is none: fits of few points may have peaks between them. Where the plants have an
+    integrator, whose pole a fit would miss, and where no fit is usable, one of the models of the members is taken.
+    """
+    problem = identifications[0].problem
+    radius = np.maximum(centres.radius, 1e-9 * centres.radius.max(axis=0))
+    centres = centres._replace(radius=radius)
+    seen = _Between.of(identifications, omega, centres, _SEEN)
+
+    def ratio(model: Any) -> float:
+        return float((band(model) / radius).max())
+
+    found: list[tuple[float, int, Any]] = []
+    if problem.parametric is None or not problem.parametric.has_integrator:
+        held = _Between.of(identifications, omega, centres, _HELD)
+        data, weight = _targets(omega, centres, held, problem.dt)
+        most = min(2 * omega.size, max(i.model.nstates for i in identifications), 2 * _ORDERS)
+        orders = [order] if order is not None else _orders(most, min(problem.entries.outputs, problem.entries.inputs))
+        for count in orders:
+            model = _fitted(data, weight, count, identifications[0])
+            if model is None or seen.away(model) > _FAR:
+                continue
+            found.append((ratio(model), count, model))
+            _log.info("nominal of order %d: its band is at most %.3g times the smallest disc", count, found[-1][0])
+            if found[-1][0] <= ENOUGH:
+                break
+    if not found:
+        found = [(ratio(i.model), i.model.nstates, i.model) for i in identifications]
+    best = min(found, key=lambda one: one[0])
+    return best[2], tuple((count, size) for size, count, _ in found)
+
+
+class _Between(NamedTuple):
+    """What takes the place of discs between the frequencies: their angles (N,), centres and radii (N, ny, nu)."""
+
+    angles: Real
+    centre: Complex
+    radius: Real
+
+    @classmethod
+    def of(cls, identifications: Sequence[Identification], omega: Real, centres: Centres, parts: Real) -> _Between:
+        dt = identifications[0].problem.dt
+        angles = (omega[:-1, None] + np.diff(omega)[:, None] * parts).ravel() * dt
+        models = [i.model for i in identifications]
+        mean, at = (np.mean([responses(m, where) for m in models], axis=0) for where in (angles, omega * dt))
+        off, radius = centres.centre - at, centres.radius
+        later = np.tile(parts, omega.size - 1)[:, None, None]
+        before, after = (np.repeat(part, parts.size, axis=0) for part in (off[:-1], off[1:]))
+        shifted: Complex = mean + before + later * (after - before)
+        return cls(angles, shifted, np.repeat(np.maximum(radius[:-1], radius[1:]), parts.size, axis=0))
+
+    def away(self, model: Any) -> float:
+        """Largest distance of a model from the centres, in units of the radii."""
+        if not self.angles.size:
+            return 0.0
+        return float((np.abs(responses(model, self.angles) - self.centre) / self.radius).max())
+
+
+def _targets(omega: Real, centres: Centres, between: _Between, dt: float) -> tuple[FrequencyResponse, NDArray[Any]]:
+    """What the nominal is fitted to, and the weight of every value."""
+    points = np.concatenate([omega, between.angles / dt])
+    values = np.concatenate([centres.centre, between.centre])
+    weight = np.concatenate([1 / centres.radius, _LIGHTER / between.radius])
+    order = np.argsort(points, kind="stable")
+    return FrequencyResponse(points[order], values[order], dt=dt), weight[order]
+
+
+def _orders(most: int, step: int) -> list[int]:
+    """Orders from small to large, in steps that a fit of so many inputs or outputs can use; at most a few dozen."""
+    counts = np.arange(step, max(most, step) + 1, step)
+    return counts[:: max(1, counts.size // _ORDERS)].tolist()
+
+
+def _fitted(data: FrequencyResponse, weight: NDArray[Any], order: int, identification: Identification) -> Any:
+    """A stable model of an order; None where the fit fails or isn't usable."""
+    try:
+        return as_nominal(fit_mfd(data, order=order, weight=weight, domain="z", feedthrough=True).model, identification)
+    except (RobustIdError, np.linalg.LinAlgError) as error:
+        _log.info("no nominal of order %d: %s", order, error)
+        return None

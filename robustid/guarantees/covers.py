@@ -1,0 +1,118 @@
+r"""Structured covers: the bound of an additive, a multiplicative or an inverse uncertainty from that of an error, on every cell.
+
+With :math:`F = F_0 + E`, :math:`|E_{ij}| \le b_{ij}`, the uncertainty at the outputs is :math:`E F_0^{-1}`, at the inputs
+:math:`F_0^{-1} E`; their norms are at most :math:`\|[b]\,|F_0^{-1}|\|` and :math:`\||F_0^{-1}|\,[b]\|`, and at most
+:math:`\bar\sigma(E)/\underline\sigma(F_0)`. With m such a bound at the outputs, that of the inverse is :math:`m/(1 - m)`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Real
+from robustid.errors import InputError
+from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
+
+_RESOLVED = 0.02  # largest relative radius of F_0 on a piece of arc
+_ROUNDING = 1 + 1e-9
+
+
+def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str) -> Real:
+    """Bound of the uncertainty of a kind on every cell, (C,).
+
+    Parameters
+    ----------
+    nominal : control.StateSpace
+        F_0, discrete.
+    edges : (C + 1,) array, rad/s
+    bound : (C,) array
+        Of the largest singular value of F - F_0.
+    entries : (C, ny, nu) array
+        Of its entries.
+    kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
+
+    Raises
+    ------
+    InputError
+        Another kind; for the relative ones a plant that isn't square, or an uncertainty that nothing bounds: the sentence names
+        the frequency.
+    """
+    if kind not in KINDS:
+        raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
+    if kind == "additive":
+        return bound
+    plant = check_plant(nominal)
+    check_square(plant, kind)
+    cells = Cells.read(edges, bound, float(plant.dt))
+    least, frequency = smallest_gain(plant, cells)
+    if np.any(least <= 0):
+        worst = int(np.argmin(least))
+        raise unbounded(frequency[worst], least[worst], bound[worst], kind)
+    size = np.minimum(bound / least, _entrywise(plant, cells, entries, kind))
+    room = 1 - size if kind == "inverse" else np.ones(size.size)
+    if np.any(room <= 0):
+        worst = int(np.argmin(room))
+        raise unbounded(frequency[worst], bound[worst] / size[worst], bound[worst], kind)
+    return size / room * _ROUNDING
+
+
+def check_square(plant: Any, kind: str) -> None:
+    """Refuse relative kinds where the plant has no inverse."""
+    if plant.noutputs != plant.ninputs:
+        raise InputError(
+            f"`nominal` must have as many inputs as outputs for kind {kind!r}; got {plant.ninputs} and {plant.noutputs}."
+            ' Use kind="additive"'
+        )
+
+
+def unbounded(omega: float, least: float, bound: float, kind: str) -> InputError:
+    """The sentence about a bound that is not relative to anything."""
+    return InputError(
+        f"`bound` is not relative to anything at {omega:.6g} rad/s: |nominal| may be as small as"
+        f" {max(least, 0.0):.3g} there, the bound is {bound:.3g}, so that the error of kind {kind!r} is"
+        ' unbounded. Use kind="additive"'
+    )
+
+
+def smallest_gain(plant: Any, cells: Cells) -> tuple[Real, Real]:
+    """Lower bound of the smallest singular value of F_0 on every cell, and the frequency of the piece that decides."""
+
+    def least(pieces: Pieces) -> tuple[Real, Real]:
+        sizes = np.asarray(np.linalg.svd(pieces.values, compute_uv=False), dtype=float)
+        return sizes[:, -1], np.linalg.norm(pieces.radius, axis=(1, 2))
+
+    def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+        size, radius = least(pieces)
+        return radius > _RESOLVED * size
+
+    pieces = enclose(plant, cells.angles, coarse)
+    size, radius = least(pieces)
+    order = np.lexsort((size - radius, pieces.cell))
+    decisive = order[np.searchsorted(pieces.cell[order], np.arange(cells.bound.size))]
+    return (size - radius)[decisive] * (1 - 1e-12), pieces.middle[decisive] / plant.dt
+
+
+def _entrywise(plant: Any, cells: Cells, entries: Real, kind: str) -> Real:
+    """Bound of the norm of E F_0^-1, or of F_0^-1 E, from the entries of E, (C,); F_0 is nowhere singular."""
+
+    def inverse(pieces: Pieces) -> tuple[Real, Real]:
+        """|V^-1| of the middle V, and the largest row sum of |V^-1| times the radius: F_0 = V (I + V^-1 (F_0 - V))."""
+        sizes = np.abs(np.asarray(np.linalg.inv(pieces.values), dtype=complex))
+        return sizes, (sizes @ pieces.radius).sum(axis=2).max(axis=1)
+
+    pieces = enclose(plant, cells.angles, lambda pieces: inverse(pieces)[1] > _RESOLVED)
+    sizes, change = inverse(pieces)
+    found = np.full(change.size, np.inf)
+    sure = change < 0.5
+    # |F_0^-1| <= (I - |V^-1| R)^-1 |V^-1|
+    identity = np.eye(plant.noutputs)
+    around = np.linalg.solve(identity - sizes[sure] @ pieces.radius[sure], sizes[sure])
+    here = entries[pieces.cell[sure]]
+    product = around @ here if kind == INPUT else here @ around
+    found[sure] = np.linalg.norm(product, 2, axis=(1, 2))
+    largest = np.zeros(cells.bound.size)
+    np.maximum.at(largest, pieces.cell, found)
+    return largest

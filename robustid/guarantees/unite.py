@@ -1,0 +1,197 @@
+"""family(): from members with their proofs to one nominal and one band."""
+
+from __future__ import annotations
+
+import functools
+import pathlib
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.core import Real, as_array, as_count
+from robustid.errors import InputError
+from robustid.guarantees.common_nominal import centres_of, fitted_nominal
+from robustid.guarantees.families import Family
+from robustid.guarantees.member import CONDITIONS, Bounded, Member, as_members
+from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
+from robustid.guarantees.over_poles import worst_case_over_poles
+from robustid.guarantees.sweep import Folder, Progress, Spread
+from robustid.guarantees.worst_case import worst_case_error
+from robustid.identification import Identification
+
+
+class _Settings(NamedTuple):
+    """How the values of every member are bounded."""
+
+    directions: int
+    rtol: float
+    executor: Spread
+    progress: Progress | None
+    resume: Folder | None
+
+    def of(self, number: int, count: int) -> dict[str, Any]:
+        """Those of one member of so many: a folder of its own, and a count over all of them."""
+        folder = None if self.resume is None else pathlib.Path(self.resume) / f"member-{number + 1}"
+        told = None if self.progress is None else functools.partial(_counted, self.progress, number, count)
+        common = {"directions": self.directions, "rtol": self.rtol, "executor": self.executor}
+        return common | {"progress": told, "resume": folder}
+
+
+def _counted(progress: Progress, number: int, count: int, done: int, each: int) -> None:
+    """Tell how much is done of all members."""
+    progress(number * each + done, count * each)
+
+
+def family(
+    members: Any,
+    *,
+    model: Any = None,
+    order: int | None = None,
+    omega: Any = None,
+    schedule: str | None = None,
+    interval: Any = None,
+    directions: int = 16,
+    rtol: float = 0.05,
+    executor: Spread = None,
+    progress: Progress | None = None,
+    resume: Folder | None = None,
+) -> Family:
+    r"""Plants that differ by amplitude, position, load or date as one family: a nominal model, and a band that holds them all.
+
+    Every member has its own data and its own proof, all in one class; the values of its consistent systems at every frequency are
+    in polygons (`worst_case_error`). The band of the family is the largest distance of any polygon from a common nominal,
+    which is fitted to the centres of the smallest discs around the polygons of all members: no nominal has a band smaller
+    than their radii. Support functions do not depend on the nominal, so that nothing is solved again for it.
+
+    Parameters
+    ----------
+    members : sequence of Member or Identification, or mapping of names to them
+        Two at least, of the same signals, sample time and class (prior and number of parametric functions); poles may differ.
+        Results of `worst_case_error` and `worst_case_over_poles` at the same frequencies are taken as they are.
+    model : control.StateSpace, optional
+        The nominal. Default: the smallest stable model, fitted to the centres with weight 1/radius, whose band exceeds no radius
+        by more than 20 %; the best one of those tried where none does.
+    order : int, optional
+        Of the fitted nominal.
+    omega : (F,) array, rad/s, optional
+        Default: the frequencies that `worst_case_error` would take, of all members.
+    schedule : {"amplitude", "position", "load"}, optional
+        The condition by which members are told apart. Default: the only one that has a number for every member, and differs.
+    interval : (float, float), optional
+        Range of it that you ask about; default from the smallest to the largest of the members.
+    directions, rtol, executor, progress, resume : optional
+        As in `worst_case_error`; progress counts the frequencies of all members.
+
+    Returns
+    -------
+    Family
+
+    Raises
+    ------
+    InputError, InputTypeError
+        One member, members with unlike signals, sample times or classes, identical data, an unknown condition.
+    InconsistentDataError
+        The data of a member refute the class; all such members are named.
+
+    Notes
+    -----
+    Of the members alone: nothing is proved between them (`not_known`).
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> omega, prior = np.array([0.5, 1.5, 2.5]), rid.Prior(gain_bound=2.0, decay_rate=1.5)
+    >>> def plant(gain):
+    ...     frf = rid.FrequencyResponse(omega, gain * (1 + 0.3 * np.exp(-1j * omega)), bound=0.05, dt=1.0)
+    ...     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
+    >>> two = rid.family([rid.Member(plant(g), amplitude=g) for g in (0.8, 1.0)], omega=omega, directions=8)
+    >>> two.names, two.upper.shape, two.certified
+    (('amplitude 0.8', 'amplitude 1'), (3, 1, 1), True)
+    >>> bool(np.all(two.upper >= two.centres.radius * (1 - 1e-9)))
+    True
+    """
+    found = as_members(members)
+    schedule, span = _scheduled(found, schedule, interval)
+    order = None if order is None else as_count("order", order, least=1)
+    if model is not None and order is not None:
+        raise InputError("`order` is that of the nominal that is fitted, and `model` states one; leave one of them out")
+    settings = _Settings(directions, rtol, executor, progress, resume)
+    bounded = _bounded(found, _frequencies(found, omega), settings)
+    results = [result for _, result in bounded]
+    first, tried = results[0].identification, ()
+    if model is not None:
+        model = as_nominal(model, first)
+    else:
+
+        def band(nominal: Any) -> Real:
+            return np.max([result.with_model(nominal).upper for result in results], axis=0)
+
+        identifications = [result.identification for result in results]
+        model, tried = fitted_nominal(identifications, results[0].omega, centres_of(results), order, band)
+    return Family(members=tuple(m for m, _ in bounded), model=model, tried=tried, schedule=schedule, interval=span)
+
+
+def _frequencies(members: Sequence[Member], omega: Any) -> Real:
+    """Those that were asked for, those at which members are bounded already, or the default ones."""
+    problem = members[0].identification.problem
+    known = [m.result.omega for m in members if not isinstance(m.result, Identification)]
+    if omega is not None:
+        grid = as_frequencies(omega, problem)
+    elif known:
+        grid = known[0]
+    else:
+        grid = np.unique(np.concatenate([default_grid(m.identification) for m in members]))
+    for m in members:
+        if not isinstance(m.result, Identification) and not np.array_equal(m.result.omega, grid):
+            raise InputError(
+                f"`members`: {m.name!r} is bounded at other frequencies than the family; bound all at the same `omega`, or give"
+                " the identifications"
+            )
+    return grid
+
+
+def _bounded(members: Sequence[Member], grid: Real, settings: _Settings) -> list[tuple[Member, Bounded]]:
+    """The members with the bounds of their values at the same frequencies, computed where they aren't there."""
+    todo = [k for k, m in enumerate(members) if isinstance(m.result, Identification)]
+    found: list[tuple[Member, Bounded]] = []
+    for k, m in enumerate(members):
+        if not isinstance(m.result, Identification):
+            found.append((m, m.result))
+            continue
+        how = settings.of(todo.index(k), len(todo))
+        if m.poles is None:
+            error: Bounded = worst_case_error(m.result, omega=grid, **how)
+        else:
+            error = worst_case_over_poles(m.result, *m.poles, delay=m.delay, omega=grid, **how)
+        found.append((m.bounded(error), error))
+    return found
+
+
+def _scheduled(
+    members: Sequence[Member], schedule: str | None, interval: Any
+) -> tuple[str | None, tuple[float, float] | None]:
+    """The condition by which the members are told apart, and its range."""
+    numeric = CONDITIONS[:-1]
+    if schedule is not None and schedule not in numeric:
+        raise InputError(f"`schedule` must be one of {numeric}; got {schedule!r}")
+    given = {what: [getattr(m, what) for m in members] for what in numeric}
+    usable = [what for what, values in given.items() if None not in values and len(set(values)) > 1]
+    if schedule is None:
+        if len(usable) != 1:
+            if interval is not None:
+                raise InputError(
+                    f"`interval` belongs to a condition that has a number for every member, and differs: {usable or 'none'} do;"
+                    " give `schedule`"
+                )
+            return None, None
+        schedule = usable[0]
+    if schedule not in usable:
+        raise InputError(f"`schedule` = {schedule!r}: every member must state its {schedule}, not all the same one")
+    values = [float(value) for value in given[schedule]]
+    if interval is None:
+        return schedule, (min(values), max(values))
+    ends = as_array("interval", interval, ndim=1)
+    if ends.size != 2 or not ends[0] < ends[1]:
+        raise InputError(f"`interval` must be two numbers, the lower one first; got {interval!r}")
+    return schedule, (float(ends[0]), float(ends[1]))
