@@ -7,6 +7,7 @@ With :math:`F = F_0 + E`, :math:`|E_{ij}| \le b_{ij}`, the uncertainty at the ou
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, 
 
 _RESOLVED = 0.02  # largest relative radius of F_0 on a piece of arc
 _ROUNDING = 1 + 1e-9
+_PIECES = 20_000  # halved at once, at most: a plant that is singular all over is not resolved by more of them
+_RELATIVE = 1e12  # a larger relative error is rounding of a plant that is singular
+_SINGULAR = 1e100  # larger than the entries of any inverse, in units of the plant, and finite
 
 
 def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str) -> Real:
@@ -48,14 +52,12 @@ def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str
     check_square(plant, kind)
     cells = Cells.read(edges, bound, float(plant.dt))
     least, frequency = smallest_gain(plant, cells)
-    if np.any(least <= 0):
-        worst = int(np.argmin(least))
-        raise unbounded(frequency[worst], least[worst], bound[worst], kind)
-    size = np.minimum(bound / least, _entrywise(plant, cells, entries, kind))
-    room = 1 - size if kind == "inverse" else np.ones(size.size)
+    whole = np.divide(bound, least, out=np.full(least.size, np.inf), where=least > 0)
+    size = np.minimum(whole, _entrywise(plant, cells, entries, kind))
+    room = 1 - size if kind == "inverse" else np.where(size < _RELATIVE, 1.0, 0.0)
     if np.any(room <= 0):
-        worst = int(np.argmin(room))
-        raise unbounded(frequency[worst], bound[worst] / size[worst], bound[worst], kind)
+        worst = int(np.argmax(size))
+        raise unbounded(frequency[worst], least[worst], bound[worst], kind)
     return size / room * _ROUNDING
 
 
@@ -88,22 +90,35 @@ def smallest_gain(plant: Any, cells: Cells) -> tuple[Real, Real]:
         size, radius = least(pieces)
         return radius > _RESOLVED * size
 
-    pieces = enclose(plant, cells.angles, coarse)
+    pieces = enclose(plant, cells.angles, _limited(coarse))
     size, radius = least(pieces)
     order = np.lexsort((size - radius, pieces.cell))
     decisive = order[np.searchsorted(pieces.cell[order], np.arange(cells.bound.size))]
     return (size - radius)[decisive] * (1 - 1e-12), pieces.middle[decisive] / plant.dt
 
 
+def _limited(coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Callable[[Pieces], NDArray[np.bool_]]:
+    """The same, but for so many pieces at once that halving them leads nowhere."""
+
+    def limited(pieces: Pieces) -> NDArray[np.bool_]:
+        split = coarse(pieces)
+        return split if split.sum() <= _PIECES else np.zeros(split.size, bool)
+
+    return limited
+
+
 def _entrywise(plant: Any, cells: Cells, entries: Real, kind: str) -> Real:
-    """Bound of the norm of E F_0^-1, or of F_0^-1 E, from the entries of E, (C,); F_0 is nowhere singular."""
+    """Bound of the norm of E F_0^-1, or of F_0^-1 E, from the entries of E, (C,); inf where F_0 may be singular."""
 
     def inverse(pieces: Pieces) -> tuple[Real, Real]:
         """|V^-1| of the middle V, and the largest row sum of |V^-1| times the radius: F_0 = V (I + V^-1 (F_0 - V))."""
-        sizes = np.abs(np.asarray(np.linalg.inv(pieces.values), dtype=complex))
+        scale = np.abs(pieces.values).max(initial=np.finfo(float).tiny)
+        regular = np.abs(np.linalg.det(pieces.values / scale)) > 0
+        sizes = np.full(pieces.values.shape, _SINGULAR / scale)
+        sizes[regular] = np.minimum(np.abs(np.linalg.inv(pieces.values[regular])), _SINGULAR / scale)
         return sizes, (sizes @ pieces.radius).sum(axis=2).max(axis=1)
 
-    pieces = enclose(plant, cells.angles, lambda pieces: inverse(pieces)[1] > _RESOLVED)
+    pieces = enclose(plant, cells.angles, _limited(lambda pieces: inverse(pieces)[1] > _RESOLVED))
     sizes, change = inverse(pieces)
     found = np.full(change.size, np.inf)
     sure = change < 0.5

@@ -177,9 +177,12 @@ def _unpack_family(record: Record, arrays: Arrays) -> Family:
         if not isinstance(error, WorstCaseError | WorstCaseOverPoles):
             raise ValueError("a member of it is not bounded")
         found.append(Member(error, item["name"], **item["condition"]))
-    if any(not np.array_equal(m.result.omega, found[0].result.omega) for m in found):
+    if not found or any(not np.array_equal(m.result.omega, found[0].result.omega) for m in found):
         raise ValueError("its members are not bounded at the same frequencies")
-    interval = None if record["interval"] is None else tuple(map(float, record["interval"]))
+    interval: tuple[float, float] | None = None
+    if record["interval"] is not None:
+        low, high = map(float, record["interval"])
+        interval = low, high
     model = _nominal(part(arrays, _MODEL), found[0].identification)
     tried = tuple((int(order), float(size)) for order, size in record["tried"])
     family = Family(members=as_members(found), model=model, tried=tried, schedule=record["schedule"], interval=interval)

@@ -76,7 +76,8 @@ def test_entries_beat_the_smallest_singular_value_where_units_differ():
         cover_bound(plant(s), EDGES, norm_of_bounds(entries(0, s)), entries(0, s), "input_multiplicative")
         for s in (2.0**-30, 1.0)
     )
-    assert wide == pytest.approx(plain, rel=0.05)
+    assert np.all(plain <= wide * (1 + 1e-9))  # where the units are alike, the better of the two bounds counts
+    assert np.all(wide <= 1.1 * plain)
 
 
 def test_what_nothing_bounds_is_refused():
