@@ -13,7 +13,7 @@ import scipy.linalg
 
 from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.mfd.block_model import RESOLVED, BlockModel
+from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.chains import input_priority
 from robustid.mfd.exchange import PER_ROUND, exchange
 from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, fit_fraction
@@ -33,7 +33,6 @@ _CORRELATED = 5.0
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 _FORMED = 1e-6  # part of the cost that forming the fraction may add
 _WORK = 2e10  # products of equations and squared coordinates that a fit may take before it tries no further way
-_SEVERAL = 0.5  # of the spacing of the points: a mode of such damping is seen by several of them
 _BY_ITSELF = 100.0  # the criterion with every point left out, over the criterion: single points decide modes
 _WORTH = 2.0  # a mode that the points don't resolve lowers the criterion at least by this factor
 _FEW, _MANY = 40, 300  # steps, whatever they cost
@@ -221,17 +220,17 @@ def _seen_by_several(
     what is withheld. Where it is worth more than a factor of two it is a mode of the plant.
     """
     outputs, model = Outputs(problem), found.fitted.model
-    narrow = model.distances < _SEVERAL * model.spacing(problem.xi)
+    narrow = model.distances < SEVERAL * model.spacing(problem.xi)
     if not np.any(narrow) or left_out_cost(outputs, found.fitted) <= _BY_ITSELF * found.fitted.cost:
         return found, RESOLVED
-    wide = _searched(problem, data, start.resolved(problem.xi, _SEVERAL), settings, budget, _SEVERAL)
+    wide = _searched(problem, data, start.resolved(problem.xi, SEVERAL), settings, budget, SEVERAL)
     if budget.spent or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
         return found, RESOLVED
-    left = {RESOLVED: found, _SEVERAL: wide}
+    left = {RESOLVED: found, SEVERAL: wide}
     costs = {part: _withheld_cost(problem, one.fitted.model, part, budget) for part, one in left.items()}
-    if costs[RESOLVED] <= costs[_SEVERAL]:
+    if costs[RESOLVED] <= costs[SEVERAL]:
         return found, RESOLVED
-    return wide._replace(history=found.history + wide.history), _SEVERAL
+    return wide._replace(history=found.history + wide.history), SEVERAL
 
 
 def _withheld_cost(problem: FractionProblem, model: BlockModel, resolved: float, budget: Budget) -> float:

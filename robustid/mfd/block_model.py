@@ -20,6 +20,7 @@ Complex = NDArray[np.complex128]
 _KEPT = 0.1
 # A mode whose damping is below this part of the spacing of the frequency points is one that they don't resolve.
 RESOLVED = 0.02
+SEVERAL = 0.5  # of the spacing: a mode of such damping is seen by several points
 _FAR = 100.0  # in the unit of the nodes, the largest of which lies between 0.5 and 1
 _EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes) no pole goes
 _DOUBLE = 1e-2  # a block of a double pole is coupled by this part of the pole's distance from the boundary
