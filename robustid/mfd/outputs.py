@@ -24,6 +24,7 @@ LocalModel = BlockModel | RealModes
 
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _LINES = 500  # points at which the derivatives of all states are held at once
+_NUMBERS = 2**17  # of the derivatives that are held at once: they stay in the cache
 _EXACT = 1e-10  # a residual of this part of the weighted data is rounding
 _CONTRADICTION = 1e-6  # conditions that contradict each other leave this much of themselves
 
@@ -156,18 +157,23 @@ class Outputs:
 
     def rows(self, changes: list[Complex]) -> Real:
         """Weighted changes (F, ny, c, T) of the blocks' values, real parts over imaginary ones: (G, rows, T)."""
-        stack: list[Real] = []
-        for block, change in zip(self.criterion.blocks, changes, strict=True):
-            if self.apart:
-                out = (block.weight.entries[..., None] * change).transpose(1, 0, 2, 3)
-            else:
-                out = block.weight.apply_all(change)[None]
-            stack.append(_real(out.reshape(len(out), -1, change.shape[3])))
-        return np.concatenate(stack, axis=1)
+        pairs = zip(self.criterion.blocks, changes, strict=True)
+        return self._joined([self._weighted(block, change) for block, change in pairs])
+
+    def _weighted(self, block: Block, change: Complex, part: slice = slice(None)) -> Complex:
+        """Weighted changes of a block's values at a part of its points, from (F, ny, c, T): (G, F, rows of one point, T)."""
+        if self.apart:
+            return (block.weight.entries[part][..., None] * change).transpose(1, 0, 2, 3)
+        weight = block.weight if part == slice(None) else block.weight.select(part)
+        return weight.apply_all(change)[None]
+
+    def _joined(self, parts: list[NDArray[Any]]) -> Real:
+        """Weighted columns (G, F, rows of one point, T) of the blocks, real parts over imaginary ones: (G, rows, T)."""
+        return np.concatenate([_real(part.reshape(len(part), -1, part.shape[3])) for part in parts], axis=1)
 
     def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
-        stack: list[Real] = []
+        stack: list[NDArray[Any]] = []
         for block in self.criterion.blocks:
             rows = self._seen(block, model, states).transpose(0, 2, 1)
             lines, ny, count = block.values.shape
@@ -178,12 +184,11 @@ class Outputs:
                 rows = np.concatenate([rows, through], axis=2)
             if self.apart:
                 entries = block.weight.entries[:, : 1 if self.alike else ny]
-                out = entries.transpose(1, 0, 2)[..., None] * rows
+                stack.append(entries.transpose(1, 0, 2)[..., None] * rows)
             else:
                 one = np.broadcast_to(np.eye(ny), (lines, ny, ny))
-                out = block.weight.linearised(rows, one)[None]
-            stack.append(_real(out.reshape(len(out), -1, out.shape[-1])))
-        return np.concatenate(stack, axis=1)
+                stack.append(block.weight.linearised(rows, one)[None])
+        return self._joined(stack)
 
     def fitted(self, model: LocalModel) -> Fitted:
         """The model with its best outputs; of infinite cost where a pole lies on a frequency point."""
@@ -253,7 +258,7 @@ class Outputs:
 
     def changes(self, fitted: Fitted) -> Real:
         """Weighted derivatives (G, rows, T) of the response in the coordinates of the model, outputs held."""
-        return self.rows([self._tangent(block, fitted) for block in self.criterion.blocks])
+        return np.concatenate([self._changes(block, fitted) for block in self.criterion.blocks], axis=1)
 
     def importance(self, fitted: Fitted) -> Real:
         """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
@@ -296,21 +301,38 @@ class Outputs:
         final = _final(model, _sum(states[..., 0], block.samples)[:, None], block.samples)
         return states - xi[:, None, None] * model.driven(final).states(xi)
 
-    def _tangent(self, block: Block, fitted: Fitted) -> Complex:
-        """Derivatives (F, ny, c, T) of what a block sees, in the coordinates of the model."""
+    def _changes(self, block: Block, fitted: Fitted) -> Real:
+        """Weighted derivatives (G, rows, T) of what a block sees in the coordinates of the model, outputs held.
+
+        By parts of the points that stay in the cache.
+        """
         xi, model = self.criterion.xi[block.at], fitted.model
         states = self._seen(block, model, fitted.states)
-        changes = model.tangent(xi, states, fitted.C, block.directions)
-        if not block.samples:
-            return changes
-        total = np.zeros((model.order, changes.shape[3]))
+        final = self._final_changes(block, model, states) if block.samples else None
+        out = np.zeros((0, 0, 0, 0, 0))
+        size = max(_NUMBERS // (block.values[0].size * model.order * self.criterion.inputs), 1)
+        for first in range(0, xi.size, size):
+            part = slice(first, first + size)
+            directions = None if block.directions is None else block.directions[part]
+            change = model.tangent(xi[part], states[part], fitted.C, directions)
+            if final is not None:
+                change -= (xi[part, None, None] * model.output_rows(xi[part], fitted.C) @ final)[:, :, None]
+            weighted = self._weighted(block, change, part)
+            if not out.size:
+                out = np.empty((len(weighted), 2, xi.size, *weighted.shape[2:]))
+            out[:, 0, part], out[:, 1, part] = weighted.real, weighted.imag
+        return out.reshape(len(out), -1, out.shape[-1])
+
+    def _final_changes(self, block: Block, model: Any, states: Complex) -> Real:
+        """Derivatives (n, T) of the final states of a record from zero initial conditions."""
+        xi = self.criterion.xi[block.at]
+        total = np.zeros((model.order, 1))
         for first in range(0, xi.size, _LINES):
             part, own = slice(first, first + _LINES), np.eye(model.order)
             directions = None if block.directions is None else block.directions[part]
             whole = model.tangent(xi[part], states[part], own, directions)[:, :, 0]
-            total += _sum(whole, block.samples, first)
-        final = _final(model, total, block.samples)
-        return changes - (xi[:, None, None] * model.output_rows(xi, fitted.C) @ final)[:, :, None]
+            total = total + _sum(whole, block.samples, first)
+        return _final(model, total, block.samples)
 
 
 def _orthonormal(design: Real) -> tuple[Real, Real]:

@@ -14,6 +14,7 @@ from robustid.mfd.block_model import RESOLVED
 from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.state_fit import triangle
 
 Real = NDArray[np.float64]
 
@@ -135,7 +136,7 @@ class _Descent:
         problem, best = self.problem, self.best
         if best.cost <= problem.rounding:
             return FitStatus.EXACT
-        R, gradient = _orthonormal(np.column_stack([self.outputs.directions(best), best.residual.ravel()]))
+        R, gradient = _orthonormal(self.outputs.directions(best), best.residual.ravel())
         slope = float(np.linalg.norm(gradient)) / math.sqrt(best.cost)
         if slope**2 <= self.tiny:
             return FitStatus.STATIONARY
@@ -179,16 +180,16 @@ class _Descent:
         return FitStatus.TIME if self.budget.spent else None
 
 
-def _orthonormal(columns: Real) -> tuple[Real, Real]:
-    """R (T, T) and Q' r of the columns [J r], by chunks of rows that stay in the cache."""
-    T = columns.shape[1]
-    while len(columns) > 2 * max(_CHUNK, 2 * T):
-        size = max(_CHUNK, 2 * T)
-        whole = len(columns) // size * size
-        parts = np.asarray(np.linalg.qr(columns[:whole].reshape(-1, size, T), mode="r"))
-        columns = np.concatenate([parts.reshape(-1, T), columns[whole:]])
-    R = np.asarray(np.linalg.qr(columns, mode="r"))
-    R = np.pad(R, ((0, max(T - len(R), 0)), (0, 0)))
+def _orthonormal(J: Real, r: Real) -> tuple[Real, Real]:
+    """R (T, T) and Q' r of J = Q R, by chunks of rows that stay in the cache."""
+    T = J.shape[1] + 1
+    size = max(_CHUNK, 2 * T)
+    starts = range(0, len(J), size)
+    parts = [triangle(np.column_stack([J[k : k + size], r[k : k + size]])) for k in starts]
+    while len(parts) > 1:  # two by two would cost twice as much: as many as fill a chunk
+        many = max(size // T, 2)
+        parts = [triangle(np.concatenate(parts[k : k + many])) for k in range(0, len(parts), many)]
+    R = np.pad(parts[0], ((0, max(T - len(parts[0]), 0)), (0, 0)))
     return R[: T - 1, : T - 1], R[: T - 1, T - 1]
 
 
