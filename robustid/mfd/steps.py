@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from robustid.mfd.vector_polynomials import VectorPolynomials, orthonormal_polyn
 _CONTRADICTION = 1e-6
 _RETRACTIONS = 8  # cheap SK steps on a noise-free response; two suffice up to order 40
 _REPRODUCED = 1e-3  # of what counts as an exact fit: a response reproduced to this needs no further step
+_SETTLED, _ENOUGH = 0.5, 1e8  # SK on a noise-free response has converged after two steps: what is left then is rounding
 _FREE = 1e8  # times easier for polynomials that vanish on the data
 _LINES = 100  # that hold a relaxed fraction away from zero; all of them would cost as much as the basis
 
@@ -137,6 +139,8 @@ def retract(
     *,
     steps: int = 2,
     columnwise: int = 0,
+    settled: float = math.inf,
+    enough: float = 1.0,
 ) -> NodeFraction:
     """A fraction of the problem's form close to a response that almost has one.
 
@@ -152,36 +156,46 @@ def retract(
         From the last fraction; the rigid-body directions stay.
     steps, columnwise : int
         Numbers of full steps, and of steps column by column (`column_step`) before them.
+    settled : float
+        A step that leaves more than this part of the squared error is the last of its kind.
+    enough : float
+        No further step is taken below so many times the squared error that counts as reproduced.
     """
     target = dataclasses.replace(problem, values=response)
     best, error = None, np.inf
-    rounding = target.rounding * _REPRODUCED**2
-    for step in range(columnwise + steps):
-        try:
-            if step < columnwise:
-                fraction = column_step(target, denominators, held)
-            else:
-                fraction, _ = sk_step(target, denominators, held)
-        except np.linalg.LinAlgError:  # singular at a point: no way on from there
-            if best is None:
-                raise
-            break
-        reached = target.cost(fraction)
-        if best is None or reached < error:
-            best, error = fraction, reached
-        if error <= rounding and step > 0:
-            break
-        denominators, held = fraction.denominators, fraction.held
+    rounding, done = target.rounding * _REPRODUCED**2, 0
+    for take, count in ((column_step, columnwise), (_full_step, steps)):
+        for _ in range(count):
+            try:
+                fraction = take(target, denominators, held)
+            except np.linalg.LinAlgError:  # singular at a point: no way on from there
+                if best is None:
+                    raise
+                return best
+            reached, done, before = target.cost(fraction), done + 1, error
+            if best is None or reached < error:
+                best, error = fraction, reached
+            if done > 1 and error <= enough * rounding:
+                return best
+            if reached > settled * before:
+                break
+            denominators, held = fraction.denominators, fraction.held
     if best is None:
         raise InputError("`steps` must be at least 1")
     return best
+
+
+def _full_step(problem: FractionProblem, denominators: np.ndarray, held: Held) -> NodeFraction:
+    return sk_step(problem, denominators, held)[0]
 
 
 def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
     """The fraction of the problem's form that is nearest to a response, as far as a few SK steps find it."""
     lines, nu = problem.omega.size, problem.values.shape[2]
     identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
-    return retract(problem, response, identity, held, columnwise=_RETRACTIONS, steps=1)
+    return retract(
+        problem, response, identity, held, columnwise=_RETRACTIONS, steps=1, settled=_SETTLED, enough=_ENOUGH
+    )
 
 
 def scalar_form(problem: FractionProblem, poles: np.ndarray, response: np.ndarray) -> NodeFraction:
