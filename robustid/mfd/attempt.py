@@ -20,16 +20,15 @@ from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, fit_fraction
 from robustid.mfd.left_out import EVERY, left_out_cost, withheld, withheld_residual
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.node_fraction import NodeFraction
+from robustid.mfd.noise_level import white
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_outputs, reflected
-from robustid.mfd.steps import into_form, scalar_form
+from robustid.mfd.steps import formed_further, into_form, nearest_form, scalar_form
 from robustid.mfd.subspace import subspace_estimate
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
-# Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
-_CORRELATED = 5.0
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 _FORMED = 1e-6  # part of the cost that forming the fraction may add
 _WORK = 2e10  # products of equations and squared coordinates that a fit may take before it tries no further way
@@ -124,9 +123,12 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
-    problem, nodes = best_form(problem, end, data, True)
+    enough = max((1 + _FORMED) * fitted.cost, problem.rounding)
+    problem, nodes = best_form(problem, end, data, True, full=False)
+    if problem.cost(nodes) > enough:
+        nodes = formed_further(problem, nodes, response_at(end, data.points))
     fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
-    if fit.cost > max((1 + _FORMED) * fitted.cost, problem.rounding):
+    if fit.cost > enough:
         # Not a generic system: its degrees aren't those of the staircase.
         admit = functools.partial(_admitted, problem, data) if settings.stable else None
         fit = fit_fraction(problem, start=nodes, method="lm", admit=admit, report=settings.progress)
@@ -304,10 +306,7 @@ def suspicious(problem: FractionProblem, response: np.ndarray, status: FitStatus
     size = float(np.linalg.norm(residual)) ** 2
     if size <= (_NOTHING_LEFT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2:
         return False
-    if not status.converged:
-        return True
-    correlation = float(np.real(np.vdot(residual[1:], residual[:-1]))) / size
-    return correlation * np.sqrt(2 * np.count_nonzero(residual)) > _CORRELATED
+    return not status.converged or not white(residual)
 
 
 def _distance(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
@@ -347,7 +346,7 @@ def unstable_poles(fraction: FractionModel) -> np.ndarray:
 
 
 def best_form(
-    problem: FractionProblem, model: StateMatrices, data: Samples, may_pair: bool
+    problem: FractionProblem, model: StateMatrices, data: Samples, may_pair: bool, *, full: bool = True
 ) -> tuple[FractionProblem, NodeFraction]:
     """Degrees by ones or by twos, whichever reproduces the first model better."""
     states = response_at((model.A, model.B, np.eye(len(model.A)), np.zeros(model.B.shape)), data.points)
@@ -356,17 +355,13 @@ def best_form(
         form = dataclasses.replace(problem, pairs=False, priority=(0,))
         return form, scalar_form(form, np.linalg.eigvals(model.A) / problem.scale, values)
     states = states / np.linalg.norm(values, axis=(1, 2), keepdims=True)
-    forms: list[tuple[FractionProblem, NodeFraction]] = []
+    forms: list[FractionProblem] = []
     for pairs in (False, True)[: 1 + may_pair]:
         priority = input_priority(model, states, 2 if pairs else 1)
         form = dataclasses.replace(problem, pairs=pairs, priority=priority)
-        if not forms or not np.array_equal(form.degrees, forms[0][0].degrees):
-            forms.append((form, into_form(form, values)))
-    return min(forms, key=lambda form: _error(*form, values))
-
-
-def _error(problem: FractionProblem, fraction: NodeFraction, values: np.ndarray) -> float:
-    return dataclasses.replace(problem, values=values).cost(fraction)
+        if not forms or not np.array_equal(form.degrees, forms[0].degrees):
+            forms.append(form)
+    return nearest_form(forms, values, full=full)
 
 
 def _stabilised(

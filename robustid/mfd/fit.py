@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 from collections.abc import Callable, Iterable
@@ -23,6 +24,7 @@ from robustid.mfd.modal_fit import modal_attempt
 from robustid.mfd.modal_structure import Modal, as_modal
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
+from robustid.mfd.noise_level import level_weight, white
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody, as_rigid_body
 from robustid.mfd.starts import EXTRA, first_model, strongest
@@ -30,6 +32,7 @@ from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
 
 _SEARCHING = 0.7  # part of a time limit; in the rest the last step ends and the fraction is formed
+_REWEIGHTED = 4  # fits in a weight that residuals ask for, each by those of the last one
 _ROUNDS = 3  # of adding a mode and taking the least important one away, where a fit may have missed one
 
 
@@ -181,7 +184,8 @@ def fit_mfd(
     weight : Weight or (F, ny, nu) array, optional
         Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood);
         one that was estimated, as its `dof` says, or that is singular, is shrunk first, and a tenth of the response's level is
-        added for what the model misses; else relative, 1/|P| per entry. See `MatrixFraction.weight_choice`.
+        added for what the model misses; else relative, 1/|P| per entry, but where that leaves noise of a level, which the fit
+        finds in its residuals, a level and a relative part for every entry. See `MatrixFraction.weight_choice`.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
     rigid_body : RigidBody or int, optional
@@ -236,7 +240,7 @@ def fit_mfd(
         deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
     through = feedthrough or (structure is not None and structure.power == 2)
-    problem, data, form, shape = stated(frf, order, domain, form, weight, through, rigid_body)
+    problem, data, form, shape, relative = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
     if structure is not None:
@@ -246,10 +250,10 @@ def fit_mfd(
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         problem = constraint_of(constraint, form, shape).apply(problem)
     first = first_model(problem, data, start, form, rigid_body, deadline)
+    search: Callable[..., Attempt] = attempt
     if structure is not None:
-        best = modal_attempt(problem, data, first, settings, structure, given=start is not None)
-    else:
-        best = attempt(problem, data, first, settings)
+        search = functools.partial(modal_attempt, structure=structure, given=start is not None)
+    best = search(problem, data, first, settings)
     if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
         if (
@@ -258,6 +262,8 @@ def fit_mfd(
             and (not stable or not np.any(unstable_poles(other.found)))
         ):
             best = other
+    if relative:
+        best = _levelled(best, problem, data, start, settings, search)
     fit = best.fit
     return MatrixFraction(
         fit.problem,
@@ -284,6 +290,33 @@ def _check_modal(
         raise InputError(f'`modal` goes with method "lm" only; got {"+".join(settings.phases)!r}')
     if as_constraints(constraints):
         raise InputError("`modal` and `constraints` exclude each other; leave one of them out")
+
+
+def _levelled(
+    best: Attempt,
+    problem: FractionProblem,
+    data: Samples,
+    start: Any,
+    settings: Settings,
+    search: Callable[..., Attempt],
+) -> Attempt:
+    """The fit in the weight that the residuals of a relative fit ask for, where noise of a level is all that is left then.
+
+    From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask for.
+    """
+    level = best
+    for again in range(_REWEIGHTED):
+        weight = level_weight(level.fit.problem, level.fit.fraction.response)
+        if weight is None or time.monotonic() > settings.deadline:
+            break
+        problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
+        model = level.found.matrices
+        if not again and start is None:
+            model = first_model(problem, data, None, settings.form, settings.body, settings.deadline)
+        level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
+        if not white(level.fit.problem.residual(level.fit.fraction.response)):
+            return best
+    return level
 
 
 def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:

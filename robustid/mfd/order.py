@@ -19,7 +19,7 @@ from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.mfd.constraints import as_constraints
 from robustid.mfd.criterion import Weight
-from robustid.mfd.default_weight import exact_covariance
+from robustid.mfd.default_weight import default_weight, exact_covariance
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.order_sweep import OrderSweep
@@ -132,6 +132,8 @@ def suggest_order(
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
     noise_known = weight is None and exact_covariance(frf)
+    if weight is None and frf.covariance is None:  # one for all orders, so that their costs can be compared
+        weight = default_weight(frf, ~frf.missing)
     singular_values, edge = subspace_singular_values(
         frf, weight, domain, noise_known, options.get("feedthrough", False)
     )

@@ -29,7 +29,6 @@ _SHORTEST = 1e-6  # in reaches (`BlockModel.reach`): no step so short lowers the
 _BISECTIONS = 40
 _ROUNDS = 4  # of poles that a step would take too near to the stability boundary
 _SEEN = 1e-13  # directions that the response sees less than this are not moved along
-_CHUNK = 1000  # rows of a QR factorisation that stay in the cache
 
 
 class Budget(NamedTuple):
@@ -181,16 +180,11 @@ class _Descent:
 
 
 def _orthonormal(J: Real, r: Real) -> tuple[Real, Real]:
-    """R (T, T) and Q' r of J = Q R, by chunks of rows that stay in the cache."""
-    T = J.shape[1] + 1
-    size = max(_CHUNK, 2 * T)
-    starts = range(0, len(J), size)
-    parts = [triangle(np.column_stack([J[k : k + size], r[k : k + size]])) for k in starts]
-    while len(parts) > 1:  # two by two would cost twice as much: as many as fill a chunk
-        many = max(size // T, 2)
-        parts = [triangle(np.concatenate(parts[k : k + many])) for k in range(0, len(parts), many)]
-    R = np.pad(parts[0], ((0, max(T - len(parts[0]), 0)), (0, 0)))
-    return R[: T - 1, : T - 1], R[: T - 1, T - 1]
+    """R (T, T) and Q' r of J = Q R."""
+    T = J.shape[1]
+    R = triangle(np.column_stack([J, r]))
+    R = np.pad(R, ((0, max(T + 1 - len(R), 0)), (0, 0)))
+    return R[:T, :T], R[:T, T]
 
 
 def _step(

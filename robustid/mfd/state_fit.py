@@ -12,6 +12,7 @@ from robustid.core import response_at
 
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
 _BOUNDARY = 1e-9
+_CHUNK = 1000  # rows of a QR factorisation that stay in the cache
 
 
 class Samples(NamedTuple):
@@ -96,8 +97,13 @@ def band(points: np.ndarray, domain: str) -> np.ndarray:
 
 
 def triangle(matrix: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation."""
-    return np.asarray(np.linalg.qr(matrix, mode="r"))
+    """R of the QR factorisation, by chunks of rows that stay in the cache."""
+    rows, columns = matrix.shape
+    size = max(_CHUNK, 2 * columns)
+    if rows <= 2 * size:
+        return np.asarray(np.linalg.qr(matrix, mode="r"))
+    parts = [np.linalg.qr(matrix[k : k + size], mode="r") for k in range(0, rows, size)]
+    return triangle(np.concatenate(parts))
 
 
 def real_rows(matrix: np.ndarray) -> np.ndarray:

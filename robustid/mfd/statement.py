@@ -24,6 +24,7 @@ class Statement(NamedTuple):
     data: Samples  # the same for linear least squares
     form: str  # "left": problem and data are those of the transposed response; "shared": of its entries as one column
     shape: tuple[int, int]  # (ny, nu) of the response
+    relative: bool  # whether the weight is relative as nothing is known of the noise
 
 
 def stated(
@@ -70,7 +71,7 @@ def stated(
     data = _samples(problem, frf, form)
     if not given and data.noise is not None and exact_covariance(frf):
         data = data._replace(weight=data.noise)
-    return Statement(problem, data, form, frf.values.shape[1:])
+    return Statement(problem, data, form, frf.values.shape[1:], not given and frf.covariance is None)
 
 
 def _check_entries(frf: FrequencyResponse, weight: Weight) -> None:

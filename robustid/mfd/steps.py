@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -191,11 +192,39 @@ def _full_step(problem: FractionProblem, denominators: np.ndarray, held: Held) -
 
 def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
     """The fraction of the problem's form that is nearest to a response, as far as a few SK steps find it."""
-    lines, nu = problem.omega.size, problem.values.shape[2]
+    return nearest_form([problem], response, held)[1]
+
+
+def nearest_form(
+    problems: Sequence[FractionProblem], response: np.ndarray, held: Held = NOTHING_HELD, *, full: bool = True
+) -> tuple[FractionProblem, NodeFraction]:
+    """The form among those of some problems, and the fraction of that form, that is nearest to a response.
+
+    Steps column by column of each; with `full` one more of the best, which costs nu^2 times as much, where they leave more than
+    rounding.
+    """
+    lines, nu = response.shape[0], response.shape[2]
     identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
-    return retract(
-        problem, response, identity, held, columnwise=_RETRACTIONS, steps=1, settled=_SETTLED, enough=_ENOUGH
-    )
+    found: list[tuple[float, FractionProblem, NodeFraction]] = []
+    for problem in problems:
+        fraction = retract(
+            problem, response, identity, held, columnwise=_RETRACTIONS, steps=0, settled=_SETTLED, enough=_ENOUGH
+        )
+        found.append((dataclasses.replace(problem, values=response).cost(fraction), problem, fraction))
+    error, problem, fraction = min(found, key=lambda item: item[0])
+    if full and error > _ENOUGH * _REPRODUCED**2 * dataclasses.replace(problem, values=response).rounding:
+        fraction = formed_further(problem, fraction, response)
+    return problem, fraction
+
+
+def formed_further(problem: FractionProblem, fraction: NodeFraction, response: np.ndarray) -> NodeFraction:
+    """The fraction, or what a full SK step on the response makes of it where that is nearer."""
+    target = dataclasses.replace(problem, values=response)
+    try:
+        other = sk_step(target, fraction.denominators, fraction.held)[0]
+    except np.linalg.LinAlgError:  # singular at a point
+        return fraction
+    return other if target.cost(other) < target.cost(fraction) else fraction
 
 
 def scalar_form(problem: FractionProblem, poles: np.ndarray, response: np.ndarray) -> NodeFraction:

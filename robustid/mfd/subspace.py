@@ -15,6 +15,7 @@ from robustid.mfd.state_fit import Samples, band, fit_inputs, real_rows, reflect
 
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
+_MUCH = 1e9  # products that an estimate of so many block rows takes: then poles are spread in one way only
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -123,19 +124,21 @@ def subspace_estimate(
     # A power of two, so that a change of the unit of time by one changes nothing but exponents.
     scale = 2.0 ** round(math.log2(np.median(band(data.points, "s")))) if domain == "s" else 1.0
     data = data._replace(points=data.points / scale)
-    best = None
+    best, leading = None, 0
     for rows in _block_row_sizes(data, order, block_rows):
-        for poles in pole_choices(data.points, rows - 1, domain):
+        choices = pole_choices(data.points, rows - 1, domain)
+        much = best is not None and data.values.size * data.values.shape[1] * rows**2 > _MUCH
+        for number in [leading] if much else range(len(choices)):  # the one that was best with half as many rows
             if best is not None and time.monotonic() > deadline:
                 return best
-            A, C, singular_values = _dynamics(data, order, poles)
+            A, C, singular_values = _dynamics(data, order, choices[number])
             A, Z = scipy.linalg.schur(A, output="real")[:2]
             C = C @ Z
             if stable:
                 A = reflected(A, data.points, domain)
             B, D, residual = fit_inputs(data, A, C, feedthrough)
             if math.isfinite(residual) and (best is None or residual < best.residual):
-                best = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual)
+                best, leading = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual), number
     if best is None:
         raise InputError("`points` coincide with poles of the estimate, where no response is finite; set `stable`")
     return best
