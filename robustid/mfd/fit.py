@@ -252,7 +252,7 @@ def fit_mfd(
     first = first_model(problem, data, start, form, rigid_body, deadline)
     search: Callable[..., Attempt] = attempt
     if structure is not None:
-        search = functools.partial(modal_attempt, structure=structure, given=start is not None)
+        search = functools.partial(modal_attempt, modal=structure, given=start is not None)
     best = search(problem, data, first, settings)
     if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
