@@ -15,7 +15,7 @@ FINE = np.linspace(17.2, 18.1, 10)
 
 
 def test_diagnosis_finds_the_missing_mode():
-    problem = structure_problem(slice(1, 2)).with_prior(gain_bound=0.2, decay_rate=1.1)
+    problem = structure_problem(slice(1, 2), lines=8, samples=8).with_prior(gain_bound=0.2, decay_rate=1.1)
     result = rid.identify(problem)
     found = diagnose(result)
     assert found.inflation == result.margin > 1
@@ -39,7 +39,7 @@ def test_diagnosis_finds_the_missing_mode():
 
 
 def test_diagnosis_sees_that_repetition_absorbs_a_wrong_pole():
-    data = rid.flexible_structure(extra_hz=FINE)
+    data = rid.flexible_structure(lines=6, extra_hz=FINE)
     wrong = rid.kautz(data.modes[:, 0] * [1, 1.001], data.modes[:, 1], dt=0.01, delay=1)
     problem = rid.MixedProblem(
         frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=wrong

@@ -44,7 +44,7 @@ def judged(data, found, hz):
 
 
 def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
-    data = rid.flexible_structure(extra_hz=FINE)
+    data = rid.flexible_structure(lines=6, extra_hz=np.linspace(17.3, 18.0, 5))
     found = suggest_class(frequency=data.frequency)
     best = found.recommended
     assert (best.pairs, best.covers_box) == (2, True)

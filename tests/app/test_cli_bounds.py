@@ -58,7 +58,7 @@ def test_bounds_are_computed_saved_and_verified(files, run):
 
 
 def test_the_circle_is_bounded_where_asked(files, run):
-    code, out, _ = run("bounds", "good", "--points", "3", "--directions", "4", "--rtol", "0.5", "--circle")
+    code, out, _ = run("bounds", "good", "--points", "3", "--directions", "4", "--rtol", "2", "--circle")
     assert code == 0
     saved = rid.load("bounds")
     assert saved.omega.size == 3
@@ -69,7 +69,8 @@ def test_the_circle_is_bounded_where_asked(files, run):
     assert "pi/dt" in out
 
 
-def test_poles_from_the_data_are_covered_where_asked(files, run):
+@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
+def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
     data = rid.flexible_structure(lines=8, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
     suggested = rid.suggest_kautz(data.frequency)
     for name, basis in (("own", suggested.basis), ("given", rid.kautz(*data.modes.T, dt=0.01, delay=1))):
@@ -77,7 +78,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run):
         problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
         rid.identify(problem).save(name)
     few = ("--omega", "30", "--directions", "4", "--poles")
-    code, out, _ = run("bounds", "own", *few, "--workers", "2", "--resume", "part")
+    code, out, _ = run("bounds", "own", *few, "--workers", workers, "--resume", "part")
     assert code == 0
     assert "with every pole in the pole-uncertainty box" in out
     assert "mode 2" in out
@@ -192,7 +193,7 @@ def test_without_the_library_exact_says_what_to_install(files, run, monkeypatch)
 def test_an_interrupted_run_goes_on_from_its_folder(files, run):
     """Ctrl-C in a real process, with workers of its own; the second run computes the rest only."""
     count = 30  # enough that the interrupt comes before the last
-    arguments = ["bounds", "good", "--points", str(count), "--directions", "8", "--resume", "part", "--workers"]
+    arguments = ["bounds", "good", "--points", str(count), "--directions", "4", "--resume", "part", "--workers"]
     command = [sys.executable, "-m", "robustid", *arguments, "2"]
     # A suite that runs in the background of a shell ignores Ctrl-C, and its children would inherit that.
     process = subprocess.Popen(

@@ -1,9 +1,12 @@
 """The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run)."""
 
+import functools
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import robustid as rid
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
 from support.example_runs import FOLDER, check_files, load
@@ -15,7 +18,13 @@ def undrawn(monkeypatch):
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b"\x89PNG"))
 
 
-def test_flexible_structure(tmp_path, capsys, undrawn):
+@pytest.fixture
+def fewer_samples(monkeypatch):
+    """The simulated structure with 7 lines and 8 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
+    monkeypatch.setattr(rid, "flexible_structure", functools.partial(rid.flexible_structure, lines=7, samples=8))
+
+
+def test_flexible_structure(tmp_path, capsys, undrawn, fewer_samples):
     load("flexible_structure").main(["--out", str(tmp_path)])
     stems = ("no_mode", "the_light_mode", "both_modes")
     check_files(tmp_path, [f"{kind}_{stem}.png" for kind in ("response", "residuals") for stem in stems])
@@ -76,7 +85,7 @@ def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
     assert "What can be said: a model of order " in printed
 
 
-def test_worst_case(tmp_path, capsys, monkeypatch, undrawn):
+def test_worst_case(tmp_path, capsys, monkeypatch, undrawn, fewer_samples):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
     monkeypatch.setattr(example, "TUBE", 5)

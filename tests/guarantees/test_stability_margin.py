@@ -244,7 +244,7 @@ def test_the_model_of_an_identification():
     weight = uncertainty_weight(nominal, edges, np.linspace(0.05, 0.2, 100))
     controller = control.ss([], [], [], -0.02, nominal.dt)
     result = weight.robust_stability_margin(controller)
-    omega = np.sort(np.append(np.linspace(0, edges[-1], 50_001), 2 * np.pi * (17.67 + np.linspace(-1, 1, 2001))))
+    omega = np.sort(np.append(np.linspace(0, edges[-1], 5_001), 2 * np.pi * (17.67 + np.linspace(-1, 1, 2001))))
     condition = weight.bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 99)] * np.abs(
         0.02 / (1 - 0.02 * np.asarray(nominal(np.exp(1j * omega * nominal.dt))))
     )

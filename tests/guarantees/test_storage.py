@@ -54,7 +54,7 @@ def test_another_nominal_and_the_bound_on_the_circle_survive(computed, tmp_path)
     error = computed.with_model(small)
     error.save(tmp_path / "small")
     same(error, rid.load(tmp_path / "small"))
-    circle = error.on_circle(0.5)
+    circle = error.on_circle(2.0)
     assert error.circle is circle
     error.save(tmp_path / "small")
     again = rid.load(tmp_path / "small")

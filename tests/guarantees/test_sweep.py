@@ -244,6 +244,14 @@ def test_a_folder_that_is_a_file_is_named(result, tmp_path):
         run(result, resume=tmp_path / "file")
 
 
+def test_a_cluster_in_this_process_gives_the_same(result, expected):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed: robustid[distributed]")
+    options = {"processes": False, "dashboard_address": None, "silence_logs": logging.CRITICAL}
+    with distributed.Client(n_workers=1, threads_per_worker=1, **options) as client:
+        same(run(result, executor=client.get_executor()), expected)
+
+
+@pytest.mark.slow  # three processes that import everything; a killed process of a pool, above, always runs
 def test_a_cluster_that_loses_a_worker_loses_nothing(result):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed: robustid[distributed]")
     omega = np.linspace(5.0, 300.0, 12)

@@ -15,8 +15,8 @@ def simulate(model, u):
     return simulate_all(model, np.asarray(u, float)[:, None])[0][:, 0]
 
 
-def flexible(**options):
-    experiment = rid.flexible_structure(seed=1)
+def flexible(size=None, **options):
+    experiment = rid.flexible_structure(seed=1, **(size or {}))
     basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
     problem = {
         "frequency": experiment.frequency,
@@ -102,8 +102,9 @@ def test_order_is_minimal(case):
     assert np.sum(np.array(smallest) > 1e-7) >= 7
 
 
-def test_objectives_choose_what_they_say():
-    problem = flexible()
+@pytest.mark.parametrize("size", [{"lines": 7, "samples": 8}, pytest.param(None, marks=pytest.mark.slow)])
+def test_objectives_choose_what_they_say(size):
+    problem = flexible(size)
     results = {name: rid.identify(problem, objective=name) for name in ("center", "margin", "gain", "order")}
     for result in results.values():
         assert result.verification.passed

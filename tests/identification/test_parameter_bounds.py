@@ -46,11 +46,18 @@ def test_a_constant_out_of_reach(options, low, high):
     assert inside(result)
     ends = [end for _, end in result.active_intervals]
     assert (1.0 in ends) == (low < high) or 0 < high - low < 1e-6  # narrower than what the samples tell apart
+
+
+@pytest.mark.parametrize(
+    "options", [{"solver": "cvxpy"}, {"solver": "structured"}, {"form": "taylor"}, {"form": "sections"}]
+)
+def test_a_constant_below_its_interval_and_one_inside(options):
     below = rid.identify(one_constant(-4.0, -1.0, 2.0), **options)  # -4 is 2 below [-2, 3]
     assert below.margin == pytest.approx(20, abs=2e-3)
     assert below.active_intervals[0][1] == -1.0
-    assert rid.identify(one_constant(2.5, 0.0, 2.0), **options).consistent
-    assert rid.identify(one_constant(2.5, 0.0, 2.0), **options).active_intervals == ()
+    inside_it = rid.identify(one_constant(2.5, 0.0, 2.0), **options)
+    assert inside_it.consistent
+    assert inside_it.active_intervals == ()
 
 
 def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():

@@ -87,10 +87,15 @@ def brute_force(records, fit, *, feedthrough, offset=False):
 
 
 @pytest.mark.parametrize(
-    ("initial", "samples"),
-    [(["free"], [101]), (["free"], [80]), (["rest"], [80]), (["free", "rest", "free"], [40, 61, 50])],
+    ("initial", "samples", "feedthrough"),
+    [
+        pytest.param(*case, feedthrough, marks=pytest.mark.slow if k % 2 == feedthrough else ())
+        for k, case in enumerate(
+            [(["free"], [101]), (["free"], [80]), (["rest"], [80]), (["free", "rest", "free"], [40, 61, 50])]
+        )
+        for feedthrough in (False, True)
+    ],
 )
-@pytest.mark.parametrize("feedthrough", [False, True])
 def test_the_optimum_of_the_output_error(initial, samples, feedthrough):
     """The criterion is the sum over all samples, to rounding, and brute force in the time domain finds nothing lower."""
     records = [experiment(*pair, feedthrough=feedthrough) for pair in zip(initial, samples, strict=True)]
@@ -150,12 +155,13 @@ def response_of(system, omega, deviation, seed=0):
     return rid.FrequencyResponse(omega, truth + error, covariance=covariance, dt=DT)
 
 
-def test_records_and_a_response_each_by_its_noise():
+@pytest.mark.parametrize("seeds", [4, pytest.param(8, marks=pytest.mark.slow)])
+def test_records_and_a_response_each_by_its_noise(seeds):
     """Poles from both are nearer to the truth than from either, in the mean over seeds, and the cost counts equations."""
     system, errors = plant(), []
     omega = np.linspace(1.0, 30.0, 60)
     truth = np.sort_complex(np.linalg.eigvals(A))
-    for seed in range(8):
+    for seed in range(seeds):
         record, frf = experiment("free", 90, seed, noise=0.5), response_of(system, omega, 0.35, seed)
         fits = (
             rid.fit_records(record, order=3, feedthrough=True, frf=frf),

@@ -83,7 +83,8 @@ def test_the_degrees_that_a_fit_chooses_are_as_good_as_any(seeds, every):
     """4x4 with 6 modes: no worse than by ones, or by twos with any two inputs ahead (some stop early)."""
     omega = OMEGA[::every]
     for seed in range(seeds):
-        forms = [{}] + [{"pairs": True, "priority": order} for order in ((0, 1, 2, 3), (0, 2, 1, 3), (3, 1, 2, 0))]
+        ahead = ((0, 1, 2, 3), (0, 2, 1, 3), (3, 1, 2, 0))[:: 2 if every > 1 else 1]
+        forms = [{}] + [{"pairs": True, "priority": order} for order in ahead]
         costs = []
         for options in forms:
             problem, truth = problem_of(seed, 4, 4, 6, omega=omega, **options)

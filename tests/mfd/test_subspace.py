@@ -116,7 +116,7 @@ def modal_case(seed, size=4, modes=20, lines=1000, domain="s", kind="log"):
     return system, points, truth, noisy(np.random.default_rng([seed, 1]), truth)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_order_40_with_one_percent_noise(seeds):
     # Floor of maximum likelihood 6.1-7.5e-4. No outright failure on any seed: see the slow test for the distribution.
     for seed in range(seeds):

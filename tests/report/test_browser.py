@@ -68,9 +68,9 @@ def identification(page: Path) -> None:
     modes = rid.flexible_structure().modes
     box = modes[:, :1] * [0.999, 1.001], modes[:, 1:] * [0.95, 1.05]
     sections: dict[str, Any] = {
-        "worst_case": with_circle(rid.worst_case_error(result, omega=[60.0, 100.0], directions=4)),
-        "over_poles": rid.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=4, cells=1),
-        "tube": rid.response_tube(result, input="step", horizon=6),
+        "worst_case": with_circle(rid.worst_case_error(result, omega=[60.0, 100.0], directions=3)),
+        "over_poles": rid.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=3, cells=1),
+        "tube": rid.response_tube(result, input="step", horizon=3),
         "sensitivity": rid.sensitivity(result.problem, omega=[30.0]),
         "reduction": rid.balanced_truncation(result.model, order=4),
     }
