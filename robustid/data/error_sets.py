@@ -106,12 +106,14 @@ def ellipse_of(covariance: object, points: int, deviations: float) -> tuple[Real
     return 2 * deviations * small * large / (small + large), tilt
 
 
-def joint_radius(probability: float, entries: int, dof: float | None, real: np.ndarray | None = None) -> np.ndarray:
+def joint_radius(
+    probability: float, entries: int, dof: float | Real | None, real: np.ndarray | None = None
+) -> np.ndarray:
     """Radius over standard deviation that no error exceeds with the probability, whatever the dependence of the entries.
 
     With s^2 an estimate of the variance with dof degrees of freedom, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) =
     (1 + x/dof)^(-dof)``; alpha = (1 - probability)/entries (Bonferroni). A known variance: exp(-x). At frequency points where all
-    is real: Student's t.
+    is real: Student's t. `dof` may be that of every frequency point, (F,).
     """
     from scipy.special import ndtri, stdtrit
 

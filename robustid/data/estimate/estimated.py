@@ -9,6 +9,7 @@ import numpy as np
 from robustid.data.bound import Bound
 from robustid.data.error_sets import joint_radius, stacked, variances
 from robustid.data.estimate.pooling import pool, pooled_words
+from robustid.data.estimate.scatter import Changing
 from robustid.errors import InputError
 
 ABOUT = {"mean": "confidence", "next record": "tolerance"}
@@ -26,7 +27,7 @@ class Estimate(NamedTuple):
     rounding: np.ndarray  # (F, ny, nu) floor of the bound
     source: str  # what the scatter was taken over
     excitations: int  # independent ones
-    changing: np.ndarray | None = None  # (F, ny, nu) variance of what changes from record to record; None: not seen
+    changing: Changing | None = None  # what changes from record to record; None: not seen
     noise: np.ndarray | None = None  # (F, ny, nu) standard deviations
     distortion: np.ndarray | None = None
     real: np.ndarray | None = None  # (F,) lines at which everything is real
@@ -44,7 +45,7 @@ def pooled(estimate: Estimate) -> Estimate:
 
 def bound(estimate: Estimate, probability: float, about: str) -> Bound:
     """The bound that holds for all lines and entries at once: of the mean response, or of that in the next record."""
-    variance = variances(estimate.covariance, estimate.values.shape)
+    variance, dof = variances(estimate.covariance, estimate.values.shape), estimate.dof
     if about == "next record":
         if estimate.changing is None:
             raise InputError(
@@ -52,15 +53,12 @@ def bound(estimate: Estimate, probability: float, about: str) -> Bound:
                 ' several realisations of a periodic excitation (method="periodic"), or leave spectral lines in its band'
                 " unexcited"
             )
-        variance = variance + estimate.changing
-    dof = np.broadcast_to(estimate.dof, estimate.index.shape)
-    radius = np.empty(estimate.index.size)
-    for one in np.unique(dof):
-        at = dof == one
-        real = None if estimate.real is None else estimate.real[at]
-        radius[at] = np.ravel(joint_radius(probability, estimate.values.size, float(one), real))
+        variance, dof = variance + estimate.changing.variance, estimate.changing.dof
+    dof = np.broadcast_to(dof, estimate.index.shape)
+    real = np.zeros(dof.shape, bool) if estimate.real is None else estimate.real
+    radius = joint_radius(probability, estimate.values.size, dof, real)
     return Bound(
-        np.maximum(radius[:, None, None] * np.sqrt(np.maximum(variance, 0)), estimate.rounding),
+        np.maximum(radius * np.sqrt(np.maximum(variance, 0)), estimate.rounding),
         kind=ABOUT[about],
         probability=probability,
         dof=float(dof.min()),

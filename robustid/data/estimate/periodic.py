@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.core import as_array, as_count
 from robustid.data.estimate.detection import detected
+from robustid.data.estimate.drift import without_drift
 from robustid.data.estimate.estimated import Estimate
 from robustid.data.estimate.scatter import scattered
 from robustid.data.time_record import TimeRecord
@@ -22,6 +23,7 @@ _log = logging.getLogger("robustid")
 EXCITED = 0.2
 _MAX_CONDITION = 1e6
 _SIGNIFICANT = 5.0  # standard deviations
+_DRIFT_SAID = 0.01  # part of the rms of an output from which on a drift is worth a word
 _TRANSIENT_BAND = 8  # lines over which a transient is looked for: that of a lightly damped mode fills a few only
 
 
@@ -60,8 +62,9 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
                 "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
             )
     # (K, blocks, periods, signals, experiments)
-    whole = {name: by_block(part[:, skipped:], nu) for name, part in spectra.items()}
-    return _estimate(records, index, period, whole, _skipped(skipped, steady))
+    kept = {name: _steady(records, name, period, skipped) for name in spectra}
+    whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
+    return _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(records, kept["y"][1]))
 
 
 def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:
@@ -112,6 +115,19 @@ def _skipped(count: int, steady: bool) -> str:
     if not count:
         return ""
     return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
+
+
+def _steady(records: list[TimeRecord], name: str, period: int, skipped: int) -> tuple[Any, Any]:
+    """Signals (R, T, n) after the periods that are left out, without drift, and the range of the drift."""
+    return without_drift(np.stack([getattr(r, name) for r in records])[:, skipped * period :], period)
+
+
+def _drifted(records: list[TimeRecord], drift: np.ndarray) -> str:
+    """Say how far outputs drifted, relative to their rms."""
+    size = drift / np.maximum(np.stack([r.y.std(axis=0) for r in records]), np.finfo(float).tiny)
+    if size.max() < _DRIFT_SAID:
+        return ""
+    return f"; drifts of the outputs of up to {100 * size.max():.2g} % of their rms removed"
 
 
 def _checked_lines(lines: Any, period: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 A variance from few residuals makes a bound many times as wide as a known one. Neighbouring lines have almost the same variance,
 in absolute terms (noise behind the dynamics), relative to the response (distortion in front of them), or relative to its square
-(a resonance that moves): which of these, each line's neighbours say.
+(a resonance that moves): which of these, the lines around each one say.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ _WANTED = 60  # degrees of freedom that are pooled where it doesn't
 _MOST = 21  # lines of a pool: a mode of 1 % damping is that wide where lines are 0.1 % of the frequency apart
 _NEAR = 0.1  # neighbours lie within this part of the frequency, or
 _NEAR_LINES = 16  # within so many lines of the transform
-_POWERS = (2, 0, 4)  # of the response, that the variance may follow; the first where nothing speaks for another
+_FREE = (0.25, 1.0)  # 1/variance of b about 2 and of c about 0, known beforehand: see _Smooth
+_ROUNDS, _LARGEST = 12, 20.0  # of Fisher's scoring, and of a residual in it
 _TOGETHER = 5  # neighbouring pairs of lines over which the phase of a correlation is taken as constant
 _DISTORTED = 4.0  # standard deviations by which a variance must exceed noise
 _GROUPS = 16  # of lines, in each of which distortion is looked for
@@ -71,9 +72,9 @@ def pool(matrix: np.ndarray, dof: float, size: np.ndarray, index: np.ndarray, re
 
     Notes
     -----
-    The power p of ``variance = c size^p`` is the one that predicts the own variance of the lines around best, each from its
-    neighbours alone (likelihood of a chi-square). A line whose own variance is larger than its neighbours' by more than chance
-    keeps its own. Lines that vary together are worth fewer degrees of freedom: ``n/(1 + 2 sum_l (1 - l/n) r_l^2)``, r_l the
+    Around every line the logarithm of the variance is taken as linear in that of the response and in the frequency (`_Smooth`); its
+    degrees of freedom are what that fit leaves, few where a line stands out. A line whose own variance is larger than that by more
+    than chance keeps its own. Lines that vary together are worth fewer: n of them ``n/(1 + 2 sum_l (1 - l/n) r_l^2)``, r_l the
     correlation of lines l apart.
     """
     own = np.maximum(np.einsum("fii->fi", matrix).real, 0)
@@ -82,31 +83,65 @@ def pool(matrix: np.ndarray, dof: float, size: np.ndarray, index: np.ndarray, re
     used = around.near.sum(axis=1)
     if used.max() == 1:
         return Pool(matrix, np.full(index.size, float(dof)), 1)
-    variance = _followed(own, dof, size, around)
+    fit = _Smooth(own, size, index, around, dof)
+    variance = fit.variance
     worth = np.ones(index.size) if residuals is None else _together(residuals, variance, dof, count)
-    degrees = np.maximum(dof * used / np.minimum(worth, used), dof)
+    degrees = np.maximum(fit.degrees(np.minimum(worth, used)), dof)
     variance = _guarded(own, variance, dof, degrees)
     return Pool(_shaped(matrix, variance, around), degrees, int(used.max()))
 
 
-def _followed(own: Real, dof: float, size: Real, around: Neighbours) -> Real:
-    """Mean variance of the neighbours, (F, q), scaled with the power of the response that fits them best."""
-    # Powers of the largest: the choice does not depend on units, not even by rounding.
-    top, scale = np.max(own, axis=0, initial=0), np.max(size, axis=0, initial=0)
-    own_, size_ = own / np.where(top > 0, top, 1), size / np.where(scale > 0, scale, 1)
-    others = np.maximum(around.near.sum(axis=1) - 1, 1)[:, None]
-    pooled, fits = [], []
-    for power in _POWERS:
-        shape = np.where(size_ > 0, size_, 1) ** power
-        mean = around.mean(own_ / shape)
-        without = np.maximum(mean * (others + 1) - own_ / shape, 0) / others * shape
-        known = without > 0
-        safe = np.where(known, without, 1)
-        fits.append(around.mean(np.where(known, -dof * (np.log(safe) + own_ / safe), 0)))
-        pooled.append(mean * shape)
-    best = np.argmax(fits, axis=0)
-    chosen: Real = np.take_along_axis(np.array(pooled), best[None], axis=0)[0] * np.where(top > 0, top, 1)
-    return np.where(around.near.sum(axis=1)[:, None] > 1, chosen, own)
+class _Smooth:
+    """Variance as a smooth function of size and frequency around every line, by the likelihood of a chi-square.
+
+    ``log variance = a + b log size + c (k - k0)``, with b = 2 (relative to the response) and c = 0 unless the lines near by say
+    otherwise: b = 0 is noise of one size, b = 4 a resonance that moves.
+    """
+
+    def __init__(self, own: Real, size: Real, index: np.ndarray, around: Neighbours, dof: float) -> None:
+        # Parts of the largest: nothing depends on units, not even by rounding.
+        top, scale = (np.max(values, axis=0, initial=0) for values in (own, size))
+        self.top = np.where(top > 0, top, 1)
+        least = np.finfo(float).eps ** 2
+        own_ = np.maximum(own / self.top, least)
+        log = np.log(np.maximum(size / np.where(scale > 0, scale, 1), least))
+        away = index[around.index] - index[:, None]
+        reach = np.maximum(np.abs(np.where(around.near, away, 0)).max(axis=1), 1)
+        shape = (*around.index.shape, own.shape[1])
+        self.x = np.stack(
+            [
+                np.ones(shape),
+                log[around.index] - log[:, None],
+                np.broadcast_to((away / reach[:, None])[..., None], shape),
+            ],
+            axis=-1,
+        )
+        self.weight, self.dof = around.near * float(dof), dof
+        self.gram = np.einsum("fn,fnqa,fnqb->fqab", self.weight, self.x, self.x)
+        self.log = self._fitted(own_[around.index])
+
+    def _fitted(self, own: Real) -> Real:
+        """Coefficients (F, q, 3): Fisher's scoring from a constant level relative to the response."""
+        middle, penalty = np.array([0.0, 2.0, 0.0]), np.diag([0.0, *_FREE])
+        share = self.weight / self.weight.sum(axis=1, keepdims=True)
+        found = np.broadcast_to(middle, (*self.gram.shape[:2], 3)).copy()
+        found[..., 0] = np.log(np.einsum("fn,fnq->fq", share, own * np.exp(-self.x @ middle)))
+        for _ in range(_ROUNDS):
+            expected = np.einsum("fnqa,fqa->fnq", self.x, found)
+            ratio = np.minimum(own * np.exp(-expected), _LARGEST) - 1
+            score = np.einsum("fn,fnqa,fnq->fqa", self.weight, self.x, ratio) - (found - middle) @ penalty
+            found += np.linalg.solve(self.gram + penalty, score[..., None])[..., 0]
+        return found
+
+    @property
+    def variance(self) -> Real:
+        """At every line, (F, q)."""
+        return np.exp(self.log[..., 0]) * self.top
+
+    def degrees(self, worth: Real) -> Real:
+        """Degrees of freedom of the variance of every line, (F,), where `worth` lines count as one."""
+        information = self.gram / worth[:, None, None, None] + np.diag([0.0, *_FREE])
+        return 1 / np.linalg.inv(information)[..., 0, 0].mean(axis=1)
 
 
 def _together(residuals: np.ndarray, variance: Real, dof: float, count: int) -> Real:

@@ -9,9 +9,20 @@ import numpy as np
 from robustid.core import Real
 from robustid.data.error_sets import stacked, variances
 from robustid.data.estimate.detection import Distortion
-from robustid.data.estimate.pooling import exceeds, pool, pooled_words
+from robustid.data.estimate.pooling import Pool, exceeds, pool, pooled_words
 
+_COMMON, _BEFORE = (
+    0.05,
+    2.0,
+)  # strength of the distortion: its variance known beforehand, and for how many records that counts
 _ALIKE = 1.5  # ratio of the sizes of one input in two experiments up to which their outputs scatter alike
+
+
+class Changing(NamedTuple):
+    """Variance of what changes from one block of experiments to the next, and how well the sum with that of the mean is known."""
+
+    variance: Real  # (F, ny, nu)
+    dof: Real  # (F,)
 
 
 class Scatter(NamedTuple):
@@ -20,7 +31,7 @@ class Scatter(NamedTuple):
     covariance: np.ndarray  # (F, ny nu, ny nu)
     dof: Real  # (F,)
     words: str
-    changing: np.ndarray | None  # (F, ny, nu) variance
+    changing: Changing | None
     noise: np.ndarray | None  # (F, ny, nu) standard deviations
     distortion: np.ndarray | None
 
@@ -30,7 +41,7 @@ class Scatter(NamedTuple):
             return self
         words = f"{self.words}; {found.words}"
         if not found.seen:
-            return self._replace(words=words, changing=found.variance)
+            return self._replace(words=words, changing=Changing(found.variance, self.dof))
         noise = np.einsum("fii->fi", self.covariance).real
         added: Real = stacked(found.variance)
         # Satterthwaite: two variances of their own degrees of freedom are worth this many together.
@@ -41,7 +52,7 @@ class Scatter(NamedTuple):
             covariance=self.covariance + diagonal,
             dof=dof,
             words=words,
-            changing=found.variance,
+            changing=Changing(found.variance, dof),
             distortion=np.sqrt(found.variance),
         )
 
@@ -102,36 +113,53 @@ def scattered(
         return Scatter(found.covariance(shared.matrix), shared.dof, words, None, np.sqrt(by_noise), None)
     total = _second_moments(between[:, :, None]) / found.dof
     shared = pool(total, found.dof, found.size, index, between)
-    own = np.einsum("fii->fi", shared.matrix).real
-    changes = np.maximum(own - _diagonal(noise, of_noise, found, index), own / np.sqrt(shared.dof)[:, None])
+    shared = shared._replace(dof=1 / (1 / shared.dof + _common(between, shared, found.dof) / found.dof))
+    of_noise_alone = None if periods == 1 else pool(noise, of_noise, found.size, index, None)
     single = found._replace(gain=blocks * found.gain)
-    diagonal = np.eye(own.shape[1]) * changes[:, None, :]
-    changing = variances(single.covariance(diagonal), values.shape)
-    if periods == 1:
-        words = f"{blocks} blocks of experiments (1 periods each){pooled_words(shared.lines)}"
-        return Scatter(found.covariance(shared.matrix), shared.dof, words, changing, None, None)
-    spread = variances(found.covariance(total), values.shape)
-    distortion = variances(single.covariance(shared.matrix - noise), values.shape)
+    changing = _changing(shared, of_noise_alone, blocks, single, values.shape)
     words = f"{blocks} blocks of experiments ({periods} periods each){pooled_words(shared.lines)}"
+    if periods == 1:
+        return Scatter(found.covariance(shared.matrix), shared.dof, words, changing, None, None)
+    distortion = np.sqrt(np.maximum(variances(single.covariance(shared.matrix - noise), values.shape), 0))
+    spread = variances(found.covariance(total), values.shape)
     if not exceeds(spread + rounding**2, by_noise + rounding**2, found.dof, of_noise):
         both = (found.dof * total + of_noise * noise) / (found.dof + of_noise)
         shared = pool(both, found.dof + of_noise, found.size, index, None)
         words = f"{blocks} blocks and {periods} periods: no distortion seen between blocks{pooled_words(shared.lines)}"
-    return Scatter(
-        found.covariance(shared.matrix),
-        shared.dof,
-        words,
-        changing,
-        np.sqrt(by_noise),
-        np.sqrt(np.maximum(distortion, 0)),
-    )
+    return Scatter(found.covariance(shared.matrix), shared.dof, words, changing, np.sqrt(by_noise), distortion)
 
 
-def _diagonal(noise: np.ndarray, of_noise: float, found: _Residuals, index: np.ndarray) -> Real:
-    """Variance of the noise in every signal, (F, q); 0 where it isn't known."""
-    if of_noise == 0:
-        return np.zeros(found.size.shape)
-    return np.einsum("fii->fi", pool(noise, of_noise, found.size, index, None).matrix).real
+def _changing(shared: Pool, noise: Pool | None, blocks: int, single: _Residuals, shape: tuple[int, ...]) -> Changing:
+    """What changes: the variance between blocks less that of the noise, and the degrees of freedom of a new block's deviation."""
+    own = np.einsum("fii->fi", shared.matrix).real
+    quiet = np.zeros(own.shape) if noise is None else np.einsum("fii->fi", noise.matrix).real
+    changes = np.maximum(own - quiet, own / np.sqrt(shared.dof)[:, None])
+    known = (1 + 1 / blocks) * own
+    # Satterthwaite: a difference of two estimates is known less well than either.
+    spread = known**2 / shared.dof[:, None]
+    if noise is not None:
+        spread = spread + quiet**2 / noise.dof[:, None]
+    wanted = (changes + own / blocks) ** 2
+    dof = 1 / np.mean(spread / np.where(wanted > 0, wanted, 1), axis=1, where=wanted > 0)
+    variance = variances(single.covariance(np.eye(own.shape[1]) * changes[:, None, :]), shape)
+    return Changing(variance, np.clip(dof, 1, shared.dof))
+
+
+def _common(residuals: np.ndarray, shared: Pool, dof: float) -> float:
+    """Variance of the strength of the distortion from record to record, common to all lines, relative to its mean.
+
+    What pooling over lines doesn't average out. Of the power of every record's residuals, less what independent lines would
+    scatter; two residuals of one difference show nothing, and with few records a level known beforehand counts.
+    """
+    variance = np.einsum("fii->fi", shared.matrix).real
+    white = np.abs(residuals) ** 2 / np.where(variance > 0, variance, 1)[:, None]
+    power = white.mean(axis=(0, 2))
+    power = power / power.mean() if power.mean() > 0 else np.ones(power.size)
+    worth = np.mean(dof * shared.lines / shared.dof)  # how many lines count as one
+    spare = dof - 1
+    chance = min(worth, len(white)) / (len(white) * residuals.shape[2])
+    seen = max(power.var(ddof=1) - chance, 0) * (dof / spare) ** 2 if spare > 0 else 0.0
+    return (_BEFORE * _COMMON + spare * seen) / (_BEFORE + spare)
 
 
 def alike(u: np.ndarray) -> bool:
