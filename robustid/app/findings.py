@@ -25,12 +25,14 @@ _FIXED_POLES = (
 def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
     """Sentences that say whether the data fit, and if not, what would help."""
     factor = run.identify.inflate
+    about = [*result.problem.about, *(f"Fault of the data: {words}." for words in result.problem.data_problems)]
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
-        return [*result.problem.about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
+        return [*about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
     say("what would help: other modes, other priors")
     needed = float(SPARE * result.margin * (factor if isinstance(factor, float) else 1.0))
     return [
+        *about,
         diagnose(result).summary(),
         f"Nothing was widened{' further' if wider else ''}. To go on with wider bounds, state them: inflate = {needed:.4g}"
         f' (10 % more than this class needs) or inflate = "auto", in [identify]; every result then says so.',

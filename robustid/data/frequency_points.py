@@ -145,6 +145,13 @@ def check_measured(values: NDArray[np.complex128], bound: Bound | None) -> None:
         )
 
 
+def as_sentences(name: str, value: Any) -> tuple[str, ...]:
+    """Sentences, checked."""
+    if not isinstance(value, list | tuple) or not all(isinstance(words, str) for words in value):
+        raise InputTypeError(f"`{name}` must be a sequence of sentences; got {value!r}")
+    return tuple(value)
+
+
 def as_note(note: Any) -> str:
     """Text."""
     if not isinstance(note, str):

@@ -16,6 +16,7 @@ from robustid.data.frequency_points import (
     as_level,
     as_note,
     as_points,
+    as_sentences,
     check_measured,
     signal_index,
 )
@@ -62,6 +63,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.
+    problems : sequence of str
+        Faults of the records that it was estimated from (`record_problems`), for reports.
 
     Raises
     ------
@@ -92,6 +95,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
+    problems: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         omega, values, dt = as_points(self.omega, self.values, self.dt, "ny, nu")
@@ -118,6 +122,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
             inputs=as_signals("inputs", self.inputs, nu, "u"),
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
+            problems=as_sentences("problems", self.problems),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )

@@ -1,4 +1,4 @@
-"""Records made ready: offsets and drifts, lower sample rates, and what is wrong with them in words.
+"""Records made ready: offsets and drifts, lower sample rates.
 
 Every operation says what it does to the bound, so that a hard bound stays hard.
 """
@@ -19,9 +19,6 @@ from robustid.errors import InputError, InputTypeError
 PASSBAND = 0.8
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
-# A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
-# has 2.4 times as many in its top step as in the next.
-_CLIPPED_RATIO, _CLIPPED_PART, _CLIPPED_LEAST = 5, 1e-3, 10
 
 
 def sample_time(time: Any) -> float:
@@ -172,46 +169,6 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
         return dataclasses.replace(record, **slow, dt=factor * record.dt)
     past = np.abs(taps).sum() * max(np.abs(record.u).max(), record.largest_past_input)
     return dataclasses.replace(record, **slow, dt=factor * record.dt, initial="free", past_input_bound=past)
-
-
-def record_problems(record: TimeRecord) -> tuple[str, ...]:
-    """Faults of a record, one sentence each: constant signals, outputs that stay at their extreme value.
-
-    Examples
-    --------
-    >>> import numpy as np, robustid as rid
-    >>> time = np.arange(200)
-    >>> rid.record_problems(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0]
-    'input u is constant (0): it excites nothing'
-    """
-    _check_record(record)
-    found = []
-    for side, signals, channels, why in (
-        ("input", record.u, record.inputs, "it excites nothing"),
-        ("output", record.y, record.outputs, "a sensor that is not connected, or saturated"),
-    ):
-        for signal, channel in zip(signals.T, channels, strict=True):
-            if np.all(signal == signal[0]):
-                found.append(f"{side} {channel.name} is constant ({signal[0]:.6g}): {why}")
-    for signal, channel in zip(record.y.T, record.outputs, strict=True):
-        for word, extreme in (("largest", signal.max()), ("smallest", signal.min())):
-            if (count := _clipped(signal, extreme)) > 0:
-                found.append(
-                    f"output {channel.name} is at its {word} value, {extreme:.6g}, in {count} of {signal.size} samples:"
-                    " it looks saturated, and no linear model gives such samples"
-                )
-    return tuple(found)
-
-
-def _clipped(signal: np.ndarray, extreme: float) -> int:
-    """How many samples are exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
-    at = np.concatenate([[False], signal == extreme, [False]])
-    count, in_runs = int(at.sum()), int(np.sum(at[1:-1] & (at[:-2] | at[2:])))
-    if in_runs < max(_CLIPPED_LEAST, _CLIPPED_PART * signal.size) or count == signal.size:
-        return 0
-    others = signal[signal != extreme]
-    next_to = others[np.argmin(np.abs(others - extreme))]
-    return count if count > _CLIPPED_RATIO * np.sum(signal == next_to) else 0
 
 
 def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:

@@ -137,6 +137,11 @@ class MixedProblem(Frozen):
         return tuple(dict.fromkeys(words for words in sentences if words))
 
     @property
+    def data_problems(self) -> tuple[str, ...]:
+        """Faults of the records from which the responses were estimated (`FrequencyResponse.problems`)."""
+        return tuple(dict.fromkeys(words for item in self.frequency for words in getattr(item, "problems", ())))
+
+    @property
     def unknown_bounds(self) -> Real:
         """The parameter bounds of the independent parameters, entry by entry, (count m, 2)."""
         ends = np.moveaxis(self.parameter_bounds, 0, 2) if self.parameter_bounds.ndim == 4 else self.parameter_bounds

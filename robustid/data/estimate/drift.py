@@ -11,7 +11,7 @@ _DEGREE = 3  # of the polynomial in time, at most; and below the number of perio
 _SIGNIFICANT = 6.0  # standard deviations of white noise
 
 
-def without_drift(signals: Real, period: int) -> tuple[Real, Real]:
+def without_drift(signals: np.ndarray, period: int) -> tuple[Real, Real]:
     """Signals of whole periods without what drifts, and how much that was.
 
     ``y(t) = s(t mod period) + sum_j c_j t^j + e(t)``, least squares over s and c together: the powers of t, less their mean over
@@ -50,7 +50,7 @@ def without_drift(signals: Real, period: int) -> tuple[Real, Real]:
     return signals - drift, np.ptp(drift, axis=1)
 
 
-def _between(signals: Real, period: int) -> Real:
+def _between(signals: np.ndarray, period: int) -> Real:
     """(R, T, n) less the mean over the periods."""
     cut = signals.reshape(len(signals), -1, period, signals.shape[2])
     return (cut - cut.mean(axis=1, keepdims=True)).reshape(signals.shape)

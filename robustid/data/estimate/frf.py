@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from robustid.core import as_count
 from robustid.data.bound import as_probability
 from robustid.data.estimate.estimated import ABOUT, Estimate, bound
 from robustid.data.estimate.local import local
 from robustid.data.estimate.periodic import periodic
 from robustid.data.estimate.welch import welch
 from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.prepare import record_problems
+from robustid.data.problems import record_problems
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -112,14 +114,17 @@ def estimate_frf(
         raise InputError(f"`about` must be one of {tuple(ABOUT)}; got {about!r}")
     probability = as_probability(probability)
     records = checked_records(record)
-    _check_signals(records)
+    _refuse_dead(records)
     if method is None:
         steady = all(r.initial == "periodic" for r in records)
         method = "periodic" if period is not None or steady else "local"
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
+    problems = record_problems(records, period=_period(records, method, period))
+    for sentence in problems:
+        _log.warning("%s", sentence)
     estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
-    return _finished(records[0], estimate, probability, about)
+    return dataclasses.replace(_finished(records[0], estimate, probability, about), problems=problems)
 
 
 def _other(method: str) -> Any:
@@ -144,18 +149,21 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
     )
 
 
-def _check_signals(records: list[TimeRecord]) -> None:
-    """Outputs that say nothing in any experiment are refused; what else is wrong with an output is said."""
+def _period(records: list[TimeRecord], method: str, period: int | None) -> int | None:
+    """Period that is stated: without a number, each record is one."""
+    if method != "periodic":
+        return None
+    return len(records[0].u) if period is None else as_count("period", period, least=2)
+
+
+def _refuse_dead(records: list[TimeRecord]) -> None:
+    """Outputs that say nothing in any experiment are refused."""
     for k, channel in enumerate(records[0].outputs):
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
             raise InputError(
                 f"`record`: output {channel.name} is constant ({records[0].y[0, k]:.6g}): a sensor that is not connected, or"
                 " saturated; leave that signal out"
             )
-    for number, record in enumerate(records):
-        for sentence in record_problems(record):
-            if sentence.startswith("output"):
-                _log.warning("record %d: %s", number, sentence)
 
 
 def checked_records(record: Any) -> list[TimeRecord]:

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Real
-from robustid.data.error_sets import stacked, variances
+from robustid.data.error_sets import joint_radius, stacked, variances
 from robustid.data.estimate.detection import Distortion
 from robustid.data.estimate.pooling import Pool, exceeds, pool, pooled_words
 
-_COMMON, _BEFORE = (
-    0.05,
-    2.0,
-)  # strength of the distortion: its variance known beforehand, and for how many records that counts
+# Variance of the strength of the distortion known beforehand, and for how many records that counts.
+_COMMON, _BEFORE = 0.2, 2.0
+_USUAL = 0.95  # probability for which the surer of two bounds is chosen
 _ALIKE = 1.5  # ratio of the sizes of one input in two experiments up to which their outputs scatter alike
 
 
@@ -114,15 +113,18 @@ def scattered(
     total = _second_moments(between[:, :, None]) / found.dof
     shared = pool(total, found.dof, found.size, index, between)
     shared = shared._replace(dof=1 / (1 / shared.dof + _common(between, shared, found.dof) / found.dof))
-    of_noise_alone = None if periods == 1 else pool(noise, of_noise, found.size, index, None)
     single = found._replace(gain=blocks * found.gain)
-    changing = _changing(shared, of_noise_alone, blocks, single, values.shape)
     words = f"{blocks} blocks of experiments ({periods} periods each){pooled_words(shared.lines)}"
     if periods == 1:
+        changing = _changing(shared, None, blocks, single, values.shape)
         return Scatter(found.covariance(shared.matrix), shared.dof, words, changing, None, None)
+    quiet = pool(noise, of_noise, found.size, index, None)
     distortion = np.sqrt(np.maximum(variances(single.covariance(shared.matrix - noise), values.shape), 0))
     spread = variances(found.covariance(total), values.shape)
-    if not exceeds(spread + rounding**2, by_noise + rounding**2, found.dof, of_noise):
+    if exceeds(spread + rounding**2, by_noise + rounding**2, found.dof, of_noise):
+        changing = _changing(shared, quiet, blocks, single, values.shape)
+    else:
+        changing = _unseen(shared, quiet, single, values.shape)
         both = (found.dof * total + of_noise * noise) / (found.dof + of_noise)
         shared = pool(both, found.dof + of_noise, found.size, index, None)
         words = f"{blocks} blocks and {periods} periods: no distortion seen between blocks{pooled_words(shared.lines)}"
@@ -130,19 +132,31 @@ def scattered(
 
 
 def _changing(shared: Pool, noise: Pool | None, blocks: int, single: _Residuals, shape: tuple[int, ...]) -> Changing:
-    """What changes: the variance between blocks less that of the noise, and the degrees of freedom of a new block's deviation."""
+    """What changes: the variance between blocks less that of the noise, or all of it where that makes the surer bound."""
     own = np.einsum("fii->fi", shared.matrix).real
-    quiet = np.zeros(own.shape) if noise is None else np.einsum("fii->fi", noise.matrix).real
-    changes = np.maximum(own - quiet, own / np.sqrt(shared.dof)[:, None])
-    known = (1 + 1 / blocks) * own
-    # Satterthwaite: a difference of two estimates is known less well than either.
-    spread = known**2 / shared.dof[:, None]
+    dof = shared.dof
     if noise is not None:
-        spread = spread + quiet**2 / noise.dof[:, None]
-    wanted = (changes + own / blocks) ** 2
-    dof = 1 / np.mean(spread / np.where(wanted > 0, wanted, 1), axis=1, where=wanted > 0)
-    variance = variances(single.covariance(np.eye(own.shape[1]) * changes[:, None, :]), shape)
-    return Changing(variance, np.clip(dof, 1, shared.dof))
+        quiet = np.einsum("fii->fi", noise.matrix).real
+        less = np.maximum(own - quiet, own / np.sqrt(dof)[:, None])
+        # Satterthwaite: a difference of two estimates is known less well than either.
+        spread = ((1 + 1 / blocks) * own) ** 2 / dof[:, None] + quiet**2 / noise.dof[:, None]
+        wanted = np.maximum(less + own / blocks, np.finfo(float).tiny)
+        known = np.clip(1 / np.maximum((spread / wanted**2).mean(axis=1), np.finfo(float).tiny), 1, dof)
+        radius = [joint_radius(_USUAL, own.size, part) ** 2 for part in (known, dof)]
+        better = radius[0] * wanted.mean(axis=1) < radius[1] * ((1 + 1 / blocks) * own).mean(axis=1)
+        own, dof = np.where(better[:, None], less, own), np.where(better, known, dof)
+    return Changing(_diagonal(single, own, shape), dof)
+
+
+def _unseen(shared: Pool, noise: Pool, single: _Residuals, shape: tuple[int, ...]) -> Changing:
+    """What may change although the scatter between blocks is no more than noise explains."""
+    own, quiet = (np.einsum("fii->fi", part.matrix).real for part in (shared, noise))
+    return Changing(_diagonal(single, np.maximum(own - quiet, own / np.sqrt(shared.dof)[:, None]), shape), shared.dof)
+
+
+def _diagonal(single: _Residuals, variance: Real, shape: tuple[int, ...]) -> Real:
+    """Variances (F, ny, nu) of the response of one block, from those of its signals (F, q)."""
+    return variances(single.covariance(np.eye(variance.shape[1]) * variance[:, None, :]), shape)
 
 
 def _common(residuals: np.ndarray, shared: Pool, dof: float) -> float:

@@ -30,7 +30,7 @@ _ARRAYS = {
 }
 _OF_BOUND = {"bound_kind": "kind", "probability": "probability", "bound_dof": "dof", "excitations": "excitations"}
 _FACTS = {
-    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint"),
+    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint", "problems"),
     "tangential": ("dt", "note", *_OF_BOUND),
     "time": ("dt", "initial", "past_input_bound", "note", *_OF_BOUND),
 }
@@ -57,6 +57,8 @@ def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> di
         fields["probability"] = bound.probability
     if bound.dof != _implied_dof(fields):
         fields["bound_dof"] = bound.dof
+    if not fields.get("problems"):
+        fields.pop("problems", None)
     if bound.excitations is not None:
         fields["excitations"] = bound.excitations
     return fields | ({"joint": bound.joint, "ellipsoid": bound.ellipsoid} if "tilt" in fields else {})

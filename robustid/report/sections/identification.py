@@ -128,7 +128,9 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
 
 
 def _warnings(identification: Identification) -> list[Text]:
-    about = [Text(sentence, "warning") for sentence in identification.problem.about]
+    problem = identification.problem
+    about = [Text(sentence, "warning") for sentence in problem.about]
+    about += [Text(f"Fault of the data: {sentence}.", "warning") for sentence in problem.data_problems]
     return about + [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
 
 

@@ -220,6 +220,7 @@ def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
     bound = view.frf.bound
     found = [bound.about] if bound is not None and bound.excitations == 1 else []
+    found += [f"Fault of the data: {words}." for words in view.frf.problems]
     found += [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 

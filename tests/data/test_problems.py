@@ -1,0 +1,154 @@
+"""Faults of records in words: each fault alone, and none where there is none."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data.problems import found_period
+
+DT, PERIOD = 0.01, 100
+
+
+def record(*, seed=0, periods=6, noise=0.01, input_noise=0.0, level=1.0, **options):
+    rng = np.random.default_rng(seed)
+    play = rid.multisine(band_hz=(1, 30), period=PERIOD, dt=DT, minimise_crest=False, rms=level, seed=seed)
+    u = np.tile(play.u[0], (periods, 1))
+    y = 2 * u + noise * rng.standard_normal(u.shape)
+    return rid.TimeRecord(u + input_noise * rng.standard_normal(u.shape), y, dt=DT, **options)
+
+
+def problems(*records, period=PERIOD):
+    return rid.record_problems(records[0] if len(records) == 1 else records, period=period)
+
+
+def changed(one, **signals):
+    return rid.TimeRecord(**{"u": one.u, "y": one.y, "dt": DT} | signals)
+
+
+def test_sound_records_have_none():
+    assert problems(record()) == ()
+    assert problems(*(record(seed=k) for k in range(5))) == ()
+
+
+def test_a_noisy_record_among_others_is_named():
+    """Two of six differ between their periods ten times more than the others."""
+    records = [record(seed=k, noise=0.1 if k in (1, 4) else 0.01) for k in range(6)]
+    found = problems(*records)
+    assert len(found) == 2
+    for words, number in zip(found, (2, 5), strict=True):
+        assert words.startswith(f"record {number}: output y differs from period to period ")
+        assert 9 < float(words.split("period to period ")[1].split()[0]) < 11
+
+
+def test_noise_from_one_period_to_the_next_needs_two_periods():
+    assert problems(*(record(seed=k, periods=1, noise=0.1 if k == 1 else 0.01) for k in range(4)), period=PERIOD) == ()
+
+
+def test_unequal_excitation_is_named():
+    found = problems(*(record(seed=k, level=0.4 if k == 2 else 1.0) for k in range(4)))
+    assert found[0] == "record 3: input u has 0.4 times the rms of the other records: they are not the same experiment"
+    assert found[1].startswith("record 3: output y has 0.4 times")
+
+
+def test_one_input_at_a_time_is_no_fault():
+    one, other = record(seed=0), record(seed=1)
+    pair = [
+        changed(one, u=np.column_stack([one.u, 0 * one.u])),
+        changed(other, u=np.column_stack([0 * other.u, other.u])),
+    ]
+    assert problems(*pair) == ()
+
+
+def test_drift_is_named():
+    one = record()
+    (words,) = problems(changed(one, y=one.y + 2 * np.linspace(0, 1, len(one.y))[:, None]))
+    assert words.startswith("output y drifts by ")
+    assert words.endswith("% of its rms; the drift over whole periods is removed")
+
+
+def test_noise_of_the_input_is_named():
+    (words,) = problems(record(input_noise=0.3))
+    assert words.startswith("input u is measured with noise: ")
+    assert "give a reference" in words
+
+
+@pytest.mark.parametrize(
+    ("periods", "extra", "said"),
+    [(6, 0, "(6 periods)"), (3, 17, "(3 periods)"), (2, 0, "(2 periods)")],
+)
+def test_a_period_is_found(periods, extra, said):
+    one = record(periods=periods + 1, input_noise=0.05)
+    cut = slice(0, periods * PERIOD + extra)
+    (words,) = problems(changed(one, u=one.u[cut], y=one.y[cut]), period=None)
+    assert words.startswith(f"the input repeats every 100 samples {said}, and nothing says so: give period = 100")
+    assert ("cut the record to" in words) == bool(extra)
+
+
+def test_a_wrong_period_is_named():
+    (words,) = problems(record(), period=120)
+    assert words.endswith("from one period of 120 samples to the next; it repeats every 100 samples")
+
+
+@pytest.mark.parametrize("kind", ["noise", "sweep", "step", "ramp", "one period"])
+def test_no_period_is_found_where_there_is_none(kind):
+    rng, t = np.random.default_rng(3), np.arange(2000) / 2000
+    u = {
+        "noise": rng.standard_normal(2000),
+        "sweep": np.sin(2 * np.pi * 60 * t**2),
+        "step": (t > 0.1).astype(float),
+        "ramp": t,
+        "one period": record(periods=1).u[:, 0],
+    }[kind]
+    assert found_period(rid.TimeRecord(u, u, dt=DT)) is None
+
+
+@pytest.mark.parametrize("power", [-60, 60])
+def test_units_do_not_matter(power):
+    one = record(input_noise=0.3, noise=0.2)
+    scaled = changed(one, u=one.u * 2.0**power, y=one.y * 2.0**-power)
+    assert problems(scaled) == problems(one)
+    assert found_period(scaled) == found_period(one) == PERIOD
+
+
+def test_a_stuck_sensor_is_named():
+    one = record()
+    y = one.y.copy()
+    y[200:260] = y[200]
+    (words,) = problems(changed(one, y=y), period=None)[:1]
+    assert words == f"output y keeps the value {y[200, 0]:.6g} for 60 samples from sample 200 on: it was stuck"
+    still = one.u.copy()
+    still[200:260] = still[200]
+    assert not any("stuck" in words for words in problems(changed(one, u=still, y=y), period=None))
+
+
+def test_a_measured_input_that_clips_is_named():
+    one = record()
+    u = np.clip(one.u, -0.7, 0.7)
+    assert problems(changed(one, u=u)) == ()  # as played
+    found = problems(changed(one, u=u, reference=one.u))
+    assert [words.split(",")[0] for words in found] == [
+        "input u is at its largest value",
+        "input u is at its smallest value",
+    ]
+
+
+def test_faults_stand_in_the_response_and_are_kept(tmp_path, caplog):
+    records = [record(seed=k, noise=0.1 if k == 1 else 0.01) for k in range(6)]
+    frf = rid.estimate_frf(records, period=PERIOD)
+    assert len(frf.problems) == 1
+    assert frf.problems[0].startswith("record 2: output y differs from period to period")
+    assert frf.problems[0] in caplog.text
+    for ending in (".npz", ".csv", ".mat"):
+        rid.save(tmp_path / f"g{ending}", frf)
+        assert rid.load(tmp_path / f"g{ending}").problems == frf.problems
+    assert frf.entry().problems == frf.problems
+    with pytest.raises(rid.errors.InputTypeError, match="`problems` must be a sequence of sentences"):
+        rid.FrequencyResponse([1.0], [1.0], problems="dead")
+
+
+def test_whatever_is_no_record_is_refused():
+    for wrong in ("record", [], [1.0], None):
+        with pytest.raises(rid.errors.InputTypeError, match="`record` must be a TimeRecord or a sequence of them"):
+            rid.record_problems(wrong)
+    with pytest.raises(rid.errors.InputError, match="`period` must be at least 2; got 1"):
+        rid.record_problems(record(), period=1)
