@@ -198,9 +198,11 @@ def found_period(record: TimeRecord) -> int | None:
 
 def _periodic(records: list[TimeRecord], period: int) -> list[str]:
     """What whole periods show: drifts, noise unlike that of other records, noise of the input."""
-    samples = len(records[0].u) // period * period
-    y, drift = without_drift(np.stack([r.y[:samples] for r in records]), period)
-    u, _ = without_drift(np.stack([r.u[:samples] for r in records]), period)
+    periods = len(records[0].u) // period
+    # Of the later half, where transients have died out.
+    kept = slice(min(periods // 2, periods - 2) * period, periods * period)
+    y, drift = without_drift(np.stack([r.y[kept] for r in records]), period)
+    u, _ = without_drift(np.stack([r.u[kept] for r in records]), period)
     found, several = [], len(records) > 1
     size = drift / np.maximum(y.std(axis=1), np.finfo(float).tiny)
     for k, i in np.argwhere(size > _DRIFTS):
@@ -215,22 +217,21 @@ def _periodic(records: list[TimeRecord], period: int) -> list[str]:
         for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
             found.append(
                 f"record {k + 1}: output {records[0].outputs[i].name} differs from period to period"
-                f" {noise[k, i] / usual[i]:.2g} times as much as in the other records: something disturbed it; leave the record out, or measure it again"
+                f" {noise[k, i] / usual[i]:.2g} times as much as in the other records: something disturbed it; leave the record"
+                " out, or measure it again"
             )
     return found + _input_noise(records, u, period)
 
 
 def _scatter(signals: Real, period: int) -> Real:
-    """Standard deviation between the periods, (R, n), of signals (R, T, n): of the later half of them, without transients."""
+    """Standard deviation between the periods, (R, n), of signals (R, T, n)."""
     cut = signals.reshape(len(signals), -1, period, signals.shape[2])
-    later = cut[:, min(cut.shape[1] // 2, cut.shape[1] - 2) :]
-    return np.sqrt(later.var(axis=1, ddof=1).mean(axis=1))
+    return np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
 
 
 def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
     """Noise of a measured input at the lines that carry it: it makes the response too small."""
     spectra = np.fft.rfft(u.reshape(len(u), -1, period, u.shape[2]), axis=2)
-    spectra = spectra[:, min(spectra.shape[1] // 2, spectra.shape[1] - 2) :]
     size, noise = np.abs(spectra.mean(axis=1)), spectra.std(axis=1, ddof=1)
     found = []
     for j, channel in enumerate(records[0].inputs):
@@ -240,11 +241,11 @@ def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
             continue
         share = float(np.sqrt(np.mean(noise[:, 1:, j][carrying] ** 2) / np.mean(level[carrying] ** 2)))
         if share > _INPUT_NOISE:
-            one = share**2 / (u.shape[1] // period)
+            one = share**2 / (len(records[0].u) // period)
             found.append(
                 f"input {channel.name} is measured with noise: {100 * share:.2g} % of its amplitude at the lines that carry it, in"
-                f" one period. The mean over the periods leaves a response about {100 * one:.2g} % too small; give a reference, which"
-                " has no noise"
+                f" one period. The mean over the periods leaves a response about {100 * one:.2g} % too small; give a reference,"
+                " which has no noise"
             )
     return found
 

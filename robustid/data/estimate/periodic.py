@@ -54,15 +54,17 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
         spectra["reference"] = _spectra(records, "reference", period)
     excitation = spectra["reference" if loop else "u"]
     index = _excited(excitation.mean(axis=1), period) if lines is None else _checked_lines(lines, period)
-    skipped, steady = 0, True
-    if any(r.initial != "periodic" for r in records):
-        skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
-        if not steady:
-            _log.warning(
-                "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
-            )
+    skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
+    drifts = steady
+    if all(r.initial == "periodic" for r in records):
+        # Nothing is left out of what is stated to be steady; but what a transient does is no drift.
+        drifts, skipped, steady = skipped == 0, 0, True
+    elif not steady:
+        _log.warning(
+            "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
+        )
     # (K, blocks, periods, signals, experiments)
-    kept = {name: _steady(records, name, period, skipped) for name in spectra}
+    kept = {name: _steady(records, name, period, skipped, drifts) for name in spectra}
     whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
     return _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(records, kept["y"][1]))
 
@@ -117,9 +119,10 @@ def _skipped(count: int, steady: bool) -> str:
     return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
 
 
-def _steady(records: list[TimeRecord], name: str, period: int, skipped: int) -> tuple[Any, Any]:
+def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Any, Any]:
     """Signals (R, T, n) after the periods that are left out, without drift, and the range of the drift."""
-    return without_drift(np.stack([getattr(r, name) for r in records])[:, skipped * period :], period)
+    signals = np.stack([getattr(r, name) for r in records])[:, skipped * period :]
+    return without_drift(signals, period) if drifts else (signals, np.zeros(signals[:, 0].shape))
 
 
 def _drifted(records: list[TimeRecord], drift: np.ndarray) -> str:
