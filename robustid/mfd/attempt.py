@@ -30,7 +30,7 @@ from robustid.mfd.subspace import subspace_estimate
 
 _HELD = 1e-6  # part of the smallest response, or of the gain asked for, that may be left of a condition
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
-_FORMED = 1e-6  # part of the cost that forming the fraction may add
+FORMED = 1e-6  # part of the cost that forming the fraction may add
 _WORK = 2e10  # products of equations and squared coordinates that a fit may take before it tries no further way
 _BY_ITSELF = 100.0  # the criterion with every point left out, over the criterion: single points decide modes
 _WORTH = 2.0  # a mode that the points don't resolve lowers the criterion at least by this factor
@@ -76,9 +76,7 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
     model : StateMatrices
         Of any order; only A and C matter with rigid-body modes.
     """
-    if settings.body is not None:
-        model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
-        problem = rigid_modes(problem, data, model, directions, settings.body)
+    problem, model = with_rigid_modes(problem, data, model, settings.body)
     if settings.phases == ["lm"] and refinable(problem):
         return _refined(problem, data, model, settings)
     problem, first = best_form(problem, model, data, "iv" not in settings.phases)
@@ -105,8 +103,29 @@ def refinable(problem: FractionProblem) -> bool:
     return not np.any(problem.zeros) and (problem.rigid is None or problem.rigid.outside)
 
 
-def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
-    """The attempt in state-space coordinates; the fraction is formed of its end."""
+class Descent(NamedTuple):
+    """End of a descent in state-space coordinates."""
+
+    problem: FractionProblem  # with the directions of rigid-body modes that were found
+    model: StateMatrices
+    refined: Refined
+    start_cost: float
+    reflected: int
+    unstable_cost: float
+
+
+def with_rigid_modes(
+    problem: FractionProblem, data: Samples, model: StateMatrices, body: RigidBody | None
+) -> tuple[FractionProblem, StateMatrices]:
+    """The problem with the rigid-body modes that are asked for, and a first model that has them."""
+    if body is None:
+        return problem, model
+    model, directions = rigid_start(data, model.A, model.C, body, feedthrough=problem.feedthrough)
+    return rigid_modes(problem, data, model, directions, body), model
+
+
+def descended(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Descent:
+    """Descent in state-space coordinates from a first model of any order."""
     start_cost = _distance(problem, data, model)
     if len(model.A) < problem.order and problem.rigid is None:
         model = _completed(problem, data, model)
@@ -123,10 +142,24 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
-    enough = max((1 + _FORMED) * fitted.cost, problem.rounding)
-    problem, nodes = best_form(problem, end, data, True, full=False)
+    return Descent(problem, end, refined, start_cost, count, free_cost)
+
+
+def formed(
+    problem: FractionProblem, data: Samples, model: StateMatrices, enough: float
+) -> tuple[FractionProblem, NodeFraction]:
+    """The fraction of a state space, by as many steps as it takes to have this cost."""
+    problem, nodes = best_form(problem, model, data, True, full=False)
     if problem.cost(nodes) > enough:
-        nodes = formed_further(problem, nodes, response_at(end, data.points))
+        nodes = formed_further(problem, nodes, response_at(model, data.points))
+    return problem, nodes
+
+
+def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
+    """The attempt in state-space coordinates; the fraction is formed of its end."""
+    problem, end, refined, start_cost, count, free_cost = descended(problem, data, model, settings)
+    enough = max((1 + FORMED) * refined.fitted.cost, problem.rounding)
+    problem, nodes = formed(problem, data, end, enough)
     fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
     if fit.cost > enough:
         # Not a generic system: its degrees aren't those of the staircase.

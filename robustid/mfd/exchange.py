@@ -61,7 +61,7 @@ def exchange(
             outputs=outputs,
         )
         fitted = richer.fitted
-        for _ in range(more.centre.size):  # one by one: of two equal blocks each seems needless beside the other
+        for _ in range(new.centre.size):  # one by one: of two equal blocks each seems needless beside the other
             fitted = outputs.fitted(fitted.model.without(int(np.argmin(outputs.importance(fitted)))))
         other = refine(
             problem,

@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import StateMatrices, response_at
-from robustid.mfd.attempt import Attempt, Settings, attempt, best_form, blocks_of, flipped, suspicious, transposed
+from robustid.mfd.attempt import (
+    FORMED,
+    Attempt,
+    Settings,
+    blocks_of,
+    descended,
+    flipped,
+    formed,
+    suspicious,
+    transposed,
+    with_rigid_modes,
+)
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.exchange import exchange
 from robustid.mfd.iteration import FitStatus, FractionFit
@@ -22,7 +33,6 @@ from robustid.mfd.outputs import Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.real_modes import RealModes
 from robustid.mfd.refinement import Budget, Refined, refine
-from robustid.mfd.rigid_body import rigid_modes, rigid_start
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.tied_outputs import TiedOutputs
 
@@ -42,15 +52,11 @@ def modal_attempt(
     `start_cost` is the criterion of the projection, and `found` keeps the structure exactly; the fraction is formed of it.
     """
     now, interrupted = time.monotonic(), False
-    if given:
-        if settings.body is not None:
-            model, directions = rigid_start(data, model.A, model.C, settings.body, feedthrough=problem.feedthrough)
-            problem = rigid_modes(problem, data, model, directions, settings.body)
-    else:
+    problem, model = with_rigid_modes(problem, data, model, settings.body)
+    if not given:
         part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
-        free = attempt(problem, data, model, part)
-        model, interrupted = free.found.matrices, free.fit.status is FitStatus.INTERRUPTED
-        problem = dataclasses.replace(problem, rigid=free.fit.problem.rigid)
+        free = descended(problem, data, model, part)
+        problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
     turned = flipped(problem) and not modal.symmetric
     if turned:
         problem, data, model = problem.transposed(), data.transposed(), transposed(model)
@@ -189,11 +195,11 @@ def _formed(
     settings: Settings,
 ) -> Attempt:
     """The attempt from a first model to an exact one, with the fraction of that beside it."""
-    problem, nodes = best_form(problem, exact, data, True)
     response = response_at(exact, data.points)
     start_cost, cost = (
         float(np.linalg.norm(problem.residual(values))) ** 2 for values in (response_at(first, data.points), response)
     )
+    problem, nodes = formed(problem, data, exact, max((1 + FORMED) * cost, problem.rounding))
     found = realise(problem, nodes, form=settings.form)
     size = np.linalg.norm(response, axis=(1, 2))
     error = np.linalg.norm(nodes.response - response, axis=(1, 2)) / np.maximum(size, 1e-12 * size.max())

@@ -156,6 +156,21 @@ def test_a_fit_goes_on_from_its_model():
     assert again.cost <= first.cost * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("name", ["proportional", "symmetric", "general, symmetric"])
+def test_a_mode_in_the_wrong_place_is_exchanged(name):
+    """From a start that has one of four modes far away the descent alone ends elsewhere, but with blocks."""
+    system, frf, asked = posed(name, level=0.01)
+    start = rid.fit_mfd(frf, **asked).model
+    A = start.A.copy()
+    A[2:4, 2:4] *= 4.5  # to 180 Hz from 40, between others
+    start = control.ss(A, start.B, start.C, 0)
+    costs = [rid.fit_mfd(frf, **asked, start=start, restart=restart).cost for restart in (False, True)]
+    errors = system.response(frf.omega) - frf.values
+    noise = np.sum(np.abs(errors / frf.values) ** 2)
+    assert name.startswith("general") or costs[0] > 2 * noise
+    assert costs[1] < noise
+
+
 def test_an_interrupted_fit_keeps_the_structure():
     _, frf, asked = posed("proportional", level=0.03)
 
