@@ -30,7 +30,7 @@ def table(rows, truth):
         error = np.abs(row.shape - shapes[:, k] / shapes[np.argmax(np.abs(row.shape)), k])
         worst = int(np.argmax(error))
         lines.append(
-            f"{row.hz:9.3f}{row.hz_std:8.3f}{hz[k]:9.3f}{100 * row.damping:11.3f}{100 * row.damping_std:8.3f}"
+            f"{row.hz:9.3f}{row.hz_std:8.3f}{hz[k]:9.3f}{100 * row.damping:11.3f}{100 * row.damping_std:8.4f}"
             f"{100 * truth.damping[3 + k]:8.3f}{error[worst]:15.4f}{row.shape_std[worst]:9.4f}{worst + 1:8d}"
         )
     return "\n".join(lines)

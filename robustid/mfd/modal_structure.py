@@ -42,6 +42,9 @@ class Modal(Frozen):
     A mode of proportional damping may be overdamped, with two real poles; one of general damping too, each pole with shapes
     of its own.
 
+    A delay that is left in the data turns real shapes complex: take it out first (`FrequencyResponse.without_delay`). Whether a
+    structure is true the cost tells, beside that of the free fit.
+
     Source: `maia1997` chapter 2; `golub1973` for the linear factor that is projected out.
 
     Examples

@@ -85,6 +85,23 @@ def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
     assert "What can be said: a model of order " in printed
 
 
+@pytest.mark.slow
+def test_modal_stage(tmp_path, capsys, monkeypatch, undrawn):
+    monkeypatch.syspath_prepend(FOLDER)
+    load("modal_stage").main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["modal_stage_shapes.png"])
+    printed = capsys.readouterr().out
+    errors = [float(line.split()[-1]) for line in printed.splitlines() if line.startswith(("rigid body", "and modes"))]
+    assert errors[1] < 0.8 * errors[0]
+    lines = printed.split("at sensor\n")[1].split("\n\n")[0].splitlines()
+    table = [[float(part) for part in line.split()] for line in lines]
+    assert len(table) == 17
+    hz, std, true, damping, deviation, wanted, error, there, _ = np.transpose(table)
+    assert np.sqrt(np.mean(((hz - true) / np.maximum(std, 1e-3)) ** 2)) < 2
+    assert np.sqrt(np.mean(((damping - wanted) / np.maximum(deviation, 1e-3)) ** 2)) < 2
+    assert np.all(error < 5 * there)
+
+
 def test_worst_case(tmp_path, capsys, monkeypatch, undrawn, fewer_samples):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
