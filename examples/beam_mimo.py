@@ -30,7 +30,7 @@ class Case(NamedTuple):
     """What is particular about a plant."""
 
     title: str
-    band: tuple[float, float]  # Hz, of the lines
+    band: tuple[float, float]  # Hz, of the frequency points
     entries: tuple[tuple[int, int], ...]  # those that modes are sought in
     seen: int  # in how many of them a mode must show
     prior: rid.Prior
@@ -108,7 +108,7 @@ def merged_modes(case, frf):
 
 
 def thinned(case, frf, hz, damping):
-    """Nine lines within four half-widths of every mode, and thirty over the band: (used, the others)."""
+    """Nine frequency points within four half-widths of every mode, and thirty over the band: (used, the others)."""
     inside = frf.band(*case.band)
     near = hz[:, None] * (1 + damping[:, None] * np.linspace(-4, 4, 9))
     wanted = np.concatenate([near.ravel(), np.linspace(*inside.freq_hz[[0, -1]], 30)])
@@ -206,7 +206,7 @@ def main(argv=None):
         factor = SPARE * first.margin
         note = f"{frf.note}; times {factor:.2f}: what this class needs, plus 10 %"
         print(
-            "No linear plant with these poles keeps to bounds of noise alone. All bounds of the lines are taken times"
+            "No linear plant with these poles keeps to bounds of noise alone. All bounds of the points are taken times"
             f" {factor:.2f}, and the report says so."
         )
     problem = dataclasses.replace(problem, frequency=widened(used, factor, note), time=records)
@@ -215,7 +215,7 @@ def main(argv=None):
     print_modes(result)
 
     checked = rid.validate(result.model, widened(unused, factor, note))
-    print(f"\n{unused.omega.size} lines that were not used:\n{checked.summary()}")
+    print(f"\n{unused.omega.size} frequency points that were not used:\n{checked.summary()}")
 
     error = guaranteed(result, hz) if arguments.guarantee else None
     plot_entries(widened(frf.band(*case.band), factor, note), result, error, case.unit).savefig(

@@ -33,7 +33,7 @@ def roots_of_unity(count):
 
 
 def measured_band(count):
-    """As many nodes, conjugates counted, at equally spaced lines from 1 to 21 Hz."""
+    """As many nodes, conjugates counted, at equally spaced frequency points from 1 to 21 Hz."""
     return 2 * np.pi * DT * np.linspace(1, 21, count // 2)
 
 
@@ -46,16 +46,16 @@ def main(argv=None):
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     for axes, rho in zip(figure.subplots(1, 2, sharey=True), (1.02, 1.1), strict=True):
         print(f"\nrho = {rho}, T = {1000 * DT:g} ms        condition number of M0")
-        print(f"{'nodes N':>8}{'Lemma 1':>12}{'roots of unity':>17}{'lines 1-21 Hz':>16}{'orthonormal - 1':>18}")
+        print(f"{'nodes N':>8}{'Lemma 1':>12}{'roots of unity':>17}{'points 1-21 Hz':>16}{'orthonormal - 1':>18}")
         lemma = [rho ** (2 * (N - 1)) for N in COUNTS]
         even = [conditions(roots_of_unity(N), rho) for N in COUNTS]
         band = [conditions(measured_band(N), rho) for N in COUNTS]
         for N, formula, best, real in zip(COUNTS, lemma, even, band, strict=True):
             print(f"{N:8d}{formula:12.4g}{best[0]:17.4g}{real[0]:16.4g}{max(best[1], real[1]) - 1:18.1e}")
-        axes.semilogy(COUNTS, [c[0] for c in band], "s-", color="tab:red", label="paper's form, lines 1-21 Hz")
+        axes.semilogy(COUNTS, [c[0] for c in band], "s-", color="tab:red", label="paper's form, points 1-21 Hz")
         axes.semilogy(COUNTS, [c[0] for c in even], "o", color="tab:blue", label="paper's form, roots of unity")
         axes.semilogy(COUNTS, lemma, "--", color="tab:blue", label=r"Lemma 1: $\rho^{2(N-1)}$")
-        axes.semilogy(COUNTS, [c[1] for c in band], "d-", color="tab:green", label="orthonormal form, lines 1-21 Hz")
+        axes.semilogy(COUNTS, [c[1] for c in band], "d-", color="tab:green", label="orthonormal form, points 1-21 Hz")
         axes.axhline(1 / np.finfo(float).eps, color="0.6", lw=1, ls=":")
         axes.annotate(
             "no digit left", (COUNTS[0], 1 / np.finfo(float).eps), (0, -13), textcoords="offset points", color="0.4"

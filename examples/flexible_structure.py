@@ -34,9 +34,9 @@ def main(argv=None):
 
     data = rid.flexible_structure()
     dt = data.frequency.dt
-    print("1. Which modes do 11 lines, 2 Hz apart, show?")
+    print("1. Which modes do 11 frequency points, 2 Hz apart, show?")
     print(suggest_kautz(data.frequency).summary())
-    print("\n2. And with ten more lines from 17.2 to 18.1 Hz?")
+    print("\n2. And with ten more from 17.2 to 18.1 Hz?")
     closer = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
     modes = suggest_kautz(closer.frequency)
     print(modes.summary())
@@ -45,7 +45,7 @@ def main(argv=None):
     one = rid.kautz(modes.omega[light], modes.damping[light], dt=dt, delay=modes.delay)
     classes = {"no mode (nonparametric)": None, "the light mode": one, "both modes": modes.basis}
     print(
-        "\n3. The data of step 1 (11 lines, 20 step samples, bound 0.03), three classes, each with its suggested prior:"
+        "\n3. The data of step 1 (11 frequency points, 20 step samples, bound 0.03), three classes, each with its suggested prior:"
     )
     print(
         f"{'parametric part':<24}{'K':>7}{'rho':>7}{'margin':>9}{'order':>7}{'reduced':>9}{'error against the truth':>27}"
@@ -69,7 +69,7 @@ def main(argv=None):
         "modes in the parametric part G has nothing left to do, and the central model is close to the truth between the\n"
         "samples too. The truth has order 4, and so has the smallest model that keeps every sample, whatever the class. It\n"
         f"keeps the poles of the class where they suffice, as those of both modes do (order {smaller.order}) and that of the\n"
-        "light mode; poles that are moved to fit the samples say little of a peak between lines 2 Hz apart."
+        "light mode; poles that are moved to fit the samples say little of a peak between points 2 Hz apart."
     )
 
     for name, (result, reduced) in results.items():

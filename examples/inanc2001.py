@@ -94,7 +94,7 @@ def measure(seed=0, output="y2"):
 
 
 def used_lines(data, method):
-    """Indices of the lines that a method uses."""
+    """Indices of the frequency points that a method uses."""
     step = (USED_HZ.size - 1) // (method.lines - 1) if method.lines else 1
     wanted = USED_HZ[::step] if method.lines else np.zeros(0)
     return np.array([int(np.argmin(np.abs(data.frequency.freq_hz - hz))) for hz in wanted], dtype=int)
@@ -222,7 +222,7 @@ def print_guarantees(measured, outcomes):
 def print_small(measured, outcomes):
     print(f"   {'':<33}{'':>4}{'smallest':>9}{'':>8}{'rms |e|/bound, not used:':>26}")
     print(
-        f"   {'method':<33}{'out':>4}{'order':>9}{'margin':>8}{'truncated: step':>18}{'lines':>8}{'small: step':>14}{'lines':>8}"
+        f"   {'method':<33}{'out':>4}{'order':>9}{'margin':>8}{'truncated: step':>18}{'points':>8}{'small: step':>14}{'points':>8}"
     )
     for o in outcomes:
         data = measured[o.method.output]
@@ -254,7 +254,7 @@ def print_square_wave(data, method, outcomes):
 
 
 def draw(measured, outcomes):
-    """Responses against the used samples (x) and the unused ones (o): one row for each method, step and lines side by side."""
+    """Responses against the used samples (x) and the unused ones (o): one row for each method, step and response side by side."""
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -20,7 +20,7 @@ from robustid.identification.residuals import model_residuals
 NAME = "two_mass/MultisineTypeA.mat"
 PERIOD = 2500
 KNOWN_PAST, STRETCH = 30, 20  # samples of the mean period: input used only, input and output used
-EVERY, NEAR_HZ = 12, 8  # lines used: every 12th, and all this near to the mode
+EVERY, NEAR_HZ = 12, 8  # frequency points used: every 12th, and all this near to the mode
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
 
@@ -99,7 +99,7 @@ def say_what_it_is_worth(result, out):
         " bound.\n"
         f"   At {lines.freq_hz[peak]:g} Hz, where the response is largest: {1e3 * error[peak]:.2g} mrad off, bound"
         f" {1e3 * residuals[0].bound[peak]:.2g} mrad, of {1e3 * size[peak]:.3g} mrad per unit of current.\n"
-        f"   Median over the lines: {100 * np.median(error / size):.2g} % off, bound"
+        f"   Median over the frequency points: {100 * np.median(error / size):.2g} % off, bound"
         f" {100 * np.median(residuals[0].bound / size):.2g} %. In time: {1e3 * np.abs(residuals[1].error).max():.2g} mrad off,\n"
         f"   bound {1e3 * residuals[1].bound.max():.2g} mrad, of {1e3 * np.abs(stretch.y).max():.3g} mrad at most.\n"
         "   This holds at the samples, at this amplitude, with these poles: K, rho and the poles are assumptions."
@@ -117,7 +117,7 @@ def main(argv=None):
     print(f"1. {frf.omega.size} excited lines from {hz[0]:g} to {hz[-1]:g} Hz; bound {frf.note},")
     print(f"   median {100 * np.median(frf.bound / np.abs(frf.values)):.1f} % of the response")
 
-    print("\n2. The mode, from all lines:")
+    print("\n2. The mode, from all frequency points:")
     modes = suggest_kautz(frf)
     print(modes.summary())
 
@@ -149,11 +149,11 @@ def main(argv=None):
     lines = lines.with_bound(factor * lines.bound, note)
     stretch = stretch_of_mean_period(record)
     stretch = stretch.with_bound(factor * stretch.bound, note)
-    print(f"\n5. All bounds times {factor:.3g}; the prior that the lines then suggest:")
+    print(f"\n5. All bounds times {factor:.3g}; the prior that the frequency points then suggest:")
     suggestion = suggest_prior(dataclasses.replace(better.problem, frequency=lines))
     print(suggestion.summary())
 
-    print(f"\n6. Mixed identification: {chosen.size} lines and {STRETCH} time samples:")
+    print(f"\n6. Mixed identification: {chosen.size} frequency points and {STRETCH} time samples:")
     problem = rid.MixedProblem(
         frequency=lines, time=stretch, prior=suggestion.prior, parametric=better.problem.parametric
     )

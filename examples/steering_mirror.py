@@ -23,7 +23,7 @@ PERIOD = 8192
 # Order 36 wants a pole beyond z = -1, where no line is: kept stable it ends at the boundary, an undamped mode at 3.2 kHz.
 ORDERS = (20, 28, 34)
 # Every 8th line, 6 Hz apart: 8 times faster, and enough for modes 14 Hz wide. From order 40 on the fit spends states on
-# modes too narrow to show on these lines, and the test gets worse: then take every line.
+# modes too narrow to show at these points, and the test gets worse: then take every line.
 THINNED = 8
 
 

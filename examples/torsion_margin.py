@@ -1,7 +1,7 @@
 """Measured data: a controller that provably stabilises every plant that agrees with the measured torsion resonance.
 
 The data and their bounds are those of motor_torsion.py, which explains why the confidence bounds have to be widened. From 19
-lines: a model of low order, how far every consistent plant can be from it on the whole unit circle, and the margin of integral
+points: a model of low order, how far every consistent plant can be from it on the whole unit circle, and the margin of integral
 controllers against all of them.
 
 Data: two_mass/MultisineTypeA.mat of github HoriFujimotoLab/FdiTools (MIT). Set ROBUSTID_DATA to the folder that holds two_mass/.
@@ -21,11 +21,11 @@ CROSSOVERS_HZ = (0.5, 1.0, 2.0, 3.0, 4.0)  # of the integral controllers, by the
 DIRECTIONS = 8  # sides of each polygon: upper bounds at most 8 % above the truth
 CIRCLE = 0.05  # by which the bound of the whole circle may exceed the largest error
 ORDER = 8  # of the truncated central model
-BETWEEN_HZ = np.arange(0, 73, 6)  # besides the lines: where the controllers act
+BETWEEN_HZ = np.arange(0, 73, 6)  # besides the measured points: where the controllers act
 
 
 def few_lines(frf, resonance):
-    """Every line within 3.5 Hz of the resonance, every third one within 8 Hz, every 24th elsewhere."""
+    """Every spectral line within 3.5 Hz of the resonance, every third one within 8 Hz, every 24th elsewhere."""
     number, away = np.arange(frf.omega.size), np.abs(frf.omega - resonance) / (2 * np.pi)
     return frf.select(np.flatnonzero((away < 3.5) | ((away < 8) & (number % 3 == 0)) | (number % 24 == 0)))
 
@@ -64,7 +64,7 @@ def main(argv=None):
     modes = suggest_kautz(frf)
     lines = few_lines(frf, modes.omega[0])
     print(
-        f"1. {lines.omega.size} of {frf.omega.size} measured lines, {lines.freq_hz[0]:g} to {lines.freq_hz[-1]:g} Hz."
+        f"1. {lines.omega.size} of {frf.omega.size} measured frequency points, {lines.freq_hz[0]:g} to {lines.freq_hz[-1]:g} Hz."
     )
     result = rid.identify(consistent_class(lines, modes)).require()
     # Not reduce_within_bounds: the smallest model touches the bounds, and guarantees around it are the widest.

@@ -4,7 +4,7 @@ The plant is that of wafer_stage.py with a fourth force: the rigid body is decou
 the strain gauge. So the fraction is a left one (D^{-1} N), or the right one of the transposed data.
 
 Figure 4: the fit of all 16 entries. The rigid body: six poles at 0 exactly, three Jordan blocks of two. Figure 5: condition
-numbers of the normal matrix over SK steps from D = I (order 24, 300 lines, 10 steps; --full: order 82, 5000 lines, 75 steps):
+numbers of the normal matrix over SK steps from D = I (order 24, 300 points, 10 steps; --full: order 82, 5000 points, 75 steps):
 
     monomial                      1e57 to 4e62     7e167 to 5e185
     scaled monomial               2e6 to 3e9       2e12 to 1e16
@@ -16,7 +16,7 @@ which squares no condition number and doesn't see the scale of columns. No basis
 
 Handing over, 20 noise seeds of one channel (order 20, one rigid-body mode, nine flexible ones), constrained SK, then LM:
 
-    start                         64 lines, errors to 20 %        100 lines, errors to 10 %
+    start                         64 points, errors to 20 %       100 points, errors to 10 %
                                   best optimum  steps (median)    best optimum  steps (median)
     cold, D = I (the paper's)       11 of 20       39               20 of 20       30
     subspace (fit_mfd's default)    18 of 20        8               20 of 20        5
@@ -28,9 +28,9 @@ The central model of the convex identification is a start beside the optimum (co
 if balanced truncation brings it to the order first: fit_mfd's own way there, SK steps on the response of a richer model,
 can lose a mode (that at 400 Hz, beside 415 Hz). But the poles that `suggest_kautz` proposed for its parametric part do as
 well without any convex model: they are what helps, and still when moved by 1 %, where the convex problem is inconsistent (both 6 of
-6 seeds). With enough lines every start ends at the same optimum.
+6 seeds). With enough points every start ends at the same optimum.
 
-Run: python voorhoeve2016.py --out folder (--full: the paper's order 82 and 5000 lines, 75 SK steps, 20 seeds: an hour and a half)
+Run: python voorhoeve2016.py --out folder (--full: the paper's order 82 and 5000 points, 75 SK steps, 20 seeds: an hour and a half)
 """
 
 import argparse
@@ -53,8 +53,8 @@ from robustid.mfd import FractionProblem, fit_fraction
 BASES = {"monomial": "monomial", "scaled monomial": "scaled", "data-dependent orthonormal": "orthonormal"}
 SENSED = np.eye(4, 3)  # shapes of the rigid body at the outputs, up to a change of coordinates: the gauge has none
 SAMPLE = 0.5e-3  # s, of the single channel
-CASES = (100, 0.1), (64, 0.2)  # lines of the single channel up to 800 Hz, radius of the errors relative to |P|
-SIZE = 9, 300, 10, 2  # flexible modes, lines, SK steps of figure 5, seeds
+CASES = (100, 0.1), (64, 0.2)  # points of the single channel up to 800 Hz, radius of the errors relative to |P|
+SIZE = 9, 300, 10, 2  # flexible modes, frequency points, SK steps of figure 5, seeds
 SAME = 1e-3  # relative difference of cost that counts as the same optimum
 
 
@@ -172,7 +172,7 @@ def compare_starts(truth, lines, level, seeds):
     runs = [hand_over(truth, lines, level, seed) for seed in range(seeds)]
     best = np.array([min(end.cost for end in ends.values()) for ends, _ in runs])
     consistent = sum(consistent for _, consistent in runs)
-    print(f"\n{lines} lines, errors up to {level:.0%}, {seeds} seeds ({consistent} consistent)")
+    print(f"\n{lines} frequency points, errors up to {level:.0%}, {seeds} seeds ({consistent} consistent)")
     print(f"{'start':<26}{'cost of start/best':>20}{'end/best, worst':>17}{'steps':>7}{'best optimum':>14}")
     for name in runs[0][0]:
         start, cost, steps = np.array([ends[name] for ends, _ in runs]).T
@@ -186,7 +186,7 @@ def compare_starts(truth, lines, level, seeds):
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for pictures (default: a temporary one)")
-    parser.add_argument("--full", action="store_true", help="order 82, 5000 lines, 75 SK steps, 20 seeds")
+    parser.add_argument("--full", action="store_true", help="order 82, 5000 frequency points, 75 SK steps, 20 seeds")
     arguments = parser.parse_args(argv)
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
@@ -194,7 +194,7 @@ def main(argv=None):
     modes, lines, steps, seeds = (38, 5000, 75, 20) if arguments.full else SIZE
     order = 2 * modes + 6
     frf, weight, truth, _, bands = experiment(modes, lines, piezo=False)
-    print(f"1. Figure 4: 4x4, {lines} lines, order {order} with three rigid-body modes, left fraction")
+    print(f"1. Figure 4: 4x4, {lines} frequency points, order {order} with three rigid-body modes, left fraction")
     body = rid.RigidBody(3, side="output", directions=SENSED)
     fit = rid.fit_mfd(frf, order=order, weight=weight, rigid_body=body)
     rid.plot.bode(fit, data=frf).savefig(out / "figure_4.png", dpi=110)

@@ -3,7 +3,7 @@
 A plate that floats, seen out of plane: three forces and a bending piezo, three position sensors and a strain gauge.
 Three rigid-body modes (z, Rx, Ry), flexible modes from 100 Hz on. Measured in closed loop: the controller takes away
 what one wants to see at low frequency: the noise is worst there. After R. Voorhoeve et al., IFAC 2016, section V.
-Run: python wafer_stage.py --out folder (--full: 38 flexible modes, order 82, 5000 lines to 4 kHz: 10 minutes)
+Run: python wafer_stage.py --out folder (--full: 38 flexible modes, order 82, 5000 frequency points to 4 kHz: 10 minutes)
 """
 
 import argparse
@@ -23,7 +23,7 @@ SENSORS = np.array([[-0.27, 0.11], [0.24, 0.19], [0.05, -0.23]])  # where the po
 PIEZO, GAUGE = np.array([0.06, 0.04]), np.array([-0.08, 0.05])  # the pair on the plate that sees bending only
 INPUTS = ["force 1 [N]", "force 2 [N]", "force 3 [N]", "piezo [V]"]
 OUTPUTS = ["position 1 [µm]", "position 2 [µm]", "position 3 [µm]", "strain [1e-6]"]
-SIZE = 9, 600  # flexible modes, lines
+SIZE = 9, 600  # flexible modes, frequency points
 EDGES = 0.5, 5, 15, 160, 2000, 4000  # Hz: the bands of the paper, the lowest one cut in three
 
 
@@ -86,7 +86,7 @@ class Experiment(NamedTuple):
 
 
 def experiment(modes, lines, piezo=True):
-    """Measured lines from 0.5 Hz to 4 kHz with the weight of the paper."""
+    """Measured frequency points from 0.5 Hz to 4 kHz with the weight of the paper."""
     plant, frequency = stage(modes, piezo)
     omega = 2 * np.pi * np.geomspace(EDGES[0], EDGES[-1], lines)
     truth = plant(omega)
@@ -131,7 +131,7 @@ def plot_low(frf, truth, fits):
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for pictures (default: a temporary one)")
-    parser.add_argument("--full", action="store_true", help="38 flexible modes, order 82, 5000 lines")
+    parser.add_argument("--full", action="store_true", help="38 flexible modes, order 82, 5000 frequency points")
     arguments = parser.parse_args(argv)
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
@@ -142,7 +142,7 @@ def main(argv=None):
     omega = frf.omega
     low, high = frequency[[0, -1]] / (2 * np.pi)
     print(
-        f"{modes} flexible modes from {low:.0f} to {high:.0f} Hz and 3 rigid-body modes: order {order}, {lines} lines"
+        f"{modes} flexible modes from {low:.0f} to {high:.0f} Hz and 3 rigid-body modes: order {order}, {lines} frequency points"
     )
 
     rigid = rid.fit_mfd(frf, order=order, rigid_body=rid.RigidBody(3), weight=weight)

@@ -11,6 +11,11 @@ from typing import Any
 from robustid.errors import InputError, InputTypeError
 
 AUTO = "auto"
+_RENAMED = {
+    "lines": "frequency_points",
+    "rest_factor": "noise_floor_factor",
+    "channel": "entry",
+}  # keys of older run files
 Check = Callable[[str, Any], Any]  # (name, value) -> the value to take; raises with the name in the sentence
 
 
@@ -76,6 +81,8 @@ def refuse_unknown(
     known = list(known)
     for name in content:
         if name not in known:
+            if (now := _RENAMED.get(name)) in known:
+                raise error(f"{place} has no {word} {name!r} any more: it is called {now!r} now")
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"the nearest is {near[0]!r}; all" if near else "these are known"
             raise error(f"{place} has no {word} {name!r}; {hint}: {', '.join(known)}")

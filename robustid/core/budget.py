@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from robustid.core.validation import as_positive
+from robustid.core.validation import as_function, as_positive
 
 Progress = Callable[[int, int], None]
 
@@ -23,7 +23,7 @@ class Budget:
 
     def __init__(self, time_limit: float | None = None, progress: Progress | None = None) -> None:
         limit = math.inf if time_limit is None else as_positive("time_limit", time_limit)
-        self._deadline, self._progress = time.monotonic() + limit, progress
+        self._deadline, self._progress = time.monotonic() + limit, as_function("progress", progress)
 
     @property
     def left(self) -> float:

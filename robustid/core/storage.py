@@ -203,6 +203,8 @@ def saved_kind(path: PathLike) -> str | None:
 
 def paths(path: PathLike) -> tuple[pathlib.Path, pathlib.Path]:
     """The .npz and the .json file of a saved result."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputTypeError(f"`path` must be the name of a file; got {type(path).__name__}")
     base = pathlib.Path(path)
     if base.suffix in (".npz", ".json"):
         base = base.with_suffix("")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from robustid.core.printing import short_repr
 from robustid.errors import InputError, InputTypeError
 
 Kind = TypeVar("Kind")
+Called = TypeVar("Called", bound=Callable[..., Any])
 
 
 class Signal(NamedTuple):
@@ -124,10 +125,15 @@ def as_positive(name: str, value: Any) -> float:
 
 def as_float(name: str, value: Any) -> float:
     """A finite real scalar."""
-    array = as_array(name, value)
+    if isinstance(value, str | bytes) or callable(value):
+        raise InputTypeError(f"`{name}` must be one number; got {_brief(value)}")
+    array = as_array(name, value, finite=False)
     if array.size != 1:
         raise InputTypeError(f"`{name}` must be one number; got shape {array.shape}")
-    return float(array.reshape(()))
+    number = float(array.reshape(()))
+    if not np.isfinite(number):
+        raise InputError(f"`{name}` must be finite; got {number:g}")
+    return number
 
 
 def as_count(name: str, value: Any, *, least: int = 0) -> int:
@@ -145,6 +151,13 @@ def as_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], de
     """`value` itself, if it is of the `kind`; else a sentence with what it must be."""
     if not isinstance(value, kind):
         raise InputTypeError(f"`{name}` must be {described}; got {type(value).__name__}")
+    return value
+
+
+def as_function(name: str, value: Called | None) -> Called | None:
+    """`value` itself, if it can be called or is None; else a sentence."""
+    if value is not None and not callable(value):
+        raise InputTypeError(f"`{name}` must be a function; got {_brief(value)}")
     return value
 
 

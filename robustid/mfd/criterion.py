@@ -62,7 +62,9 @@ class Weight(Frozen):
         if np.any(entries < 0):
             raise InputError(f"`entries` of a weight must be >= 0 (0 masks an entry); got {entries.min():g}")
         if not np.any(entries):
-            raise InputError("`entries` of the weight mask everything: no frequency point is left to fit")
+            raise InputError(
+                "the weight is zero everywhere: no frequency point is left to fit; zeros mask single entries"
+            )
         parts: dict[str, Any] = {"entries": freeze(entries)}
         for name, size in (("output", ny), ("input", nu), ("matrix", ny * nu)):
             value = getattr(self, name)

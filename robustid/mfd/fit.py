@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_positive, one_thread
+from robustid.core import Frozen, Savable, as_function, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstable_poles
@@ -242,7 +242,9 @@ def fit_mfd(
     through = feedthrough or (structure is not None and structure.power == 2)
     problem, data, form, shape, relative = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
-    settings = Settings(phases_of(method), rigid_body, form, bool(stable), progress, rounds, deadline)
+    settings = Settings(
+        phases_of(method), rigid_body, form, bool(stable), as_function("progress", progress), rounds, deadline
+    )
     if structure is not None:
         _check_modal(structure, problem, settings, constraints)
     for constraint in as_constraints(constraints):

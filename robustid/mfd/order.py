@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_count, as_positive, one_thread
+from robustid.core import as_count, as_function, as_positive, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.mfd.constraints import as_constraints
@@ -140,7 +140,9 @@ def suggest_order(
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf)
     deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
     settings = options | {"weight": weight, "domain": domain}
-    fits, failures, withheld = _sweep(frf, tried, settings, executor, progress, orders is None, deadline)
+    fits, failures, withheld = _sweep(
+        frf, tried, settings, executor, as_function("progress", progress), orders is None, deadline
+    )
     equations = fits[min(fits)].problem.equations
     ordered = [fits[order] for order in sorted(fits)]
     sweep = OrderSweep(

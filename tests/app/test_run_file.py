@@ -93,6 +93,12 @@ def _as_lists(value):
 MISUSE = {
     "unknown section": ({"mods": {"hz": [1.0]}}, "ask.toml: the file has no key 'mods'; the nearest is 'modes'"),
     "nothing near": ({"xyz": {"every": 2}}, "has no key 'xyz'; these are known: title, entry, record"),
+    "old section": ({"lines": {"every": 2}}, "no key 'lines' any more: it is called 'frequency_points' now"),
+    "old key": (
+        {"estimate": {"rest_factor": 2.0}},
+        r"\[estimate\] has no key 'rest_factor' any more: it is called 'noise_floor_factor' now",
+    ),
+    "old key of the file": ({"channel": [0, 0]}, "no key 'channel' any more: it is called 'entry' now"),
     "unknown key": ({"modes": {"damp": [0.1]}}, r"\[modes\] has no key 'damp'; the nearest is 'damping'"),
     "unknown key of a record": (
         {"record": [{"file": "step.csv", "usee": "rest"}]},

@@ -56,7 +56,7 @@ def test_bad_weights_are_named():
     ones = np.ones((3, 2, 2))
     for arguments, message in [
         ({"entries": -ones}, "must be >= 0"),
-        ({"entries": 0 * ones}, "mask everything"),
+        ({"entries": 0 * ones}, "zero everywhere"),
         ({"entries": ones, "output": np.ones((2, 2, 2))}, r"`output` must have shape \(F, 2, 2\) with F = 3"),
         ({"entries": ones, "matrix": np.full((4, 4), np.nan)}, "`matrix` must be finite"),
     ]:

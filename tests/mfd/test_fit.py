@@ -136,7 +136,10 @@ DEAD = rid.FrequencyResponse(OMEGA[:9], np.ones((9, 1, 1)) * [[1, 1], [0, 0]])
         ({"method": None}, rid.InputError, "`method` must be one of"),
         ({"method": "lm+foo"}, rid.InputError, "`method` must be one of"),
         ({"weight": np.ones(50)}, rid.InputError, "`weight` must have 3 dimensions"),
-        ({"weight": np.zeros((50, 1, 1))}, rid.InputError, "weight mask everything"),
+        ({"weight": np.zeros((50, 1, 1))}, rid.InputError, "weight is zero everywhere"),
+        ({"progress": 3}, rid.errors.InputTypeError, "`progress` must be a function; got int 3"),
+        ({"time_limit": "a"}, rid.errors.InputTypeError, "`time_limit` must be one number; got str 'a'"),
+        ({"time_limit": float("nan")}, rid.InputError, "`time_limit` must be finite; got nan"),
         (
             {"frf": rid.FrequencyResponse(OMEGA[:9], np.zeros(9)), "weight": np.ones((9, 1, 1))},
             rid.InputError,
