@@ -1,4 +1,8 @@
-"""Poles of a frequency response: separable least squares, one mode after another."""
+"""Poles of a frequency response: separable least squares, one mode after another.
+
+Damped pairs beside a smooth remainder, in units of the bounds. `data/estimate/pole_fit.py` says how the fit there differs, and
+why one would not do for both.
+"""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from robustid._version import __version__
 from robustid.core.files import atomic_write
+from robustid.core.validation import as_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 Arrays = dict[str, np.ndarray]
@@ -203,8 +204,7 @@ def saved_kind(path: PathLike) -> str | None:
 
 def paths(path: PathLike) -> tuple[pathlib.Path, pathlib.Path]:
     """The .npz and the .json file of a saved result."""
-    if not isinstance(path, str | os.PathLike):
-        raise InputTypeError(f"`path` must be the name of a file; got {type(path).__name__}")
+    as_kind("path", path, (str, os.PathLike), "the name of a file")
     base = pathlib.Path(path)
     if base.suffix in (".npz", ".json"):
         base = base.with_suffix("")

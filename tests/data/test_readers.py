@@ -13,8 +13,10 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 
 from robustid.data import FrequencyResponse, TimeRecord, load, save
+from robustid.data.io.matlab4 import read_matlab4
 from robustid.errors import FileFormatError, InputError, RobustIdError
 from support.data_files import full_frf, full_record, write_matlab73
 from support.exchange_files import TIME, S, matrix, signal, touchstone
@@ -180,7 +182,12 @@ def vast_hdf5(path):
         file.create_dataset("u", shape=(10**12,), dtype=float, chunks=(1024,))
 
 
+def vast_mat4(path):
+    path.write_bytes(struct.pack("<5i", 0, 2**31 - 1, 2**31 - 1, 0, 2) + b"u\0")
+
+
 VAST = {
+    "vast4.mat": vast_mat4,
     "vast.npz": vast_npz,
     "bomb.npz": bomb_npz,
     "vast.mat": vast_mat,
@@ -194,6 +201,21 @@ def test_declared_sizes_are_refused_before_anything_is_allocated(tmp_path, name)
     VAST[name](tmp_path / name)
     with pytest.raises(FileFormatError, match="declares"):
         load(tmp_path / name)
+
+
+def test_matrices_before_v5_are_those_that_scipy_reads(tmp_path):
+    """Every kind of number, complex too, beside a text and a sparse matrix; and with the bytes in the other order."""
+    content = {name: np.arange(6.0).reshape(2, 3).astype(name) for name in ("f8", "f4", "i4", "i2", "u2", "u1")}
+    content |= {"z": np.array([[1 + 2j, 3 - 4j]]), "note": "text", "s": scipy.sparse.csc_array(np.eye(3)), "dt": 0.1}
+    scipy.io.savemat(tmp_path / "all.mat", content, format="4")
+    expected, found = scipy.io.loadmat(tmp_path / "all.mat"), read_matlab4(tmp_path / "all.mat").columns
+    assert set(found) == set(content) - {"note", "s"}
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, expected[name])
+        assert values.dtype == expected[name].dtype.newbyteorder("=")
+    turned = struct.pack(">5i", 1000, 2, 1, 1, 2) + b"x\0" + np.array([1.0, 2.0, 3.0, 4.0], ">f8").tobytes()
+    (tmp_path / "turned.mat").write_bytes(turned)
+    np.testing.assert_array_equal(read_matlab4(tmp_path / "turned.mat").columns["x"], [[1 + 3j], [2 + 4j]])
 
 
 def test_a_line_without_end_is_refused(tmp_path):

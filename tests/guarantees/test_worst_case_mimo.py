@@ -12,7 +12,7 @@ from robustid.advice.sensitivity import guaranteed
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.value_set import norm_of_bounds, schur_bound, value_sets_at
 from support.bounds import rebound
-from support.matrix_plants import _discs, _unknowns, random_matrix_problem, response
+from support.matrix_plants import discs_of, random_matrix_problem, response, unknowns_of
 
 SHAPES = [(2, 2), (1, 2), (2, 1), (2, 3)]
 
@@ -22,7 +22,7 @@ def judge_support(problem, omega, entry, angle):
     import cvxpy as cp
 
     lines = np.unique(np.concatenate([[omega], *(f.omega for f in problem.frequency)]))
-    contraction, F, _ = _unknowns(problem, lines, 0)
+    contraction, F, _ = unknowns_of(problem, lines, 0)
     p, q, size = F.shape[1:]
     n, unknown = 2 * lines.size, cp.Variable(size)
     limits = [cp.sigma_max(cp.reshape(contraction @ unknown, (n * q, n * p), order="C")) <= 1]
@@ -30,7 +30,7 @@ def judge_support(problem, omega, entry, angle):
         parts = [(part - part.swapaxes(1, 2)).reshape(-1, size) for part in (F.real, F.imag)]
         limits += [part @ unknown == 0 for part in parts]
     for experiment in problem.frequency:
-        for y, A in _discs(experiment, F[np.searchsorted(lines, experiment.omega)]):
+        for y, A in discs_of(experiment, F[np.searchsorted(lines, experiment.omega)]):
             limits.append(cp.norm(cp.hstack([part(y) - part(A) @ unknown for part in (np.real, np.imag)])) <= 1)
     row = np.real(np.exp(-1j * angle) * F[np.searchsorted(lines, omega)][entry])
     program = cp.Problem(cp.Maximize(row @ unknown), limits)

@@ -11,8 +11,8 @@ from robustid.identification.certificate import certify_margin
 from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.solver.cvxpy_backend import solve_conic
-from robustid.identification.solver.interior_point import Limits, _State, center, path, start
-from robustid.identification.solver.paths import _program, analytic_center, gain_path, margin_path, support_path
+from robustid.identification.solver.interior_point import Limits, State, center, path, start
+from robustid.identification.solver.paths import analytic_center, barrier_program, gain_path, margin_path, support_path
 from support.paths import arrow, dense_scaling, times, triple
 from support.problems import CASES, random_problem
 
@@ -51,11 +51,11 @@ def programs(data):
     point, worst = feasible(data)
     level, count, v = 1.2 * worst + 0.1, data.rows.y.size, unknowns(data, point)
     e = np.abs(data.rows.y - dense_arrays(data, data.axes)[1] @ v).max()
-    yield _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0), v, 2 * e + 0.1
+    yield barrier_program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0), v, 2 * e + 0.1
     fixed, tail = data.rows.fixed, data.rows.tail
-    yield _program(data, Limits((0.0, 1.0), (level * fixed, level * (1 - fixed) - tail)), 1.0), v, 1.0
+    yield barrier_program(data, Limits((0.0, 1.0), (level * fixed, level * (1 - fixed) - tail)), 1.0), v, 1.0
     w = np.random.default_rng(0).standard_normal(v.size)
-    yield _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None, w), v, 0.0
+    yield barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None, w), v, 0.0
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -69,7 +69,7 @@ def test_a_direction_solves_the_linearised_equations(case, form):
         for number, at in enumerate(path(program, start(program, v, t))):
             if number == 4:
                 break
-            state = _State(program, at)
+            state = State(program, at)
             state.factorise()
             affine = state.affine()
             mu = 0.3 * state.mu
@@ -150,11 +150,11 @@ def test_the_centre_is_where_the_barrier_is_stationary(case, form, seeds):
         data = small_data(seed, case, form)
         point, worst = feasible(data)
         level, count = 1.05 * worst + 0.02, data.rows.y.size
-        program = _program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(count))), None)
+        program = barrier_program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(count))), None)
         v = unknowns(data, point)
 
         # Its Newton matrix is the Hessian of the barrier: central differences of the independent gradient.
-        state = _State(program, start(program, v, 0.0))
+        state = State(program, start(program, v, 0.0))
         state.factorise()
         scale = 1 / np.sqrt(np.diag(state.matrix))
         numeric = np.empty((v.size, v.size))
@@ -169,7 +169,7 @@ def test_the_centre_is_where_the_barrier_is_stationary(case, form, seeds):
         assert np.linalg.norm(scale * (state.residual - before)) <= 1e-9 * np.linalg.norm(scale * before)
         at = center(program, v)
         after = barrier_gradient(data, level, at.v)
-        state = _State(program, start(program, at.v, 0.0))
+        state = State(program, start(program, at.v, 0.0))
         state.factorise()
         assert after @ np.linalg.solve(state.matrix, after) <= 1e-12
         found = analytic_center(data, level)
@@ -184,14 +184,14 @@ class Count:
     """Newton systems, by counting factorisations."""
 
     def __init__(self, monkeypatch):
-        self.now, self.largest, factorise = 0, 0, _State.factorise
+        self.now, self.largest, factorise = 0, 0, State.factorise
 
         def counted(state):
             self.now += 1
             self.largest = max(self.largest, self.now)
             factorise(state)
 
-        monkeypatch.setattr(_State, "factorise", counted)
+        monkeypatch.setattr(State, "factorise", counted)
 
     def take(self):
         number, self.now = self.now, 0

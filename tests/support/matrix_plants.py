@@ -56,7 +56,7 @@ def judge_margin(problem):
 
     lines = np.unique(np.concatenate([np.zeros(0), *(f.omega * problem.dt for f in problem.frequency)]))
     delays = max((t.u.shape[0] for t in problem.time), default=0)
-    contraction, F, f = _unknowns(problem, lines, delays)
+    contraction, F, f = unknowns_of(problem, lines, delays)
     p, q, size = f.shape[1:] if delays else F.shape[1:]
     n = 2 * lines.size + delays
     s, unknown = cp.Variable(), cp.Variable(size)
@@ -66,7 +66,7 @@ def judge_margin(problem):
         limits += [part @ unknown == 0 for part in parts if part.size]
     for experiment in problem.frequency:
         at = np.searchsorted(lines, experiment.omega * problem.dt)
-        for y, A in _discs(experiment, F[at]):
+        for y, A in discs_of(experiment, F[at]):
             e = [part(y) - part(A) @ unknown for part in (np.real, np.imag)]
             limits.append(cp.norm(cp.hstack(e)) <= s)
     for record in problem.time:
@@ -78,7 +78,7 @@ def judge_margin(problem):
     return float(s.value)
 
 
-def _unknowns(problem, angles, delays):
+def unknowns_of(problem, angles, delays):
     """Linear maps of all unknowns: the contraction (n^2 p q, size), F at the lines (F, p, q, size), and its impulse response."""
     p, q = len(problem.outputs), len(problem.inputs)
     basis, rho, N = problem.parametric, problem.prior.decay_rate, angles.size
@@ -119,7 +119,7 @@ def _unknowns(problem, angles, delays):
     return contraction.real.reshape(-1, node.shape[-1]), F, f
 
 
-def _discs(experiment, F):
+def discs_of(experiment, F):
     """What is in one bound, divided by it: pairs y (k,) and A (k, size)."""
     if isinstance(experiment, rid.TangentialResponse):
         for k, i, j in np.argwhere(np.isfinite(experiment.bound)):

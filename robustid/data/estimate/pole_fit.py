@@ -1,4 +1,10 @@
-"""Least squares over a delay, common poles and the residues of all entries: what `estimate_delay` minimises."""
+"""Least squares over a delay, common poles and the residues of all entries: what `estimate_delay` minimises.
+
+The fit of `advice/pole_fit.py` is another one: here a delay that is no whole number of samples is an unknown, the order is
+stated, the data may be continuous, and poles are relocated together; there modes come one after another beside a smooth
+remainder that takes up delays and whatever is no mode, weighted by hard bounds. One routine for both would move the numbers of
+one of them.
+"""
 
 from __future__ import annotations
 

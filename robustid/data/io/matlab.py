@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +11,6 @@ from robustid.data.io.table import Table, check_growth, said
 from robustid.errors import FileFormatError
 
 _NUMBERS = {"double", "single"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
-
-
-def read_matlab4(path: Path) -> Table:
-    """Before v5: a plain list of matrices."""
-    import scipy.io
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            content = scipy.io.loadmat(str(path), appendmat=False, chars_as_strings=True)
-    except Exception as error:  # scipy raises whatever the broken bytes lead it to
-        raise FileFormatError(
-            f"{path.name} can't be read as a MATLAB file ({said(error)}); is it cut off, or another kind of file?"
-        ) from None
-    numeric: dict[str, Any] = {
-        k: v for k, v in content.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"
-    }
-    return Table(path, numeric)
 
 
 def read_hdf5(path: Path) -> Table:

@@ -85,7 +85,7 @@ class Iterate:
         return self.gap + self.dual * (1 + float(np.linalg.norm(self.v)) + abs(self.t))
 
 
-class _State:
+class State:
     """All that one Newton system needs at an iterate; raises LinAlgError where an iterate has left its cone."""
 
     def __init__(self, program: Program, at: Iterate):
@@ -284,10 +284,10 @@ def path(program: Program, at: Iterate) -> Iterator[Iterate]:
         state = next((state for state in tries if state is not None), None)
 
 
-def _state(program: Program, at: Iterate) -> _State | None:
+def _state(program: Program, at: Iterate) -> State | None:
     """The state at an iterate; None where it has left a cone."""
     try:
-        return _State(program, at)
+        return State(program, at)
     except np.linalg.LinAlgError:
         return None
 
@@ -297,7 +297,7 @@ def center(program: Program, v: Real) -> Iterate:
 
     Newton's method on the barrier of `start`, whose Hessian is the condensed matrix at multipliers slack^-1.
     """
-    state, last = _State(program, start(program, v, 0.0)), np.inf
+    state, last = State(program, start(program, v, 0.0)), np.inf
     for _ in range(_SYSTEMS):
         at = state.at
         try:
@@ -325,15 +325,15 @@ def center(program: Program, v: Real) -> Iterate:
 
 def extent(program: Program, v: Real, w: Real) -> float:
     """Largest w'dv over the ellipsoid dv'F dv <= 1, F the Hessian of the barrier at v: (w'F^-1 w)^(1/2)."""
-    state = _State(program, start(program, v, 0.0))
+    state = State(program, start(program, v, 0.0))
     state.factorise()
     return float(np.sqrt(max(w @ state.solve(w), 0.0)))
 
 
-def _on_barrier(program: Program, v: Real) -> _State | None:
+def _on_barrier(program: Program, v: Real) -> State | None:
     """The state at v with multipliers slack^-1; None where v is outside."""
     try:
-        return _State(program, start(program, v, 0.0))
+        return State(program, start(program, v, 0.0))
     except np.linalg.LinAlgError:
         return None
 

@@ -20,7 +20,7 @@ from robustid.identification.solver.interior_point import Iterate, Limits, Progr
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
 
-def _program(data: ConvexData, limits: Limits, cost: float | None, linear: Real | None = None) -> Program:
+def barrier_program(data: ConvexData, limits: Limits, cost: float | None, linear: Real | None = None) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
     E, ball, y, cones = rows.E, data.sarason.ball(data.axes), data.y, Cones(rows.cones, rows.cone)
@@ -58,7 +58,7 @@ def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
     """
     rows, n = data.rows, data.sarason.size
     count = rows.cones
-    program = _program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
+    program = barrier_program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
     # Least squares of the free parameters; the others are inside their intervals where q is counted from.
     p, free = data.origin.copy(), ~rows.held
     p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rows.real(data.y), rcond=None)[0]
@@ -76,7 +76,7 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
     """Points on the way to min kappa, ||X|| <= kappa, |e_k| <= level * (the bound at gain kappa K) - kappa * tail."""
     fixed, tail = data.rows.fixed, data.rows.tail
     reach = level * fixed, level * (1 - fixed) - tail
-    program = _program(data, Limits((0.0, 1.0), reach), 1.0)
+    program = barrier_program(data, Limits((0.0, 1.0), reach), 1.0)
     v = _unknowns(data, inside)
     for at in path(program, start(program, v, 1.0)):
         yield _candidate(data, program, at), at.t, at.estimate
@@ -96,7 +96,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
         Where the path ends outside: the level is not above the smallest margin, to working precision.
     """
     count, tail, best = data.rows.cones, data.rows.tail, np.inf
-    program = _program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
+    program = barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
     for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
         worst = data.margin(point.x, point.p)
         best = min(best, worst)
@@ -128,10 +128,10 @@ def support_path(
     offset = float(direction[1] @ data.origin)
     v = _unknowns(data, inside)
     # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
-    size = extent(_program(data, limits, None), v, w)
+    size = extent(barrier_program(data, limits, None), v, w)
     if size == 0:
         return
-    program = _program(data, limits, None, -w / size)
+    program = barrier_program(data, limits, None, -w / size)
     for at in path(program, start(program, v, 0.0)):
         value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, program, at)
         yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
