@@ -1,4 +1,7 @@
-"""The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run)."""
+"""The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run).
+
+Two on measured data, the torsion margin and the steering mirror, run whole with their claims there: their small versions are slow.
+"""
 
 import functools
 
@@ -149,6 +152,7 @@ def run_torsion_margin(example, tmp_path, capsys):
     assert margins[0] > 1 > margins[-2] > margins[-1] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
     """Ten lines, a coarse circle and three controllers: enough for the claims."""
@@ -209,6 +213,7 @@ def run_mirror(tmp_path, capsys, *orders):
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_steering_mirror(tmp_path, capsys, undrawn):
     printed = run_mirror(tmp_path, capsys, 16)

@@ -9,13 +9,13 @@ from robustid.app.proposal import propose
 DT = 0.01
 
 
-def structure(seed, fine=True):
-    return rid.flexible_structure(seed=seed, extra_hz=np.linspace(17.2, 18.1, 10) if fine else ())
+def structure(seed, fine=True, **size):
+    return rid.flexible_structure(seed=seed, extra_hz=np.linspace(17.2, 18.1, 10) if fine else (), **size)
 
 
-def band(seed, fine=True, hz=(5.0, 17.67), cells=8):
+def band(seed, fine=True, hz=(5.0, 17.67), cells=8, **size):
     """The program's own poles and prior; (data, band, what the truth is away from the model, size of the model)."""
-    data = structure(seed, fine)
+    data = structure(seed, fine, **size)
     suggested = rid.suggest_kautz(data.frequency)
     result = rid.identify(propose(frequency=[data.frequency], time=[data.time]).problem)
     found = rid.worst_case_over_poles(
@@ -31,7 +31,7 @@ def band(seed, fine=True, hz=(5.0, 17.67), cells=8):
 
 
 def test_the_program_s_own_poles_and_prior_give_a_narrow_band():
-    data, found, away, size = band(0, cells=4)
+    data, found, away, size = band(0, cells=4, lines=8, samples=8)
     upper = found.upper[:, 0, 0]
     assert np.all(away <= upper)
     assert np.all(upper <= 0.04 * size)

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.core import response
 from robustid.identification.residuals import largest_ratio
 from robustid.reduction import SearchStatus
-from support.paper_plant import mixed, structure
+from support.paper_plant import AS_THE_PAPER, mixed, structure
 from support.problems import random_problem
 
 RIGID = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
@@ -60,7 +60,7 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
 
 def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
     """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
-    data, problem = rid.flexible_structure(), structure(0)
+    data, problem = rid.flexible_structure(), structure(0, **AS_THE_PAPER)
     light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
     wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
     angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
@@ -81,7 +81,7 @@ def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
 def test_plant_of_order_four_at_twenty_seeds(parametric, least):
     found = 0
     for seed in range(20):
-        problem = structure(seed, parametric=parametric)
+        problem = structure(seed, parametric=parametric, **AS_THE_PAPER)
         result = rid.identify(problem)
         reduction = rid.reduce_within_bounds(result)
         assert result.consistent
