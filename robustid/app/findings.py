@@ -10,8 +10,9 @@ from robustid.advice import diagnose
 from robustid.app.choices import SPARE
 from robustid.app.measurements import Say
 from robustid.app.run_file import RunFile
+from robustid.data import FrequencyResponse
 from robustid.errors import Status
-from robustid.guarantees import WorstCaseError
+from robustid.guarantees import Coverage, WorstCaseError, coverage
 from robustid.identification import Identification, Validation, model_residuals
 from robustid.report import at_most
 
@@ -93,8 +94,8 @@ def _named(outside: list[tuple[float, str]]) -> str:
     return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")
 
 
-def error_words(error: WorstCaseError) -> str:
-    """Sentence that says how far every consistent system can be from the small model."""
+def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
+    """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it."""
     upper = error.upper
     size = np.abs(np.reshape(error.nominal, upper.shape))
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
@@ -105,6 +106,10 @@ def error_words(error: WorstCaseError) -> str:
         f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
         f" (largest at {place}), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the response."
     )
+    if withheld is not None and withheld.contradicted:
+        text += (
+            " That is about the class and the data that were used, not about the machine: withheld data contradict it."
+        )
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
@@ -112,3 +117,13 @@ def error_words(error: WorstCaseError) -> str:
 def fixed_poles_words(single: bool) -> str:
     """Sentence that says why the bound doesn't cover other poles, where they were taken from the data."""
     return _FIXED_POLES.format("" if single else "; of one entry, entry = [output, input]")
+
+
+def mean_words(used: Any, withheld: list[FrequencyResponse], kind: str) -> str:
+    """Sentence that says how many samples of withheld records lie within the bounds of the used ones, which have another mean."""
+    found = coverage(used, withheld, kind=kind)
+    outside = "" if not found.contradicted else f", the farthest at {found.largest:.4g} bounds ({found.where})"
+    return (
+        f"Within the bounds of the samples that were used lie {100 * found.share:.4g} % of those of the {len(found.names)}"
+        f" withheld {kind}{outside}."
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from robustid.app.options import RecordSource
 from robustid.app.run_file import DELAY_NOTE, RunFile
+from robustid.app.withheld import Split, split
 from robustid.core import digest
 from robustid.data import (
     FrequencyResponse,
@@ -35,10 +36,20 @@ class Say(Protocol):
 
 
 class Measured(NamedTuple):
-    """Measured responses and records, with bounds."""
+    """Measured responses and records, with bounds, and responses of one kind that were kept out."""
 
     responses: tuple[FrequencyResponse, ...]
     records: tuple[TimeRecord, ...]
+    withheld: tuple[FrequencyResponse, ...] = ()
+    kind: str = "records"
+
+    def each(self, change: Callable[[Any], Any]) -> Measured:
+        """With a change of every response and record."""
+        return Measured(*(tuple(map(change, part)) for part in self[:3]), self.kind)
+
+    def each_response(self, change: Callable[[FrequencyResponse], FrequencyResponse]) -> Measured:
+        """With a change of every response."""
+        return self._replace(responses=tuple(map(change, self.responses)), withheld=tuple(map(change, self.withheld)))
 
 
 def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
@@ -49,14 +60,13 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run, records = _records(run, folder, say)
     run, read = _responses(run, folder, say)
     run = _with_method(run, records)
-    estimated, samples = _bounded(run, records)
-    responses = [*estimated, *read]
-    if run.entry is not None:
-        responses = [frf.entry(*run.entry) for frf in responses]
-        samples = [record.entry(*run.entry) for record in samples]
-    run, data = _without_delay(run, Measured(tuple(responses), tuple(samples)))
+    run, data = _bounded(run, records)
+    data = data._replace(responses=(*data.responses, *read))
+    if (entry := run.entry) is not None:
+        data = data.each(lambda item: item.entry(*entry))
+    run, data = _without_delay(run, data)
     if (band := run.frequency_points.band_hz) is not None:
-        data = data._replace(responses=tuple(frf.band(*band) for frf in data.responses))
+        data = data.each_response(lambda frf: frf.band(*band))
     return run, data
 
 
@@ -177,16 +187,17 @@ def _with_method(run: RunFile, records: list) -> RunFile:
     return run.changed("estimate", method="periodic" if periodic else "local")
 
 
-def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list[TimeRecord]]:
+def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
     """The response of the records that are used for one, and the samples of the others, with bounds from the noise floor."""
     quiet = next((made[0] for use, made in records if use == "noise_floor"), None)
     noise = None if quiet is None else bounds_from_noise_floor(quiet, factor=run.estimate.noise_floor_factor)
     excited = [record for use, made in records if use == "response" for record in made]
-    estimated = []
+    estimated, kept = [], Split([], (), "records")
     if excited:
+        run, kept = split(run, excited)
         how = run.estimate
-        frf = estimate_frf(excited, method=how.method, period=how.period, probability=how.probability)
-        estimated = [frf if noise is None else noise.bound_response(frf, excited, period=how.period)]
+        frf = estimate_frf(kept.used, method=how.method, period=how.period, probability=how.probability)
+        estimated = [frf if noise is None else noise.bound_response(frf, kept.used, period=how.period)]
     samples = []
     for record in (record for use, made in records if use == "samples" for record in made):
         if record.bound is None and noise is None:
@@ -194,7 +205,7 @@ def _bounded(run: RunFile, records: list) -> tuple[list[FrequencyResponse], list
                 'a [[record]] with use = "samples" needs bound = ..., or another record with use = "noise_floor"'
             )
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
-    return estimated, samples
+    return run, Measured(tuple(estimated), tuple(samples), kept.withheld, kept.kind)
 
 
 def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
@@ -217,8 +228,5 @@ def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
     note = note or f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, as stated"
     if "with_delay" not in note:
         note += "; the models are those of the plant without it, with_delay(model, seconds) puts it back"
-    kept = Measured(
-        tuple(frf.without_delay(seconds) for frf in data.responses),
-        tuple(record.without_delay(seconds) for record in data.records),
-    )
+    kept = data.each(lambda item: item.without_delay(seconds))
     return run.changed("delay", seconds=float(seconds), note=note), kept

@@ -200,6 +200,30 @@ class FrequencyPoints:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Withheld:
+    """Data that are kept out to test the result: by default whole records, else periods, else frequency points."""
+
+    records: int | str = key(
+        auto_or(whole()),
+        AUTO,
+        help="How many blocks of the records for a response (as many records as inputs) are kept out, the last ones; auto: half of"
+        " four or more, one of three.",
+    )
+    periods: int | str = key(
+        auto_or(whole()),
+        AUTO,
+        help="How many periods at the end are kept out, where one block is all there is; auto: a quarter of eight or more.",
+    )
+    every: int | str = key(
+        auto_or(whole()),
+        AUTO,
+        help="Keep out one frequency point of so many, 0 for none; auto: of four, where there are 60 or more and nothing else was"
+        " kept out.",
+        keyword="withhold_every",
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Modes:
     """Poles of the parametric part; without `hz` they are taken from the response."""
 
@@ -367,6 +391,7 @@ PARTS: dict[str, Any] = {
     "[estimate]": Estimate,
     "[delay]": Delay,
     "[frequency_points]": FrequencyPoints,
+    "[withheld]": Withheld,
     "[modes]": Modes,
     "[prior]": PriorChoice,
     "[identify]": Identify,

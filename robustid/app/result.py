@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robustid.app.run_file import RunFile
 from robustid.core import Frozen
-from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import Reduction
 
@@ -29,6 +29,9 @@ class IdentifiedReduced(Frozen):
         Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent.
     over_poles : WorstCaseOverPoles or None
         With the poles anywhere in the pole-uncertainty box, around the small model.
+    withheld : Coverage or None
+        What the data that were kept out say of the band around the small model; None where there is no band or nothing was kept
+        out.
     findings : tuple of str
         What can be said, in sentences: the contradiction and what would resolve it, samples outside their bounds, the error of
         the small model.
@@ -41,6 +44,7 @@ class IdentifiedReduced(Frozen):
     worst_case: WorstCaseError | None
     error: WorstCaseError | None
     over_poles: WorstCaseOverPoles | None
+    withheld: Coverage | None = None
     findings: tuple[str, ...]
     run_file: RunFile
 
@@ -59,11 +63,15 @@ class IdentifiedReduced(Frozen):
         """True if a system of the class keeps every sample within its (stated) bound."""
         return self.identification.consistent
 
+    @property
+    def contradicted(self) -> bool:
+        """True if data that were kept out lie outside the band by more than their own bounds: it is no guarantee then."""
+        return self.withheld is not None and self.withheld.contradicted
+
     def __repr__(self) -> str:
         found = self.identification
-        return (
-            f"<IdentifiedReduced: {found.status.name.lower()}, margin {found.margin:.6g}, order {self.reduction.order}>"
-        )
+        said = found.status.name.lower() + ", contradicted by withheld data" * self.contradicted
+        return f"<IdentifiedReduced: {said}, margin {found.margin:.6g}, order {self.reduction.order}>"
 
     def summary(self) -> str:
         """The findings, then the identification, in plain text."""
@@ -81,5 +89,6 @@ class IdentifiedReduced(Frozen):
             worst_case=self.error,
             over_poles=self.over_poles,
             findings=self.findings,
+            withheld=self.withheld,
             run_file=self.run_file.text(),
         )

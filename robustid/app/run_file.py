@@ -21,6 +21,7 @@ from robustid.app.options import (
     RecordSource,
     ResponseSource,
     SmallModel,
+    Withheld,
     WorstCase,
 )
 from robustid.app.toml import read_toml, write_toml
@@ -42,6 +43,7 @@ class RunFile(Frozen, General):
     estimate: Estimate = dataclasses.field(default_factory=Estimate)
     delay: Delay = dataclasses.field(default_factory=Delay)
     frequency_points: FrequencyPoints = dataclasses.field(default_factory=FrequencyPoints)
+    withheld: Withheld = dataclasses.field(default_factory=Withheld)
     modes: Modes = dataclasses.field(default_factory=Modes)
     prior: PriorChoice = dataclasses.field(default_factory=PriorChoice)
     identify: Identify = dataclasses.field(default_factory=Identify)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes, PriorChoice
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import MODES_NOTE, RunFile
+from robustid.app.withheld import compared, looked_at, split_points
 from robustid.data import FrequencyResponse
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
@@ -58,14 +59,32 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
     basis = choices.basis_of(run.modes, dt)
     used = [points for points, _ in parts]
+    unused = [left for _, left in parts if left is not None]
+    run, used, out, kind = _kept_out(run, data, used, unused)
     problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
     run = choices.with_inflation(run, problem, say)
     problem = _inflated(problem, run)
     folder.choices(run)
     run, prior = choices.with_prior(run, problem, say)
     folder.choices(run)
-    unused = [choices.inflated(left, run) for _, left in parts if left is not None]
-    return _decided(run, dataclasses.replace(problem, prior=prior), unused, around)
+    left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
+    return _decided(run, dataclasses.replace(problem, prior=prior), Untouched(left, out, kind), around)
+
+
+def _kept_out(
+    run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
+) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
+    """What tests the result: records or periods that were kept out, frequency points that are not used, or one of so many."""
+    if data.withheld:
+        return run, used, list(data.withheld), data.kind
+    if unused:
+        return run.changed("withheld", every=0), used, unused, "lines"
+    kept: list[FrequencyResponse] = []
+    for k, frf in enumerate(used):
+        stated, used[k], out = split_points(run, frf)
+        kept += [out] if out is not None else []
+        run = stated if k == len(used) - 1 else run
+    return run, used, kept, "lines"
 
 
 def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> IdentifiedReduced:
@@ -77,7 +96,7 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
     )
     _check_frequencies(run, problem.dt)
     run = choices.with_inflation(run, problem, around.say)
-    return _decided(run, _inflated(problem, run), [], around)
+    return _decided(run, _inflated(problem, run), Untouched([], [], "lines"), around)
 
 
 def _check_frequencies(run: RunFile, dt: float) -> None:
@@ -94,9 +113,15 @@ def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
     return dataclasses.replace(problem, **wide)
 
 
-def _decided(
-    run: RunFile, problem: MixedProblem, unused: list[FrequencyResponse], around: Surroundings
-) -> IdentifiedReduced:
+class Untouched(NamedTuple):
+    """Data that were not used: frequency points with the bounds of those that were, and what was kept out, of one kind."""
+
+    points: list[FrequencyResponse]
+    withheld: list[FrequencyResponse]
+    kind: str
+
+
+def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
     result = _identified(run, problem, around)
     around.say("searching for the smallest order")
@@ -104,17 +129,23 @@ def _decided(
     reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
     found = findings.class_words(run, result, around.say)
     found.append(findings.sample_words(result, reduction.model, reduction.order))
-    found += [findings.unused_words(validate(reduction.model, points)) for points in unused]
-    error = small = band = None
+    found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
+    error = small = band = seen = None
     if result.consistent and run.worst_case.compute:
-        run, error, small = _bounded(run, result, reduction, around)
-        found.append(findings.error_words(small))
+        run, error, small = _bounded(run, result, reduction, left.withheld, around)
+        seen = compared(small, left.withheld, left.kind)
+        found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.fixed_poles_words(problem.entries.single))
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, around)
         found.append(words)
+    if left.kind != "lines":  # whether the records that were used bound the others, whatever the class is
+        found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
+    if seen is not None:
+        found = [*seen.sentences, *found] if seen.contradicted else [*found, *seen.sentences]
     return IdentifiedReduced(
+        withheld=seen,
         identification=result,
         reduction=reduction,
         worst_case=error,
@@ -139,12 +170,18 @@ def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Id
 
 
 def _bounded(
-    run: RunFile, result: Identification, reduction: Reduction, around: Surroundings
+    run: RunFile,
+    result: Identification,
+    reduction: Reduction,
+    withheld: list[FrequencyResponse],
+    around: Surroundings,
 ) -> tuple[RunFile, WorstCaseError, WorstCaseError]:
     """Error of every consistent system around the identified and around the small model."""
-    asked = run.worst_case
+    asked, basis = run.worst_case, result.problem.parametric
     if asked.at_hz is None:
-        run = run.changed("worst_case", at_hz=tuple((default_grid(result) / (2 * np.pi)).tolist()))
+        poles = () if basis is None else basis.poles
+        grid = looked_at(default_grid(result), poles, result.problem.dt, withheld)
+        run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     counted = around.counted("bounding the error at every frequency")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Family, ResponseTube, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.reduction import Reduction
@@ -19,6 +19,7 @@ from robustid.report.charts import Chart, in_rows, lighter, side_by_side
 from robustid.report.identified import siso
 from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts
 from robustid.report.sections.claims import kind_of, refuse_foreign
+from robustid.report.sections.family import family_chart, schedule_chart
 from robustid.report.sections.fit_view import FitView
 from robustid.report.sections.model import model_chart
 from robustid.report.sections.pole_box import pole_box_chart
@@ -45,6 +46,7 @@ __all__ = [
     "orders",
     "poles",
     "residuals",
+    "schedule",
     "stabilisation",
     "time_response",
 ]
@@ -144,6 +146,7 @@ def bode(
         MatrixFraction: (_fit_bode, ("data",)),
         FrequencyResponse: (_response_bode, ("records",)),
         control.StateSpace: (model_chart, ()),
+        Family: (family_chart, ()),
     }
     return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
 
@@ -208,6 +211,29 @@ def _identified_time(identification: Identification, models: Models = None) -> C
         return chart
     answers = side_by_side("answers", lighter(answer_charts(identification, models)), columns)
     return in_rows(chart, columns, answers.panels)
+
+
+def schedule(result: Family, *, ax: Any = None) -> Figure:
+    """Draw how band and poles of a family move with amplitude, position or load.
+
+    At the frequencies with the widest bands, relative to the response, the range of the magnitude of every member; natural
+    frequency and damping of every parametric mode, with the pole-uncertainty box where there is one. Between the members, and
+    beyond them, nothing is proved: lines are drawn for the eye.
+
+    Parameters and errors as for `bode`.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> omega, prior = np.array([0.5, 1.5, 2.5]), rid.Prior(gain_bound=2.0, decay_rate=1.5)
+    >>> def plant(gain):
+    ...     frf = rid.FrequencyResponse(omega, gain * (1 + 0.3 * np.exp(-1j * omega)), bound=0.05, dt=1.0)
+    ...     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
+    >>> two = rid.family([rid.Member(plant(g), load=g) for g in (0.8, 1.0)], omega=omega, directions=4)
+    >>> rid.plot.schedule(two).axes[0].get_xlabel()
+    'load'
+    """
+    return _drawn({Family: (schedule_chart, ())}, result, {}, ax)
 
 
 def residuals(result: Identification, *, models: Models = None, ax: Any = None) -> Figure:

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 from robustid.core import atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
+from robustid.guarantees import Family
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
 from robustid.report import html, terminal
 from robustid.report.document import Document, Verdict
 from robustid.report.sections.claims import kind_of, refuse_foreign
+from robustid.report.sections.family import family_page
 from robustid.report.sections.fit import fit_page, fit_summary, fit_verdict
 from robustid.report.sections.fit_view import FitView
 from robustid.report.sections.identification import (
@@ -30,13 +32,13 @@ if TYPE_CHECKING:
 
     from robustid.advice import Sensitivity
     from robustid.data import TimeRecord
-    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.mfd import OrderSweep
     from robustid.reduction import Reduction
 
 
 def write_report(
-    identification: Identification | MatrixFraction | FrequencyResponse,
+    identification: Identification | MatrixFraction | FrequencyResponse | Family,
     path: str | os.PathLike[str],
     *,
     reduction: Reduction | None = None,
@@ -50,6 +52,7 @@ def write_report(
     order_sweep: OrderSweep | None = None,
     records: TimeRecord | Sequence[TimeRecord] | None = None,
     findings: Sequence[str] = (),
+    withheld: Coverage | None = None,
     run_file: str | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
@@ -59,11 +62,12 @@ def write_report(
     singular values, and the modes with the ranks of their residues. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
     numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
-    bound, noise and distortion, coherence, and the spectra of the records. The page works offline and fetches nothing.
+    bound, noise and distortion, coherence, and the spectra of the records. Of a family: its members, its band, who drives it
+    where, how it moves with the condition, and what is not known. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction or FrequencyResponse
+    identification : Identification, MatrixFraction, FrequencyResponse or Family
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -88,6 +92,8 @@ def write_report(
         From `suggest_order`, with a MatrixFraction.
     records : TimeRecord or sequence of TimeRecord, optional
         What the frequency response was estimated from.
+    withheld : Coverage, optional
+        What data that were kept out say of `worst_case`: a section, and the verdict, where they contradict it.
     findings : sequence of str
         What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
     run_file : str, optional
@@ -118,7 +124,10 @@ def write_report(
 
 
 def render_report(
-    identification: Identification | MatrixFraction | FrequencyResponse, *, title: str | None = None, **parts: Any
+    identification: Identification | MatrixFraction | FrequencyResponse | Family,
+    *,
+    title: str | None = None,
+    **parts: Any,
 ) -> str:
     """Return the page of `write_report`, which names the parts, as text."""
     kind = kind_of("identification", identification, _PAGES)
@@ -130,11 +139,22 @@ def render_report(
     return html.render(build(identification, title=title, **given))
 
 
-_OF_IDENTIFICATIONS = ("reduction", "models", "worst_case", "tube", "over_poles", "sensitivity", "findings", "run_file")
+_OF_IDENTIFICATIONS = (
+    "reduction",
+    "models",
+    "worst_case",
+    "tube",
+    "over_poles",
+    "sensitivity",
+    "findings",
+    "withheld",
+    "run_file",
+)
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, _OF_IDENTIFICATIONS),
     MatrixFraction: (fit_page, ("data", "order_sweep")),
     FrequencyResponse: (response_page, ("records",)),
+    Family: (family_page, ("findings", "withheld", "run_file")),
 }
 
 

@@ -31,13 +31,14 @@ from robustid.report.sections.run import findings_section, run_file_section
 from robustid.report.sections.sensitivity import sensitivity_section
 from robustid.report.sections.time import time_section
 from robustid.report.sections.tube import tube_section
+from robustid.report.sections.withheld import withheld_section, withheld_verdict
 from robustid.report.words import number
 
 if TYPE_CHECKING:
     import control
 
     from robustid.advice import Sensitivity
-    from robustid.guarantees import ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.reduction import Reduction
 
 _MOST_EXPERIMENTS = 6  # at the terminal
@@ -54,6 +55,7 @@ def identification_page(
     over_poles: WorstCaseOverPoles | None = None,
     sensitivity: Sensitivity | None = None,
     findings: Sequence[str] = (),
+    withheld: Coverage | None = None,
     run_file: str | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
@@ -69,9 +71,10 @@ def identification_page(
     problem, shown = identification.problem, further_models(reduction, models)
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[identification_verdict(identification, reduction), *_warnings(identification)],
+        head=[*_verdicts(identification, reduction, withheld), *_warnings(identification)],
         body=[
             *findings_section(findings),
+            *withheld_section(withheld),
             Heading("Consistency margin"),
             Text(margin_words(identification)),
             *assumptions_section(identification),
@@ -90,6 +93,14 @@ def identification_page(
         ],
         foot=_foot(identification),
     )
+
+
+def _verdicts(identification: Identification, reduction: Reduction | None, withheld: Coverage | None) -> list[Verdict]:
+    """The verdict on the class, after that of withheld data where these contradict it."""
+    own = identification_verdict(identification, reduction)
+    if withheld is None:
+        return [own]
+    return [withheld_verdict(withheld), own] if withheld.contradicted else [own, withheld_verdict(withheld)]
 
 
 def identification_summary(identification: Identification, reduction: Reduction | None = None) -> list[Block]:

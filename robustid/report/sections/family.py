@@ -1,0 +1,259 @@
+"""A family of plants: its page, its band beside the bounds of the members, and how these move with the condition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.core import responses
+from robustid.errors import InputError
+from robustid.guarantees import Family, WorstCaseOverPoles
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, side_by_side
+from robustid.report.curves import magnitude_range
+from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
+from robustid.report.identified import transfer
+from robustid.report.sections.claims import certificates
+from robustid.report.sections.run import findings_section, run_file_section
+from robustid.report.sections.withheld import withheld_section, withheld_verdict
+from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, MARKERS, NOMINAL
+from robustid.report.words import HZ, at_frequencies, at_most, number, percent
+from robustid.report.words import title as heading
+
+_CURVE = 800  # frequencies of the curve of the nominal
+_SHOWN = 4  # frequencies at which the band is shown over the condition
+_NOT_MEASURED = "#f3e3d3"
+
+
+def family_page(
+    family: Family,
+    *,
+    title: str | None = None,
+    findings: Sequence[str] = (),
+    withheld: Any = None,
+    run_file: str | None = None,
+) -> Document:
+    """Build the page of a family."""
+    problem = family.members[0].identification.problem
+    charts = family_charts(family)
+    drawn: list[Block] = [Drawing(charts[0])] if len(charts) == 1 else [Grid(charts, len(problem.inputs))]
+    count = sum(error.claim_count for error in family.errors)
+    moving: list[Block] = []
+    if family.schedule is not None:
+        moving = [
+            Heading(f"How band and poles move with the {family.schedule}"),
+            Text("Between the members, and beyond them, lines are drawn for the eye alone."),
+            Drawing(schedule_chart(family)),
+        ]
+    return Document(
+        title or heading("Family", problem.outputs, problem.inputs),
+        head=[family_verdict(family), *([withheld_verdict(withheld)] if withheld is not None else [])],
+        body=[
+            *findings_section(findings),
+            Heading("Members"),
+            member_table(family),
+            Heading("What is guaranteed"),
+            Text(guarantee_words(family), id="guarantee-sentence"),
+            certificates(count, family.certified, "certificates"),
+            Facts(_facts(family)),
+            Heading("Who drives the band where", 3),
+            driver_table(family),
+            Heading("Response with the band of the family", 3),
+            Text("Proved at the marked frequencies; between them the band is interpolated for the eye.", "soft"),
+            *drawn,
+            *moving,
+            Heading("What is not known"),
+            *(Text(sentence) for sentence in family.not_known),
+            *withheld_section(withheld),
+            *run_file_section(run_file),
+        ],
+    )
+
+
+def family_verdict(family: Family) -> Verdict:
+    """Verdict: every member consistent with the one class."""
+    worst = max(m.identification.margin for m in family.members)
+    sentence = (
+        f"The data of each of {len(family.members)} members are consistent with one class; the band holds every system that is"
+        " consistent with any of them."
+    )
+    return Verdict(
+        "consistent", "One class", sentence, (("largest margin", number(worst)), ("order", f"{family.model.nstates}"))
+    )
+
+
+def guarantee_words(family: Family) -> str:
+    """The guarantee in plain words."""
+    size = np.linalg.norm(responses(family.model, family.omega * family.dt), 2, axis=(1, 2))
+    relative = float(np.median(family.sigma_upper / np.maximum(size, np.finfo(float).tiny)))
+    about = sorted({words for m in family.members for words in m.identification.problem.about})
+    return " ".join(
+        [
+            *about,
+            f"Every system of the class that is consistent with the data of a member is within {at_most(family.sigma_upper.max())}"
+            f" of the nominal {at_frequencies(family.omega)}, in the median within {percent(relative, 3)} of its response.",
+        ]
+    )
+
+
+def _facts(family: Family) -> list[tuple[str, str]]:
+    ratio = float((family.upper / family.centres.radius).max())
+    rows = [
+        (
+            "Nominal",
+            f"Order {family.model.nstates}, fitted to the centres of the smallest discs that hold the values of all members; its"
+            f" band is at most {number(ratio, 3)} times their radius, below which no nominal gets.",
+        )
+    ]
+    circles = [getattr(error, "known_circle", None) for error in family.errors]
+    if all(circle is not None for circle in circles):
+        rows.append(("Whole circle", f"Within {at_most(family.hinf)} of the nominal at all frequencies."))
+    return rows
+
+
+def member_table(family: Family) -> Table:
+    """Members with their conditions, margins and bounds."""
+    rows = []
+    for m, error in zip(family.members, family.errors, strict=True):
+        said = ", ".join(f"{what} {number(v) if isinstance(v, float) else v}" for what, v in m.condition.items())
+        poles = "in their box" if isinstance(error, WorstCaseOverPoles) else "fixed"
+        samples = m.identification.problem.samples
+        rows.append(
+            (m.name, said or "–", f"{samples}", poles, number(m.identification.margin), at_most(error.upper.max()))
+        )
+    heads = [Column("member"), Column("condition"), Column("samples", "n"), Column("poles")]
+    return Table([*heads, Column("margin", "n"), Column("largest error", "n")], rows)
+
+
+def driver_table(family: Family) -> Table:
+    """Ranges of frequencies with the member whose bound is largest there."""
+    rows = [
+        (number(row.low / HZ, 5), number(row.high / HZ, 5), row.member, at_most(row.upper), at_most(row.second))
+        for row in family.drivers()
+    ]
+    heads = Column("from [Hz]", "n"), Column("to [Hz]", "n"), Column("driven by")
+    return Table([*heads, Column("error at most", "n"), Column("the others", "n")], rows)
+
+
+def family_chart(family: Family) -> Chart:
+    """All entries in one chart."""
+    charts = family_charts(family)
+    if len(charts) == 1:
+        return charts[0]
+    return side_by_side("family", charts, family.members[0].identification.problem.entries.inputs)
+
+
+def family_charts(family: Family) -> list[Chart]:
+    """Of every entry the magnitude of the nominal with the band, the ranges of the members, and the errors of these."""
+    at = family.omega[family.omega > 0]
+    low, high = (at[0], at[-1]) if at.size > 1 else (at[0] / 2, min(2 * at[0], np.pi / family.dt))
+    fine = np.unique(np.concatenate([np.geomspace(low, high, _CURVE // 2), np.linspace(low, high, _CURVE // 2), at]))
+    curve = np.abs(responses(family.model, fine * family.dt))
+    return [_entry_chart(family, entry, fine, curve[:, *entry]) for entry in np.ndindex(family.upper.shape[1:])]
+
+
+def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve: np.ndarray) -> Chart:
+    proved, place = family.omega > 0, (slice(None), *entry)
+    hz, upper = family.omega[proved] / HZ, family.upper[place][proved]
+    reach = np.interp(np.log(fine / HZ), np.log(hz), upper)
+    span = magnitude_range(float((curve + reach).max()), [float(np.quantile(curve, 0.02))])
+    band = Layer(
+        name=f"band of the family ({hz.size} frequencies)",
+        x=fine / HZ,
+        y=np.maximum(curve, span[0]),
+        colour=FURTHER[3],
+        low=np.maximum(curve - reach, span[0]),
+        high=curve + reach,
+        fill=True,
+    )
+    sizes = [band, Layer(name="nominal", x=fine / HZ, y=curve, colour=NOMINAL, dash="solid")]
+    errors = []
+    for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
+        ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
+        style = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
+        middle = np.maximum(ends.mean(axis=1), span[0])
+        bars = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
+        sizes.append(Layer(name=member.name, x=hz, y=middle, size=0.5, **bars, **style))
+        own = error.upper[place][proved]
+        said = tuple(f"{number(w, 6)} Hz: at most {number(e)}" for w, e in zip(hz, own, strict=True))
+        errors.append(
+            Layer(name=f"{member.name}: error", x=hz, y=own, dash=DASHES[k % len(DASHES)], hover=said, **style)
+        )
+    radius = family.centres.radius[place][proved]
+    errors.append(Layer(name="smallest disc that holds all", x=hz, y=radius, colour=FAINT, dash="solid"))
+    x = frequency_axis(family.omega[proved])
+    label = transfer(family.members[0].identification, *entry)
+    panels = (
+        Panel(title="Magnitude", x=x, y=Axis(label=label, log=True, range=span), layers=tuple(sizes)),
+        Panel(
+            title="Error of the nominal, member by member",
+            x=x,
+            y=Axis(label="guaranteed error", log=True),
+            layers=tuple(errors),
+        ),
+    )
+    return Chart(name=f"family-{entry[0]}-{entry[1]}", panels=panels, linked=True, grid=family.upper[0].size > 1)
+
+
+def schedule_chart(family: Family) -> Chart:
+    """Band, natural frequencies and damping of the members over the condition that is told apart."""
+    if family.schedule is None:
+        raise InputError(
+            "`result` is a family without a schedule: give every member a number for amplitude, position or load"
+        )
+    values = np.array(family.values)
+    order = np.argsort(values)
+    low, high = family.interval or (values.min(), values.max())
+    margin = 0.05 * max(high - low, np.ptp(values), 1e-12)
+    x = Axis(label=family.schedule, range=(min(low, values.min()) - margin, max(high, values.max()) + margin))
+    worst = np.argsort(
+        -family.sigma_upper / np.maximum(np.abs(family.nominal).reshape(family.omega.size, -1).max(axis=1), 1e-300)
+    )
+    bands, places = [], np.sort(worst[:_SHOWN])
+    for k, place in enumerate(places):
+        ends = np.array([_range_of(e, int(place), family) for e in family.errors])[order]
+        style = {"colour": (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4], "dash": "dot", "marker": MARKERS[k % 3]}
+        name = f"{number(float(family.omega[place]) / HZ, 5)} Hz"
+        bands.append(Layer(name=name, x=values[order], y=ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
+    panels = [
+        Panel(
+            title="Range of the magnitude, widest frequencies",
+            x=x,
+            y=Axis(label="magnitude", log=True),
+            layers=tuple(bands),
+        )
+    ]
+    poles = [_poles_of(e) for e in family.errors]
+    if poles[0].shape[0] and len({p.shape for p in poles}) == 1:
+        for part, label in enumerate(("natural frequency [Hz]", "damping ratio [–]")):
+            layers = []
+            for mode in range(poles[0].shape[0]):
+                middle, bottom, top = np.array([p[mode, part] for p in poles])[order].T
+                style = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "dash": "dot", "marker": MARKERS[mode % 3]}
+                layers.append(Layer(name=f"mode {mode + 1}", x=values[order], y=middle, low=bottom, high=top, **style))
+            panels.append(
+                Panel(title=label.split(" [")[0].capitalize(), x=x, y=Axis(label=label), layers=tuple(layers))
+            )
+    return Chart(name="schedule", panels=tuple(panels), columns=1)
+
+
+def _range_of(error: Any, place: int, family: Family) -> np.ndarray:
+    """Range of the magnitude at a frequency, of the entry with the largest bound."""
+    ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place]
+    entry = np.unravel_index(np.argmax(family.upper[place]), family.upper.shape[1:])
+    return ends[entry]
+
+
+def _poles_of(error: Any) -> np.ndarray:
+    """(modes, 2, 3): natural frequency in Hz and damping, each as it is and with the ends of its box."""
+    if isinstance(error, WorstCaseOverPoles):
+        omega, damping = error.poles
+        ends = np.stack([omega / HZ, damping], axis=1)
+        return np.concatenate([ends.mean(axis=2, keepdims=True), ends], axis=2)
+    basis = error.identification.problem.parametric
+    found = np.zeros(0, complex) if basis is None else np.asarray(basis.poles)
+    found = np.unique(np.round(found[(found.imag > 0) & (np.abs(found) > 0)], 12))
+    logs = np.log(found) / error.identification.problem.dt
+    each = np.stack([np.abs(logs) / HZ, -logs.real / np.abs(logs)], axis=1)
+    return np.repeat(each[np.argsort(each[:, 0])][:, :, None], 3, axis=2)

@@ -1,0 +1,85 @@
+"""Withheld data against a guaranteed band: the verdict, the score of every record, and the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.guarantees import Coverage
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict
+from robustid.report.style import ALERT, DATA, FAINT, MARKERS
+from robustid.report.words import HZ, number, percent
+
+
+def withheld_verdict(found: Coverage) -> Verdict:
+    """Verdict on the band: what it leaves out contradicts it."""
+    word = "Contradicted by withheld data" if found.contradicted else "Not contradicted by withheld data"
+    sentence = found.verdict.split(": ", 1)[1]
+    sentence = sentence[0].upper() + sentence[1:]
+    if found.contradicted:
+        sentence += (
+            " What is said below of every consistent system is about the class and the data that were used: it is no"
+        )
+        sentence += " guarantee for the machine."
+    key = "inconsistent" if found.contradicted else "consistent"
+    return Verdict(key, word, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
+
+
+def withheld_section(found: Coverage | None) -> list[Block]:
+    """Build the section of what was kept out; nothing where nothing was."""
+    if found is None:
+        return []
+    shares = np.nanmean(np.where(np.isnan(found.error), np.nan, found.excess <= 1), axis=(1, 2, 3))
+    rows = [
+        (name, percent(share, 4), number(float(np.nanmax(excess))), number(score))
+        for name, share, excess, score in zip(found.names, shares, found.excess, found.scores, strict=True)
+    ]
+    heads = "inside", "farthest,\nless its own bound", "score"
+    return [
+        Heading("Withheld data"),
+        *(Text(sentence) for sentence in found.sentences),
+        Table([Column("withheld"), *(Column(head, "n") for head in heads)], rows),
+        Text(
+            "In units of the half-width of the band. Score: the factor on the band at which it holds the whole record, with its own"
+            " bound.",
+            "soft",
+        ),
+        Drawing(withheld_chart(found)),
+    ]
+
+
+def withheld_chart(found: Coverage) -> Chart:
+    """Farthest entry of every withheld response at every frequency, with its own bound, in units of the band."""
+    layers = []
+    for name, error, noise in zip(found.names, found.error, found.noise, strict=True):
+        flat = np.where(np.isnan(error), -1.0, error).reshape(found.omega.size, -1)
+        worst = np.argmax(flat, axis=1)[:, None]
+        size, own = (np.take_along_axis(a.reshape(flat.shape), worst, axis=1)[:, 0] for a in (error, noise))
+        known = np.isfinite(size)
+        out = known & (size - own > 1)
+        hover = tuple(
+            f"{number(w / HZ, 6)} Hz: {number(s)} ± {number(o)}" for w, s, o in zip(found.omega, size, own, strict=True)
+        )
+        for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
+            if mask.any():
+                words = name + (", outside" if colour == ALERT else "")
+                bars = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
+                said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
+                layers.append(
+                    Layer(
+                        name=words,
+                        x=found.omega[mask] / HZ,
+                        y=size[mask],
+                        colour=colour,
+                        marker=marker,
+                        hover=said,
+                        **bars,
+                    )
+                )
+    x = frequency_axis(found.omega)
+    ends = np.array(x.range if x.range else (0.0, 1.0))
+    layers.append(Layer(name="edge of the band", x=ends, y=np.ones(2), colour=FAINT, dash="dash"))
+    panel = Panel(
+        title="Withheld data in the band", x=x, y=Axis(label="|value − model| / half-width"), layers=tuple(layers)
+    )
+    return Chart(name="withheld", panels=(panel,))
