@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 from robustid.app.files import load_result
 from robustid.app.result import IdentifiedReduced
@@ -15,7 +16,7 @@ from robustid.errors import InputError, Status
 from robustid.identification import Identification, MixedProblem, describe_problem
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "worst_case", "over_poles")
+_NUMBERS = ("identification", "worst_case", "over_poles", "family")
 _PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
@@ -116,6 +117,17 @@ class RunFolder:
         result.report(self.folder / _PAGE)
         self._clear()
         return self._written()
+
+    def finish_family(self, result: Any) -> None:
+        """Keep the family, its nominal and its page; of members that refute the class the sentences."""
+        self.choices(result.run_file)
+        self._text(_SUMMARY, result.summary() + "\n")
+        if self.folder is None or result.family is None:
+            return
+        result.family.save(self.folder / "family")
+        save_model(result.family.model, self.folder / _MODEL)
+        result.report(self.folder / _PAGE)
+        self._clear()
 
 
 def _digest(problem: MixedProblem) -> str:

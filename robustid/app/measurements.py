@@ -45,7 +45,7 @@ class Measured(NamedTuple):
 
     def each(self, change: Callable[[Any], Any]) -> Measured:
         """With a change of every response and record."""
-        return Measured(*(tuple(map(change, part)) for part in self[:3]), self.kind)
+        return self.each_response(change)._replace(records=tuple(map(change, self.records)))
 
     def each_response(self, change: Callable[[FrequencyResponse], FrequencyResponse]) -> Measured:
         """With a change of every response."""

@@ -126,6 +126,7 @@ class RecordSource:
     detrend: str | None = key(text(("mean", "linear")), help="Take out the mean or a straight line.")
     until: float | None = key(_positive, help="The trend is that of the record up to here.", unit="s")
     decimate: int | None = key(whole(2), help="Keep one sample of so many, after a filter.", unit="samples")
+    member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
 
 
@@ -148,7 +149,36 @@ class ResponseSource:
         help="Unit of an omega column that doesn't say it: rad/s (default) or Hz.",
         flag="--frequency-unit",
     )
+    member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MemberChoice:
+    """A plant of a family: its name, which its records and responses state as member, and the condition of its measurement."""
+
+    name: str = key(text(), "", help="Its name.")
+    amplitude: float | None = key(number(), help="Amplitude of the excitation, in the same unit for all members.")
+    position: float | None = key(number(), help="Position of the machine.")
+    load: float | None = key(number(), help="Load on the machine.")
+    date: str | None = key(text(), help="When it was measured.")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FamilyChoice:
+    """What is asked of the members together."""
+
+    schedule: str | None = key(
+        text(("amplitude", "position", "load")),
+        help="The condition by which the members are told apart; default: the only one that every member states, and that differs.",
+    )
+    interval: tuple[float, float] | None = key(
+        several(number(), 2),
+        help="Range of it that is asked about; default: from the smallest to the largest of the members.",
+    )
+    order: int | None = key(
+        whole(1), help="Order of the nominal; default: the smallest whose band is nearly the smallest."
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -388,6 +418,8 @@ PARTS: dict[str, Any] = {
     "": General,
     "[[record]]": RecordSource,
     "[[frequency]]": ResponseSource,
+    "[[members]]": MemberChoice,
+    "[family]": FamilyChoice,
     "[estimate]": Estimate,
     "[delay]": Delay,
     "[frequency_points]": FrequencyPoints,

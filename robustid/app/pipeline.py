@@ -15,8 +15,9 @@ from robustid.app.checks import Option, options, refuse_unknown
 from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say, measured
+from robustid.app.members import FamilyRun, run_members
 from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import SECTIONS, read_run_file
+from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
@@ -170,7 +171,7 @@ def run(
     force: bool = False,
     executor: Any = None,
     progress: Say | None = None,
-) -> IdentifiedReduced:
+) -> IdentifiedReduced | FamilyRun:
     r"""Everything that a run file says, from the measured files to the report, kept in a folder.
 
     Written as soon as it is there: the frequency responses, the run file with every choice made so far, the identification; at
@@ -193,6 +194,7 @@ def run(
     Returns
     -------
     IdentifiedReduced
+        A FamilyRun where the run file has [[members]].
 
     Raises
     ------
@@ -218,6 +220,8 @@ def run(
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume)
+    if asked.members:
+        return _family(asked, path, kept, force, Surroundings(say, kept, executor))
     if (before := kept.asked(asked.moved(path.parent, folder))) is not None:
         stated, data = measured(before, folder, say)
     else:
@@ -234,6 +238,18 @@ def run(
         ) from None
     say("writing the report")
     kept.finish(result)
+    return result
+
+
+def _family(asked: RunFile, path: Path, kept: RunFolder, force: bool, around: Surroundings) -> FamilyRun:
+    """The family of a run file with members; frequencies that are finished are found again."""
+    folder = Path(str(kept.folder))
+    before = kept.asked(asked.moved(path.parent, folder))
+    stated = asked.moved(path.parent, folder) if before is None else before
+    kept.open(force)
+    result = run_members(stated, folder, kept, around)
+    around.say("writing the report")
+    kept.finish_family(result)
     return result
 
 

@@ -13,9 +13,11 @@ from robustid.app.checks import AUTO, options, refuse_unknown, section
 from robustid.app.options import (
     Delay,
     Estimate,
+    FamilyChoice,
     FrequencyPoints,
     General,
     Identify,
+    MemberChoice,
     Modes,
     PriorChoice,
     RecordSource,
@@ -40,6 +42,8 @@ class RunFile(Frozen, General):
 
     record: tuple[RecordSource, ...] = ()
     frequency: tuple[ResponseSource, ...] = ()
+    members: tuple[MemberChoice, ...] = ()
+    family: FamilyChoice = dataclasses.field(default_factory=FamilyChoice)
     estimate: Estimate = dataclasses.field(default_factory=Estimate)
     delay: Delay = dataclasses.field(default_factory=Delay)
     frequency_points: FrequencyPoints = dataclasses.field(default_factory=FrequencyPoints)
@@ -104,6 +108,24 @@ class RunFile(Frozen, General):
             self, record=tuple(map(seen, self.record)), frequency=tuple(map(seen, self.frequency))
         )
 
+    def of_member(self, name: str) -> RunFile:
+        """The run file of one member alone; a record of the noise floor is of all that don't have their own."""
+        record, frequency = (
+            tuple(source for source in sources if source.member in (name, None))
+            for sources in (self.record, self.frequency)
+        )
+        return dataclasses.replace(self, record=record, frequency=frequency, members=())
+
+    def with_member(self, name: str, stated: RunFile) -> RunFile:
+        """With what was read and chosen for one member."""
+        record, frequency = iter(stated.record), iter(stated.frequency)
+        return dataclasses.replace(
+            stated,
+            record=tuple(next(record) if source.member in (name, None) else source for source in self.record),
+            frequency=tuple(next(frequency) if source.member in (name, None) else source for source in self.frequency),
+            members=self.members,
+        )
+
     def agrees(self, asked: RunFile) -> bool:
         """True if this answers what was asked: every value stated there is the same here."""
         if (len(self.record), len(self.frequency)) != (len(asked.record), len(asked.frequency)):
@@ -120,10 +142,11 @@ class RunFile(Frozen, General):
             for f in dataclasses.fields(want)
             for value in [getattr(want, f.name)]
         )
-        return alike and (self.title, self.entry) == (asked.title, asked.entry)
+        same = [(run.title, run.entry, run.members) for run in (self, asked)]
+        return alike and same[0] == same[1]
 
 
-_MANY = {"record": RecordSource, "frequency": ResponseSource}
+_MANY = {"record": RecordSource, "frequency": ResponseSource, "members": MemberChoice}
 SECTIONS: dict[str, Any] = {
     field.name: field.default_factory
     for field in dataclasses.fields(RunFile)
@@ -214,8 +237,36 @@ def _run_file(content: Mapping[str, Any]) -> RunFile:
     return RunFile(**parts)
 
 
+def _check_members(run: RunFile) -> None:
+    """Refuse members without names or data, and data of members that are not there."""
+    names = [m.name for m in run.members]
+    sources = [(f"[[record]] {k}", s) for k, s in enumerate(run.record, start=1)]
+    sources += [(f"[[frequency]] {k}", s) for k, s in enumerate(run.frequency, start=1)]
+    for place, source in sources:
+        if source.member is not None and source.member not in names:
+            raise InputError(f"{place}: member = {source.member!r} is the name of none of the [[members]]")
+        if names and source.member is None and getattr(source, "use", None) != "noise_floor":
+            raise InputError(
+                f"{place} needs member = ..., the name of the one of the [[members]] that it was measured of"
+            )
+    if run.members and len(names) < 2:
+        raise InputError("one [[members]] makes no family: give two or more, or none for a plant by itself")
+    for k, name in enumerate(names, start=1):
+        if not name or names.count(name) > 1:
+            raise InputError(f"[[members]] {k} needs name = ..., one of its own")
+        if not any(source.member == name for _, source in sources):
+            raise InputError(f"[[members]] {k}: no [[record]] and no [[frequency]] has member = {name!r}")
+    if run.members and run.worst_case.over_poles:
+        raise InputError("[worst_case] over_poles = true is about one plant; leave it out where there are [[members]]")
+    if run.members and not run.worst_case.compute:
+        raise InputError(
+            "[worst_case] compute = false leaves nothing of a family; leave it out where there are [[members]]"
+        )
+
+
 def _check_sources(run: RunFile) -> None:
     """Refuse what contradicts itself, before any file is opened."""
+    _check_members(run)
     if not run.record and not run.frequency:
         raise InputError("no data: give [[record]] or [[frequency]] with file = ..., or dataset = ... in a [[record]]")
     for k, source in enumerate(run.record, start=1):
@@ -237,7 +288,7 @@ def _check_sources(run: RunFile) -> None:
         raise InputError(
             '[estimate] is about records that become a response; there is no [[record]] with use = "response"'
         )
-    if uses.count("noise_floor") > 1:
+    if uses.count("noise_floor") > max(1, len(run.members)):
         raise InputError('only one [[record]] can have use = "noise_floor"')
     if uses == ["noise_floor"] and not run.frequency:
         raise InputError('a record with use = "noise_floor" bounds others; there is nothing to bound')

@@ -60,7 +60,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     basis = choices.basis_of(run.modes, dt)
     used = [points for points, _ in parts]
     unused = [left for _, left in parts if left is not None]
-    run, used, out, kind = _kept_out(run, data, used, unused)
+    run, used, out, kind = kept_out(run, data, used, unused)
     problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
     run = choices.with_inflation(run, problem, say)
     problem = _inflated(problem, run)
@@ -71,7 +71,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     return _decided(run, dataclasses.replace(problem, prior=prior), Untouched(left, out, kind), around)
 
 
-def _kept_out(
+def kept_out(
     run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
 ) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
     """What tests the result: records or periods that were kept out, frequency points that are not used, or one of so many."""

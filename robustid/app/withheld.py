@@ -13,7 +13,7 @@ from robustid.app.run_file import RunFile
 from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
-from robustid.guarantees import Coverage, WorstCaseError, coverage
+from robustid.guarantees import Coverage, Family, WorstCaseError, coverage
 
 _DENSE = 60  # frequency points from which on some are withheld
 _EVERY = 4  # one of so many then
@@ -107,9 +107,7 @@ def looked_at(grid: Real, poles: Any, dt: float, withheld: Sequence[FrequencyRes
     return np.unique(np.concatenate([grid, lines[np.unique([*spread, *near])]]))
 
 
-def compared(
-    band: WorstCaseError | FrequencyResponse, withheld: Sequence[FrequencyResponse], kind: str
-) -> Coverage | None:
+def compared(band: WorstCaseError | Family, withheld: Sequence[FrequencyResponse], kind: str) -> Coverage | None:
     """What the withheld responses say of a band; None where there are none, or they have no frequency in common."""
     if not withheld:
         return None

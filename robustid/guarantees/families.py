@@ -27,6 +27,8 @@ from robustid.guarantees.worst_case import WorstCaseError
 if TYPE_CHECKING:
     import control
 
+_DRIVERS = 6  # ranges in a summary
+
 
 class Driver(NamedTuple):
     """Range of frequencies, rad/s, over which one member has the largest bound; `second` is the largest of the others there."""
@@ -234,8 +236,8 @@ class Family(Frozen, Drawable, Savable):
         gap = max(b - a for a, b in itertools.pairwise([min(low, values[0]), *values, max(high, values[-1])]))
         return (
             f"Measured at {name} {', '.join(f'{v:g}' for v in values)}; asked about {low:g} to {high:g}.",
-            f"Nothing is proved {', nor '.join([*gaps, *ends])}: a resonance that moves passes frequencies there that no member's"
-            " band holds.",
+            f"Nothing is proved {', nor '.join([*gaps, *ends])}: a resonance that moves passes frequencies there that the"
+            " band of no member holds.",
             f"The widest gap is {gap:g}: a member in it tests what the band says there.",
         )
 
@@ -267,11 +269,14 @@ class Family(Frozen, Drawable, Savable):
             lines.append(
                 f"member     {m.name}{own}: within {error.upper.max():.4g}, margin {m.identification.margin:.4g}"
             )
-        for row in self.drivers():
+        rows = self.drivers()
+        for row in sorted(rows, key=lambda row: -row.upper)[:_DRIVERS]:
             lines.append(
                 f"driven by  {row.member} from {row.low / (2 * np.pi):.5g} to {row.high / (2 * np.pi):.5g} Hz: {row.upper:.4g}"
                 f" (the others {row.second:.4g})"
             )
+        if len(rows) > _DRIVERS:
+            lines.append(f"           and {len(rows) - _DRIVERS} more ranges, where the band is smaller")
         lines += [f"not known  {sentence}" for sentence in self.not_known]
         lines.append(
             "assumed    one class for all members, its poles, and the bounds of the samples: data can refute them, never prove them"

@@ -226,6 +226,45 @@ def test_steering_mirror(tmp_path, capsys, undrawn):
     assert np.all(model < 20)
 
 
+def test_mirror_family_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("mirror_family").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "merijnfloren/fsm-benchmark-data" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def run_mirror_family(tmp_path, capsys, *entries, **settings):
+    """All records of both amplitudes inside the band of the family; returns what was printed."""
+    try:
+        datasets.find("fsm_cubespec/u_200mV_train.npy")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    example = load("mirror_family")
+    vars(example).update(settings)
+    example.main(["--out", str(tmp_path), "--entries", *entries])
+    check_files(tmp_path, [f"{kind}_{int(entry) + 1}.png" for kind in ("band", "amplitude") for entry in entries])
+    printed = capsys.readouterr().out
+    judged = [line for line in printed.splitlines() if "withheld data:" in line]
+    assert len(judged) == 2 * len(entries)
+    assert all(" mV: Not contradicted by withheld data: 100 % of the samples of 3 " in line for line in judged)
+    assert "Nothing is proved between amplitude 0.2 and 0.3, nor below amplitude 0.2" in printed
+    return printed
+
+
+@pytest.mark.realdata
+def test_mirror_family(tmp_path, capsys, undrawn):
+    run_mirror_family(tmp_path, capsys, "0", USED=24, BOUNDED=28, DIRECTIONS=4)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_mirror_family_of_the_whole_diagonal(tmp_path, capsys):
+    printed = run_mirror_family(tmp_path, capsys, "0", "1", "2")
+    assert printed.count("consistent, margin") == 6
+
+
 @pytest.mark.slow
 @pytest.mark.realdata
 def test_steering_mirror_at_all_orders(tmp_path, capsys):

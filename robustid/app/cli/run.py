@@ -87,10 +87,15 @@ def run(
         \[worst_case]
         over_poles = true
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
-    70 an error of the program, 130 interrupted.
+    Plants that differ by amplitude, position, load or date make a family: [\[members]] with name = ... and the condition, and
+    member = ... in every [\[record]] and [\[frequency]].
+
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof) or contradicted by withheld data, 1 undecided or not
+    solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app import pipeline
+    from robustid.app.result import IdentifiedReduced
+    from robustid.errors import Status
     from robustid.report import render_summary
 
     folder = output or Path(config.stem)
@@ -111,12 +116,19 @@ def run(
                 console, f"what is finished is in {folder}: the same command with --resume goes on from there"
             )
         raise
-    console.print(render_summary(result.identification, result.reduction))
+    if isinstance(result, IdentifiedReduced):
+        console.print(render_summary(result.identification, result.reduction))
+        status, identifications = result.identification.status, [result.identification]
+    else:
+        status, identifications = result.status, list(result.identifications.values())
+        if result.family is not None:
+            terminal.say(console, result.family.summary())
     for finding in result.findings:
         terminal.say(console, "\n" + finding)
     terminal.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
-    terminal.repeat_warnings(console, result.identification)
-    raise typer.Exit(terminal.EXIT[result.identification.status])
+    for one in identifications:
+        terminal.repeat_warnings(console, one)
+    raise typer.Exit(terminal.EXIT[Status.INCONSISTENT if result.contradicted else status])
 
 
 def _told(show: Callable[[str], None]) -> Callable[..., None]:

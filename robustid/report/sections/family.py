@@ -23,7 +23,6 @@ from robustid.report.words import title as heading
 
 _CURVE = 800  # frequencies of the curve of the nominal
 _SHOWN = 4  # frequencies at which the band is shown over the condition
-_NOT_MEASURED = "#f3e3d3"
 
 
 def family_page(
@@ -171,9 +170,9 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
     errors = []
     for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
         ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
-        style = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
+        style: dict[str, Any] = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
         middle = np.maximum(ends.mean(axis=1), span[0])
-        bars = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
+        bars: dict[str, Any] = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
         sizes.append(Layer(name=member.name, x=hz, y=middle, size=0.5, **bars, **style))
         own = error.upper[place][proved]
         said = tuple(f"{number(w, 6)} Hz: at most {number(e)}" for w, e in zip(hz, own, strict=True))
@@ -213,7 +212,11 @@ def schedule_chart(family: Family) -> Chart:
     bands, places = [], np.sort(worst[:_SHOWN])
     for k, place in enumerate(places):
         ends = np.array([_range_of(e, int(place), family) for e in family.errors])[order]
-        style = {"colour": (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4], "dash": "dot", "marker": MARKERS[k % 3]}
+        style: dict[str, Any] = {
+            "colour": (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4],
+            "dash": "dot",
+            "marker": MARKERS[k % 3],
+        }
         name = f"{number(float(family.omega[place]) / HZ, 5)} Hz"
         bands.append(Layer(name=name, x=values[order], y=ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
     panels = [
@@ -230,7 +233,11 @@ def schedule_chart(family: Family) -> Chart:
             layers = []
             for mode in range(poles[0].shape[0]):
                 middle, bottom, top = np.array([p[mode, part] for p in poles])[order].T
-                style = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "dash": "dot", "marker": MARKERS[mode % 3]}
+                style: dict[str, Any] = {
+                    "colour": (NOMINAL, ALERT, *FURTHER)[mode % 6],
+                    "dash": "dot",
+                    "marker": MARKERS[mode % 3],
+                }
                 layers.append(Layer(name=f"mode {mode + 1}", x=values[order], y=middle, low=bottom, high=top, **style))
             panels.append(
                 Panel(title=label.split(" [")[0].capitalize(), x=x, y=Axis(label=label), layers=tuple(layers))
@@ -252,8 +259,8 @@ def _poles_of(error: Any) -> np.ndarray:
         ends = np.stack([omega / HZ, damping], axis=1)
         return np.concatenate([ends.mean(axis=2, keepdims=True), ends], axis=2)
     basis = error.identification.problem.parametric
-    found = np.zeros(0, complex) if basis is None else np.asarray(basis.poles)
+    found: Any = np.zeros(0, complex) if basis is None else np.asarray(basis.poles)
     found = np.unique(np.round(found[(found.imag > 0) & (np.abs(found) > 0)], 12))
-    logs = np.log(found) / error.identification.problem.dt
+    logs: Any = np.log(found) / error.identification.problem.dt
     each = np.stack([np.abs(logs) / HZ, -logs.real / np.abs(logs)], axis=1)
     return np.repeat(each[np.argsort(each[:, 0])][:, :, None], 3, axis=2)

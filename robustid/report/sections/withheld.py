@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from robustid.guarantees import Coverage
@@ -63,7 +65,7 @@ def withheld_chart(found: Coverage) -> Chart:
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")
-                bars = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
+                bars: dict[str, Any] = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
                 layers.append(
                     Layer(

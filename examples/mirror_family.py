@@ -1,0 +1,103 @@
+"""Measured data: a fine steering mirror at two amplitudes as one family, and a band that records which nobody used keep to.
+
+The piezos aren't linear: at two thirds of the voltage the mirror is another plant, and every record of random phases shows a
+slightly different one. Each amplitude is a member with its own data and proof, bounded for the next record; the band of the family holds
+both. It is tested against all records of both, those that were kept out too, at lines that were used and at others.
+Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder
+that ROBUSTID_DATA names.
+Run: python mirror_family.py --out folder (100 s of computation an entry of the diagonal; --entries 0 1 2 for all three)
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import robustid as rid
+from robustid.errors import DatasetNotFoundError
+
+VOLTS = {0.2: "fsm_200mV", 0.3: "fsm"}
+PERIOD = 8192
+THINNED = 16  # every so manieth line shows the modes
+USED, BOUNDED = 36, 60  # lines in the identification, and frequencies of the band: the others test what is between
+DECAY = 1.1
+DIRECTIONS, RTOL = 6, 0.4
+
+
+def responses(entry):
+    """By voltage: the response of the training records, bounded for the next one; and all records, as two tests each."""
+    training, tests = {}, {}
+    for volts, name in VOLTS.items():
+        train, test = rid.datasets.load(f"{name}/train"), rid.datasets.load(f"{name}/test")
+        training[volts] = rid.estimate_frf(train, period=PERIOD, about="next record").entry(entry, entry)
+        blocks = train[:3], train[3:], test
+        tests[volts] = [rid.estimate_frf(block, period=PERIOD).entry(entry, entry) for block in blocks]
+    return training, tests
+
+
+def chosen_lines(frf, modes):
+    """Three lines at every mode and others over the whole band; then frequencies between them, where nothing was used."""
+    hz, width = modes.omega[:, None] / (2 * np.pi), modes.damping[:, None] * np.array([-1.5, 0.0, 1.5])
+    near = np.searchsorted(frf.freq_hz, (hz * (1 + width)).ravel()).clip(0, frf.omega.size - 1)
+    wide = np.linspace(20, frf.omega.size - 20, USED - np.unique(near).size).astype(int)
+    used = np.union1d(near, wide)
+    middles = (used[1:] + used[:-1]) // 2
+    between = middles[np.linspace(0, middles.size - 1, BOUNDED - used.size).astype(int)]
+    return used, np.union1d(used, between)
+
+
+def family_of(training, modes, used, bounded):
+    """One member a voltage, all in one class, and their family."""
+    first = training[max(training)]
+    basis = rid.kautz(modes.omega, modes.damping, dt=first.dt, delay=modes.delay)
+    prior = rid.Prior(gain_bound=2 * float(np.median(np.abs(first.values))), decay_rate=DECAY)
+    members = []
+    for volts, frf in training.items():
+        result = rid.identify(rid.MixedProblem(frequency=frf.select(used), prior=prior, parametric=basis))
+        print(f"   {1000 * volts:g} mV: {result.status.name.lower()}, margin {result.margin:.3f}")
+        members.append(rid.Member(result, f"{1000 * volts:g} mV", amplitude=volts))
+    omega = first.omega[bounded]
+    return rid.family(members, omega=omega, directions=DIRECTIONS, rtol=RTOL, interval=(0.15, 0.3))
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, help="folder for pictures and pages (default: a temporary one)")
+    parser.add_argument("--entries", type=int, nargs="+", default=[0], choices=range(3), help="entries of the diagonal")
+    arguments = parser.parse_args(argv)
+    out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
+    out.mkdir(parents=True, exist_ok=True)
+    for entry in arguments.entries:
+        try:
+            training, tests = responses(entry)
+        except DatasetNotFoundError as missing:
+            print(f"This example needs measured data. {missing}")
+            return
+        first = training[0.3]
+        print(f"Entry {entry + 1}, {entry + 1} of 3 x 3, {first.omega.size} lines. {first.bound.about}")
+        modes = rid.suggest_kautz(first.select(slice(None, None, THINNED)))
+        print(f"   modes at {', '.join(f'{hz:.4g}' for hz in modes.omega / (2 * np.pi))} Hz")
+        used, bounded = chosen_lines(first, modes)
+        family = family_of(training, modes, used, bounded)
+        print(family.summary())
+        size = np.abs(family.nominal)
+        for words, part in (("used lines", used), ("between them", np.setdiff1d(bounded, used))):
+            mine = np.isin(bounded, part)
+            print(
+                f"   band at {words}: {100 * np.median(family.upper[mine, 0, 0] / size[mine]):.3g} % of the response (median)"
+            )
+        for volts, blocks in tests.items():
+            found = rid.coverage(family, blocks, names=["train 1", "train 2", "test"])
+            print(f"   {1000 * volts:g} mV: {found.verdict}")
+        withheld = rid.coverage(
+            family, [blocks[-1] for blocks in tests.values()], names=["test, 200 mV", "test, 300 mV"]
+        )
+        family.plot().savefig(out / f"band_{entry + 1}.png", dpi=110)
+        rid.plot.schedule(family).savefig(out / f"amplitude_{entry + 1}.png", dpi=110)
+        rid.write_report(family, out / f"family_{entry + 1}.html", withheld=withheld, title="Mirror at two amplitudes")
+    print(f"\nPictures and pages: {out}")
+
+
+if __name__ == "__main__":
+    main()

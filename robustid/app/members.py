@@ -1,0 +1,197 @@
+"""A run with members: the data of each by themselves, one class for all, and the family that they make."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.app import choices, findings
+from robustid.app.folder import RunFolder
+from robustid.app.measurements import Measured, measured
+from robustid.app.run_file import RunFile
+from robustid.app.sequence import Surroundings, Untouched, kept_out
+from robustid.app.withheld import compared, looked_at
+from robustid.core import Frozen
+from robustid.errors import InconsistentDataError, Status
+from robustid.guarantees import Coverage, Family, Member, default_grid, family
+from robustid.identification import Identification, MixedProblem, Prior, identify
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class FamilyRun(Frozen):
+    """Everything that was found on the way from the measurements of several plants to their family.
+
+    Attributes
+    ----------
+    identifications : dict of str to Identification
+        Of every member.
+    family : Family or None
+        None where the data of a member refute the class.
+    withheld : dict of str to Coverage
+        What the data of a member that were kept out say of the band of the family.
+    findings : tuple of str
+    run_file : RunFile
+    """
+
+    identifications: dict[str, Identification]
+    family: Family | None
+    withheld: dict[str, Coverage]
+    findings: tuple[str, ...]
+    run_file: RunFile
+
+    @property
+    def consistent(self) -> bool:
+        """True if the data of every member are consistent with the one class."""
+        return self.family is not None
+
+    @property
+    def contradicted(self) -> bool:
+        """True if withheld data of a member lie outside the band by more than their own bounds."""
+        return any(found.contradicted for found in self.withheld.values())
+
+    @property
+    def status(self) -> Status:
+        """The worst finding about a member."""
+        order = Status.CONSISTENT, Status.UNDECIDED, Status.INCONSISTENT, Status.FAILED
+        return max((i.status for i in self.identifications.values()), key=order.index)
+
+    @property
+    def model(self) -> control.StateSpace | None:
+        """The nominal of the family."""
+        return None if self.family is None else self.family.model
+
+    def __repr__(self) -> str:
+        said = "inconsistent" if self.family is None else "contradicted by withheld data" * self.contradicted
+        return f"<FamilyRun: {len(self.identifications)} members{', ' * bool(said)}{said}>"
+
+    def summary(self) -> str:
+        """The findings, then the family, in plain text."""
+        return "\n".join([*self.findings, *([] if self.family is None else ["", self.family.summary()])])
+
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
+        """Write the page of the family, with the run file in it; nothing where there is none."""
+        from robustid.report import write_report
+
+        if self.family is None:
+            return
+        worst = max(self.withheld.values(), key=lambda found: found.largest, default=None)
+        write_report(
+            self.family,
+            path,
+            title=title or self.run_file.title,
+            findings=self.findings,
+            withheld=worst,
+            run_file=self.run_file.text(),
+        )
+
+
+def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
+    """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
+
+    Modes are those of the first member's response; the prior has the largest gain bound and the smallest decay rate that any member
+    asks for, in a class that holds those of all.
+    """
+    data: dict[str, Measured] = {}
+    for member in run.members:
+        around.say(f"member {member.name}")
+        stated, data[member.name] = measured(run.of_member(member.name), place, around.say)
+        run = run.with_member(member.name, stated)
+    run = choices.with_modes(run, next(iter(data.values())), around.say)
+    problems: dict[str, MixedProblem] = {}
+    left: dict[str, Untouched] = {}
+    for name, mine in data.items():
+        run, problems[name], left[name] = _problem(run, mine)
+    run = _one_inflation(run, problems, around)
+    problems = {name: _inflated(problem, run) for name, problem in problems.items()}
+    run, prior = _one_prior(run, problems, around)
+    folder.choices(run)
+    found: dict[str, Identification] = {}
+    for name, problem in problems.items():
+        around.say(f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples")
+        result = identify(dataclasses.replace(problem, prior=prior), **run.identify.arguments)
+        found[name] = dataclasses.replace(result, notes=(*result.notes, *run.choices))
+    return _united(run, found, left, folder, around)
+
+
+def _problem(run: RunFile, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:
+    """What is asked of a member, with a prior of no meaning, and what was kept out."""
+    placeholder = choices.placeholder(run, data)
+    parts = [choices.chosen_points(run, frf) for frf in data.responses]
+    unused = [rest for _, rest in parts if rest is not None]
+    run, used, out, kind = kept_out(run, data, [points for points, _ in parts], unused)
+    dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
+    basis = choices.basis_of(run.modes, dt)
+    problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
+    return run, problem, Untouched([], out, kind)
+
+
+def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
+    """The largest factor on the bounds that a member needs."""
+    asked = [choices.with_inflation(run, problem, around.say) for problem in problems.values()]
+    return max(asked, key=lambda one: float(one.identify.inflate))
+
+
+def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
+    wide = {kind: tuple(choices.inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
+    return dataclasses.replace(problem, **wide)
+
+
+def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> tuple[RunFile, Prior]:
+    """The smallest class that holds those that every member asks for."""
+    asked = [choices.with_prior(run, problem, around.say) for problem in problems.values()]
+    if run.prior.gain_bound is not None:
+        return asked[0]
+    gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.decay_rate for _, prior in asked)
+    first, prior = asked[0]
+    notes = [f"{name}: {one.prior.note}" for name, (one, _) in zip(problems, asked, strict=True)]
+    note = (
+        f"One class for all members, {gain:.4g} and {decay:.5g}: the largest gain bound and the smallest decay rate.\n"
+    )
+    stated = first.changed("prior", gain_bound=gain, decay_rate=decay, note=note + "\n".join(notes))
+    return stated, dataclasses.replace(prior, gain_bound=gain, decay_rate=decay)
+
+
+def _united(
+    run: RunFile,
+    found: dict[str, Identification],
+    left: dict[str, Untouched],
+    folder: RunFolder,
+    around: Surroundings,
+) -> FamilyRun:
+    """The family of the members, and what withheld data say of its band."""
+    members = [
+        Member(found[m.name], m.name, amplitude=m.amplitude, position=m.position, load=m.load, date=m.date)
+        for m in run.members
+    ]
+    said = [f"{name}: {words}" for name, one in found.items() for words in findings.class_words(run, one, around.say)]
+    asked = run.worst_case
+    if asked.at_hz is None:
+        grid = np.unique(np.concatenate([default_grid(one) for one in found.values()]))
+        basis = members[0].identification.problem.parametric
+        withheld = [frf for one in left.values() for frf in one.withheld]
+        grid = looked_at(grid, () if basis is None else basis.poles, members[0].identification.problem.dt, withheld)
+        run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
+        folder.choices(run)
+    omega = 2 * np.pi * np.array(run.worst_case.at_hz)
+    how = {"directions": asked.directions, "rtol": asked.rtol, "order": run.family.order}
+    spread = around.counted("bounding the members at every frequency")
+    try:
+        one = family(members, omega=omega, schedule=run.family.schedule, interval=run.family.interval, **how, **spread)
+    except InconsistentDataError as error:
+        words = (*said, str(error))
+        return FamilyRun(identifications=found, family=None, withheld={}, findings=words, run_file=run)
+    if asked.circle:
+        spread = around.counted("bounding the members between the frequencies")
+        one.on_circle(asked.rtol, executor=spread["executor"], progress=spread["progress"])
+    seen = {name: c for name, mine in left.items() if (c := compared(one, mine.withheld, mine.kind)) is not None}
+    judged = [f"{name}: {words}" for name, c in seen.items() for words in c.sentences]
+    bad = any(c.contradicted for c in seen.values())
+    words = (*judged, *said) if bad else (*said, *judged)
+    return FamilyRun(identifications=found, family=one, withheld=seen, findings=(*words, *one.not_known), run_file=run)

@@ -1,0 +1,101 @@
+"""Run files with [[members]]: one class for all, a family, its folder and page; and what is refused before anything is read."""
+
+import json
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.run_file import read_run_file
+from support.families import DT, LINES, measured
+
+GAINS = {"weak": 0.8, "strong": 1.3}
+CLASS = {"modes": {"hz": []}, "prior": {"gain_bound": 3.0, "decay_rate": 2.0}}
+AT = {"at_hz": [float(w) for w in LINES[:2] / (2 * np.pi)], "directions": 4}
+
+
+def asked(folder, gains=None, bound=0.02, **sections):
+    gains, lines = gains or GAINS, []
+    for k, (name, gain) in enumerate(gains.items()):
+        rid.save(folder / f"{name}.csv", measured(gain, seed=k, bound=bound))
+        lines += [
+            f'[[members]]\nname = "{name}"\namplitude = {gain}\n[[frequency]]\nfile = "{name}.csv"\nmember = "{name}"'
+        ]
+        lines += [f"dt = {DT}"]
+    for section, keys in (CLASS | {"worst_case": AT} | sections).items():
+        lines += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
+    (folder / "ask.toml").write_text("\n".join(lines))
+    return folder / "ask.toml"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("members")
+    return folder, rid.run(asked(folder, family={"interval": [0.5, 1.5]}), folder / "out")
+
+
+def test_a_run_makes_the_family_that_is_made_by_hand(done):
+    folder, found = done
+    prior = rid.Prior(gain_bound=3.0, decay_rate=2.0)
+    members = []
+    for name, gain in GAINS.items():
+        frf = rid.load(folder / f"{name}.csv", dt=DT)
+        result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
+        members.append(rid.Member(result, name, amplitude=gain))
+    hand = rid.family(members, omega=2 * np.pi * np.array(AT["at_hz"]), directions=4)
+    assert np.array_equal(found.family.upper, hand.upper)
+    assert found.family.names == ("weak", "strong")
+    assert found.consistent
+    assert not found.contradicted
+    assert "Nothing is proved between amplitude 0.8 and 1.3, nor below amplitude 0.8" in found.summary()
+
+
+def test_its_folder_holds_the_family_and_gives_it_again(done):
+    folder, found = done
+    assert np.array_equal(rid.load(folder / "out" / "family").upper, found.family.upper)
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    for words in ("Who drives the band where", "What is not known", "strong", "[[members]]"):
+        assert words in page
+    again = rid.run(folder / "out" / "run.toml", folder / "again")
+    assert np.array_equal(again.family.upper, found.family.upper)
+    assert again.findings == found.findings
+
+
+def test_the_class_is_chosen_once_for_all(tmp_path):
+    found = rid.run(asked(tmp_path, bound=0.3, modes={"hz": []}, prior={}), tmp_path / "out")
+    priors = [one.problem.prior for one in found.identifications.values()]
+    assert priors[0] == priors[1]
+    assert found.run_file.prior.note.startswith("One class for all members")
+    assert found.consistent
+
+
+def test_a_member_that_refutes_the_class_is_a_finding(tmp_path):
+    found = rid.run(asked(tmp_path, {"weak": 0.8, "wild": 30.0}), tmp_path / "out")
+    assert found.family is None
+    assert not found.consistent
+    assert "'wild' (inconsistent, margin" in found.summary()
+    assert "inconsistent" in repr(found)
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
+MEMBERS = [{"name": "a"}, {"name": "b"}]
+SOURCES = [{"file": "a.csv", "member": "a"}, {"file": "b.csv", "member": "b"}]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"members": MEMBERS[:1], "frequency": SOURCES[:1]}, "one .*members.* makes no family"),
+        ({"frequency": [*SOURCES, {"file": "c.csv"}]}, "3 needs member = "),
+        ({"frequency": [*SOURCES, {"file": "c.csv", "member": "c"}]}, "member = 'c' is the name of none"),
+        ({"members": [*MEMBERS, {"name": "c"}]}, "3: no .*record.* has member = 'c'"),
+        ({"members": [*MEMBERS, {"name": "b"}]}, "needs name = ..., one of its own"),
+        ({"members": [{"name": "a"}, {"nmae": "b"}]}, "no key 'nmae'; the nearest is 'name'"),
+        ({"worst_case": {"compute": False}}, "leaves nothing of a family"),
+        ({"worst_case": {"over_poles": True}}, "is about one plant"),
+        ({"members": []}, "member = 'a' is the name of none"),
+    ],
+)
+def test_contradictions_are_refused(change, words):
+    with pytest.raises(rid.InputError, match=words):
+        read_run_file({"members": MEMBERS, "frequency": SOURCES} | change)

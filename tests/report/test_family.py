@@ -1,0 +1,97 @@
+"""Page and figures of a family, and of withheld data."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.report.document import Table, Verdict
+from robustid.report.sections.family import driver_table, family_charts, family_page, member_table, schedule_chart
+from robustid.report.sections.withheld import withheld_chart, withheld_verdict
+from robustid.report.words import HZ
+from support.families import DT, identified, measured
+
+OMEGA = np.array([0.0, 2.0, 8.0, np.pi / DT])
+
+
+@pytest.fixture(scope="module")
+def two():
+    pair = rid.kautz(12.0, 0.05, dt=DT, delay=1)
+    members = [rid.Member(identified(g, seed=k, parametric=pair), load=g) for k, g in enumerate((0.8, 1.3))]
+    return rid.family(members, omega=OMEGA, directions=4, interval=(0.5, 1.3))
+
+
+@pytest.fixture(scope="module")
+def outside(two):
+    return rid.coverage(two, [measured(g, seed=7) for g in (1.0, 3.0)])
+
+
+def layer(chart, panel, name):
+    return next(one for one in chart.panels[panel].layers if one.name == name)
+
+
+def test_the_page_says_what_is_guaranteed_who_drives_it_and_what_is_not_known(two, tmp_path):
+    rid.write_report(two, tmp_path / "page.html", title="Two loads", findings=["A finding."])
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in (
+        "Two loads",
+        "A finding.",
+        "One class",
+        "Proved",
+        "Who drives the band where",
+        "load 0.8",
+        *two.not_known,
+    ):
+        assert words in page
+
+
+def test_tables_are_those_of_the_family(two):
+    assert [row[0] for row in member_table(two).rows] == list(two.names)
+    assert [row[2] for row in driver_table(two).rows] == [row.member for row in two.drivers()]
+
+
+def test_band_and_errors_are_drawn_as_they_are_proved(two):
+    (chart,) = family_charts(two)
+    for k, name in enumerate(two.names):
+        drawn = layer(chart, 1, f"{name}: error")
+        assert drawn.x == pytest.approx(two.omega[1:] / HZ)
+        assert drawn.y == pytest.approx(two.uppers[k, 1:, 0, 0])
+    band = layer(chart, 0, "band of the family (3 frequencies)")
+    at = np.searchsorted(band.x, two.omega[2] / HZ - 1e-12)
+    assert band.high[at] == pytest.approx(abs(two.nominal[2]) + two.upper[2, 0, 0])
+    assert [a.get_xlabel() for a in two.plot().axes][-1].startswith("frequency [Hz]")
+
+
+def test_band_and_poles_over_the_condition(two):
+    chart = schedule_chart(two)
+    assert [panel.title for panel in chart.panels] == [
+        "Range of the magnitude, widest frequencies",
+        "Natural frequency",
+        "Damping ratio",
+    ]
+    mode = layer(chart, 1, "mode 1")
+    assert mode.x.tolist() == [0.8, 1.3]
+    assert mode.y == pytest.approx(12.0 / HZ)
+    assert layer(chart, 2, "mode 1").y == pytest.approx(0.05)
+    assert chart.panels[0].x.range[0] < 0.5
+    with pytest.raises(rid.InputError, match="a family without a schedule"):
+        schedule_chart(dataclasses.replace(two, schedule=None))
+
+
+def test_contradiction_stands_first_on_the_page(two, outside):
+    document = family_page(two, withheld=outside)
+    verdicts = [block for block in document.head if isinstance(block, Verdict)]
+    assert [one.key for one in verdicts] == ["consistent", "inconsistent"]
+    assert "no guarantee for the machine" in verdicts[1].sentence
+    table = next(b for b in document.body if isinstance(b, Table) and b.columns[0].head == "withheld")
+    assert [row[0] for row in table.rows] == ["record 1", "record 2"]
+    inside = rid.coverage(two, measured(0.8, seed=0), kind="lines")
+    assert withheld_verdict(inside).word == "Not contradicted by withheld data"
+
+
+def test_withheld_samples_outside_are_told_apart(outside):
+    chart = withheld_chart(outside)
+    names = [one.name for one in chart.panels[0].layers]
+    assert names == ["record 1", "record 2, outside", "edge of the band"]
+    assert layer(chart, 0, "record 2, outside").y == pytest.approx(outside.error[1, :, 0, 0])
