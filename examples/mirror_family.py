@@ -1,8 +1,9 @@
 """Measured data: a fine steering mirror at two amplitudes as one family, and a band that records which nobody used keep to.
 
 The piezos aren't linear: at two thirds of the voltage the mirror is another plant, and every record of random phases shows a
-slightly different one. Each amplitude is a member with its own data and proof, bounded for the next record; the band of the family holds
-both. It is tested against all records of both, those that were kept out too, at lines that were used and at others.
+slightly different one. Each amplitude is a member with its own data and proof, bounded for the next record; the band of the
+family holds both. It is tested against all records of both, those that were kept out too, at lines that were used and at
+others.
 Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder
 that ROBUSTID_DATA names.
 Run: python mirror_family.py --out folder (100 s of computation an entry of the diagonal; --entries 0 1 2 for all three)

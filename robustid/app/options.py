@@ -157,7 +157,7 @@ class ResponseSource:
 class MemberChoice:
     """A plant of a family: its name, which its records and responses state as member, and the condition of its measurement."""
 
-    name: str = key(text(), "", help="Its name.")
+    name: str = key(text(), "", help="Its name, which its records and responses state.")
     amplitude: float | None = key(number(), help="Amplitude of the excitation, in the same unit for all members.")
     position: float | None = key(number(), help="Position of the machine.")
     load: float | None = key(number(), help="Load on the machine.")
