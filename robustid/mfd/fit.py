@@ -134,6 +134,10 @@ class MatrixFraction(Frozen, Drawable, Savable):
         fraction = self.fraction
         points, ny, nu = fraction.oriented(self.problem.values).shape
         states = f" shared by all entries, {fraction.states_in_all} states" if fraction.form == "shared" else ""
+        if self.modal is not None:
+            states += (
+                f", {'symmetric ' * self.modal.symmetric}modes of {'real' if self.modal.real else 'complex'} shape"
+            )
         domain = "continuous" if fraction.dt is None else f"dt={fraction.dt:.6g} s"
         return (
             f"<MatrixFraction: order {len(fraction.A)}{states}, {ny}x{nu}, {domain}, {'stable' if self.stable else 'unstable'};"

@@ -80,6 +80,13 @@ class Modal(Frozen):
         """Number q of derivatives of the position."""
         return QUANTITIES.index(self.quantity)
 
+    @property
+    def words(self) -> str:
+        """What is kept, for reports."""
+        shapes = "real shapes (proportional damping)" if self.real else "complex shapes (general damping)"
+        symmetric = ", reciprocal: the response is symmetric" if self.symmetric else ""
+        return f"modes of rank one with {shapes}{symmetric}; outputs are {self.quantity}s"
+
     def check(self, values: np.ndarray, order: int, body: RigidBody | None) -> None:
         """Raise where the data or other arguments don't allow it."""
         ny, nu = values.shape[1:]

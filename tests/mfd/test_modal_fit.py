@@ -200,6 +200,7 @@ def test_it_is_saved_and_loaded(tmp_path):
     assert again.modal.damping == "proportional"
     assert np.array_equal(again.model.A, fit.model.A)
     assert again.cost == fit.cost
+    assert ", symmetric modes of real shape, 3x3, " in repr(again)
 
 
 def test_true_is_general_damping_and_overdamped_modes_are_modes():

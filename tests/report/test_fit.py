@@ -18,6 +18,8 @@ from robustid.report.sections.fit import fit_verdict, mode_cells
 from robustid.report.sections.fit_charts import convergence_chart
 from robustid.report.sections.fit_view import FitView
 from support.fits import HZ, OMEGA, SMALL, measured
+from support.mechanics import measured as frequency_response
+from support.mechanics import mechanical
 from support.mfd_systems import random_modal_system
 from support.report_pages import NASTY, Page, printed
 
@@ -46,6 +48,16 @@ def test_checks_hold_and_find_what_is_wrong(fit, left, body):
     assert not FitView(dataclasses.replace(fit, history=worse)).checks[2].holds
     fraction = dataclasses.replace(fit.fraction, A=-fit.fraction.A)
     assert FitView(dataclasses.replace(fit, fraction=fraction)).checks[1].measured == 8
+
+
+def test_modal_structure_is_told():
+    system = mechanical(0, 2, 2, 2, symmetric=True)
+    data = frequency_response(system, 0, 0.02)
+    result = fit_mfd(data, order=4, modal=rid.Modal("proportional", symmetric=True))
+    assert all(check.holds for check in FitView(result).checks)
+    text = " ".join(printed(result).split())
+    assert "Modes of rank one with real shapes (proportional damping), reciprocal: the response is symmetric" in text
+    assert all(row.hz_std > 0 for row in FitView(result).modes)
 
 
 def test_rigid_body_is_verified_and_told(body):

@@ -133,6 +133,8 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
         ("Data", data),
         ("Model", f"{_form_words(view)}, in {domain}"),
     ]
+    if fit.modal is not None:
+        rows.append(("Structure", f"{fit.modal.words[0].upper()}{fit.modal.words[1:]}"))
     if fit.fraction.rigid_count:
         rows.append(("Rigid body", _rigid_words(view)))
     rows += [
