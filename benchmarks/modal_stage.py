@@ -54,10 +54,11 @@ def rows(plant, seed):
         start = time.process_time()
         fit = rid.fit_mfd(frf, order=plant.order, weight=weight, **options)
         seconds = time.process_time() - start
-        kappa = max(fit.condition_numbers, default=1.0) - 1
-        remark = f"cost {fit.cost:8.0f}, {fit.status.name.lower()}, kappa - 1 {kappa:.0e}"
+        remark = f"cost {fit.cost:8.0f}, {fit.status.name.lower()}"
+        if fit.history:
+            remark += f", kappa - 1 {fit.condition_numbers.max() - 1:.0e}"
         if "modal" in options:
-            remark += f", rank one to {largest_second(fit.model):.0e}, rigid {np.abs(fit.poles[-6:]).max():.0f}"
+            remark += f"; rank one to {largest_second(fit.model):.0e}, rigid {np.abs(fit.poles[-6:]).max():.0f}"
         yield name, relative_error(fit.fraction.response(omega), wanted), seconds, remark
 
 
