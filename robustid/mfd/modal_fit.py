@@ -47,13 +47,15 @@ _NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles li
 def modal_attempt(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
 ) -> Attempt:
-    """Fit of this structure from a first model; one that the user gave is projected at once, others are refined freely first.
+    """Fit of this structure from a first model; one that the user gave is projected at once where it has the order.
+
+    Others are refined freely first.
 
     `start_cost` is the criterion of the projection, and `found` keeps the structure exactly; the fraction is formed of it.
     """
     now, interrupted = time.monotonic(), False
     problem, model = with_rigid_modes(problem, data, model, settings.body)
-    if not given:
+    if not given or len(model.A) != problem.order:
         part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
         free = descended(problem, data, model, part)
         problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED

@@ -156,6 +156,17 @@ def test_a_fit_goes_on_from_its_model():
     assert again.cost <= first.cost * (1 + 1e-9)
 
 
+def test_a_start_of_another_order_is_completed_or_reduced():
+    system, frf, asked = posed("proportional", level=0.01)
+    for order in (6, 10):
+        start = rid.fit_mfd(frf, **asked | {"order": order}).model
+        fit = rid.fit_mfd(frf, **asked, start=start)
+        assert fit.model.nstates == system.order
+        assert relative_error(fit.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
+    poles = rid.fit_mfd(frf, **asked, start=np.array([-1 + 100j, -1 + 300j, -5 + 900j, -9 + 2000j]))
+    assert relative_error(poles.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
+
+
 @pytest.mark.parametrize("name", ["proportional", "symmetric", "general, symmetric"])
 def test_a_mode_in_the_wrong_place_is_exchanged(name):
     """From a start that has one of four modes far away the descent alone ends elsewhere, but with blocks."""
