@@ -312,7 +312,7 @@ def _levelled(
     """
     level = best
     for again in range(_REWEIGHTED):
-        weight = level_weight(level.fit.problem, level.fit.fraction.response)
+        weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
         if weight is None or time.monotonic() > settings.deadline:
             break
         problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)

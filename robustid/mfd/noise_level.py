@@ -22,7 +22,7 @@ _WHITE = 5.0
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 
 
-def level_weight(problem: FractionProblem, response: Complex) -> Weight | None:
+def level_weight(problem: FractionProblem, response: Complex, *, alone: bool = False) -> Weight | None:
     """Inverse standard deviations ``(a^2 + b^2 |P|^2)^(-1/2)`` per entry, from the residuals of a relative fit.
 
     a and b are those of the greatest likelihood, for every entry its own; |P| is that of the model. None where the residuals
@@ -34,6 +34,8 @@ def level_weight(problem: FractionProblem, response: Complex) -> Weight | None:
         Its weight has a number an entry.
     response : (F, ny, nu) complex array
         Of the model that was fitted.
+    alone : bool
+        Leave the relative part out of entries that have a level: a poor fit errs where the response is large, which looks like one.
     """
     residual, used = problem.values - response, problem.weight.entries > 0
     weighted = problem.residual(response)
@@ -58,7 +60,8 @@ def level_weight(problem: FractionProblem, response: Complex) -> Weight | None:
     if float(np.sum(heights[0] - np.min(heights, axis=0))) / 2 <= _TELLING * int(samples.sum()):
         return None
     variance = np.take_along_axis(np.array(shapes), best[None], axis=0)[0]
-    shape = variance * (_RATIOS[best] * median + size)
+    level = _RATIOS[best] * median
+    shape = variance * (level + np.where(alone & (level > 0), 0.0, size))
     note = "a level and a relative part, found in the residuals of a relative fit: the data have no covariance"
     return Weight(np.where(used, 1 / np.sqrt(shape), 0.0), note=note)
 

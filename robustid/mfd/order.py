@@ -17,7 +17,7 @@ import numpy as np
 from robustid.core import as_count, as_function, as_positive, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
-from robustid.mfd.constraints import as_constraints
+from robustid.mfd.constraints import RollOff, as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import default_weight, exact_covariance
 from robustid.mfd.fit import MatrixFraction, fit_mfd
@@ -76,8 +76,8 @@ def suggest_order(
         Default: a dozen around the number of singular values of the subspace estimate that lie above the noise, and a
         ladder below; they end where larger ones don't predict better.
     weight, domain
-        As in `fit_mfd`. The noise counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no
-        other weight is given.
+        As in `fit_mfd`, but relative for every order where the data have no covariance, so that costs can be compared. The noise
+        counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no other weight is given.
     time_limit : float, optional
         Seconds after which no further orders are tried; None: no limit.
     executor : concurrent.futures.Executor, optional
@@ -135,7 +135,7 @@ def suggest_order(
     if weight is None and frf.covariance is None:  # one for all orders, so that their costs can be compared
         weight = default_weight(frf, ~frf.missing)
     singular_values, edge = subspace_singular_values(
-        frf, weight, domain, noise_known, options.get("feedthrough", False)
+        frf, weight, domain, noise_known, options.get("feedthrough", False), options.get("form")
     )
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf)
     deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
@@ -161,10 +161,10 @@ def suggest_order(
 
 
 def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]) -> str:
-    """Say where a feed-through would predict as well with fewer states, or better with as many."""
+    """Say where a feed-through would predict as well with fewer states, or better with as many, and where a roll-off is free."""
     order = sweep.suggested
     error = float(sweep.withheld[sweep.orders == order][0])
-    asked = settings.get("feedthrough") or settings.get("constraints")
+    asked = settings.get("feedthrough") or settings.get("constraints") or settings.get("modal")
     if asked or not error > 0 or sweep.fits[order].status is FitStatus.EXACT:
         return ""
     for fewer in (2, 1, 0):
@@ -179,14 +179,37 @@ def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]
                 f"with a feed-through the error of order {order - fewer} at withheld frequency points is {100 * other:.3g} %"
                 f" (order {order} without: {100 * error:.3g} %): give `feedthrough=True` (--feedthrough) and compare"
             )
-    return ""
+    return _roll_off(frf, sweep, settings, error)
+
+
+def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any], error: float) -> str:
+    """Say where a response that falls like 1/omega^2 describes the data in fewer words, and predicts them as well."""
+    order = sweep.suggested
+    free = sweep.fits[order]
+    if free.problem.dt is not None:  # samples of such a machine fall like 1/z
+        return ""
+    try:
+        fit = fit_one(frf, {**settings, "constraints": (RollOff(2),)}, order)
+    except (RobustIdError, np.linalg.LinAlgError):
+        return ""
+    saved = free.problem.values[0].size
+    rise = 2 * (fit.cost - free.cost)
+    if not sweep.noise_known:
+        rise = sweep.equations * math.log(fit.cost / free.cost)
+    if rise > saved * math.log(sweep.equations) or not withheld_error(fit) <= _AS_WELL * error:
+        return ""
+    return (
+        f"with a roll-off of 2, as of positions under forces, order {order} describes the data in {saved} fewer"
+        f" parameter{'s' * (saved > 1)}, and beyond them the response falls as it should: where the machine has it, give"
+        " `constraints=[RollOff(2)]`"
+    )
 
 
 def subspace_singular_values(
-    frf: FrequencyResponse, weight: Any, domain: str | None, noise_known: bool, feedthrough: bool
+    frf: FrequencyResponse, weight: Any, domain: str | None, noise_known: bool, feedthrough: bool, form: Any = None
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
-    data = stated(frf, 1, domain, "right", weight, feedthrough, None).data
+    data = stated(frf, 1, domain, "shared" if form == "shared" else "right", weight, feedthrough, None).data
     options = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
     best, probe = None, _FIRST_PROBE
     while True:
@@ -199,7 +222,7 @@ def subspace_singular_values(
                 raise
             probe //= 2
             continue
-        edge = _noise_edge(found, frf.values.shape, noise_known)
+        edge = _noise_edge(found, data.values.shape, noise_known)
         if np.sum(found > edge) <= probe or probe >= _LAST_PROBE:
             return found, edge
         best, probe = (found, edge), 2 * probe

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.mfd import Weight, order, suggest_order
+from robustid.mfd import RollOff, Weight, order, suggest_order
 from support.mfd_systems import noisy, random_modal_system
 
 LEVEL = 0.01
@@ -330,6 +330,41 @@ def test_a_feed_through_is_hinted_at():
     sweep = suggest_order(frf, orders=[3, 4, 5, 6], feedthrough=True)
     assert sweep.suggested == 4
     assert not sweep.hint
+
+
+def test_a_roll_off_is_hinted_at_where_the_machine_has_it():
+    """Positions under forces fall like 1/omega^2, velocities don't: 3 seeds of 3, and the advice doesn't cost."""
+    for seed in range(3):
+        frf = data(seed, 2, 1, 2, 80)
+        sweep = suggest_order(frf, orders=[3, 4])
+        assert sweep.suggested == 4
+        assert "RollOff(2)" in sweep.hint
+        told = suggest_order(frf, orders=[3, 4], constraints=[RollOff(2)])
+        assert told.suggested == 4
+        assert not told.hint
+        assert told.withheld[1] <= 1.02 * sweep.withheld[1]
+        velocity = frf.values * 1j * frf.omega[:, None, None]
+        squares = frf.omega[:, None, None] ** 2 * frf.covariance
+        moving = rid.FrequencyResponse(frf.omega, velocity, covariance=squares)
+        assert "RollOff" not in suggest_order(moving, orders=[4]).hint
+
+
+def test_orders_of_shared_poles_count_every_pole_once():
+    """Residues of any rank: three seeds of three, and the singular values count poles, not states."""
+    omega = 2 * np.pi * np.linspace(1, 20, 80)
+    s = 1j * omega[:, None, None]
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        values = np.zeros((80, 2, 2), dtype=complex)
+        for pole in 2 * np.pi * np.array([4.0, 9.0, 15.0]) * (-0.02 + 1j):
+            residue = rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2))
+            values += residue / (s - pole) + residue.conj() / (s - pole.conjugate())
+        e = rng.standard_normal((2, *values.shape)) * 1e-3
+        covariance = np.broadcast_to(2e-6 * np.eye(4), (80, 4, 4))
+        frf = rid.FrequencyResponse(omega, values + e[0] + 1j * e[1], covariance=covariance)
+        sweep = suggest_order(frf, form="shared")
+        assert sweep.suggested == 6
+        assert 6 <= sweep.subspace_order <= 9
 
 
 def test_a_time_limit_ends_a_sweep():
