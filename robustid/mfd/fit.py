@@ -24,7 +24,7 @@ from robustid.mfd.modal_fit import modal_attempt
 from robustid.mfd.modal_structure import Modal, as_modal
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
-from robustid.mfd.noise_level import level_weight, white
+from robustid.mfd.noise_level import gaussian, level_weight, white
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody, as_rigid_body
 from robustid.mfd.starts import EXTRA, first_model, strongest
@@ -322,7 +322,8 @@ def _levelled(
         level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
         if not white(level.fit.problem.residual(level.fit.fraction.response)):
             return best
-    return level
+    noise = level is best or gaussian(level.fit.problem.residual(level.fit.fraction.response))
+    return level if noise else best
 
 
 def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:

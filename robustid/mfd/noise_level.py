@@ -17,7 +17,7 @@ _RATIOS = np.concatenate(
 _BOTH = 2.0  # what a second number must gain (Akaike)
 _TELLING = 0.1  # so much log-likelihood a sample says that there is a level
 _MOSTLY_WHITE = 0.5  # neighbouring residuals that are correlated more are a model error's
-# Neighbouring residuals of a fit at the noise floor are independent: this many standard deviations are too much.
+# Residuals of a fit at the noise floor are independent and Gaussian: this many standard deviations from that are too much.
 _WHITE = 5.0
 _NOTHING_LEFT = 1e-6  # a residual of this part of the data is no measurement noise
 
@@ -71,6 +71,17 @@ def white(residual: Complex) -> bool:
     if not np.any(residual):
         return True
     return _correlation(residual) * np.sqrt(2 * np.count_nonzero(residual)) <= _WHITE
+
+
+def gaussian(residual: Complex) -> bool:
+    """Tell whether weighted residuals (F, n) have no heavier tails than Gaussian noise: ``E|e|^4 = 2 (E|e|^2)^2``.
+
+    What a model of too low an order misses is large near few resonances, however little neighbours there resemble each other.
+    """
+    power = np.abs(residual) ** 2
+    size = power.mean(axis=0)
+    power = power[:, size > 0] / size[size > 0]
+    return not power.size or float(np.mean(power**2) - 2) * np.sqrt(power.size / 20) <= _WHITE
 
 
 def _correlation(residual: Complex) -> float:
