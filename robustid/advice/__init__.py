@@ -1,6 +1,7 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
+from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
@@ -13,6 +14,7 @@ from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 __all__ = [
     "ClassCandidate",
     "ClassSuggestion",
+    "Content",
     "Diagnosis",
     "KautzImprovement",
     "KautzSuggestion",
@@ -22,6 +24,7 @@ __all__ = [
     "Sensitivity",
     "Trial",
     "Variation",
+    "content",
     "diagnose",
     "entry_sizes",
     "improve_kautz",

@@ -26,7 +26,7 @@ DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
 _BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
-_SLOW = 0.15  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
+_SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
 @dataclasses.dataclass(frozen=True)

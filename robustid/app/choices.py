@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice import entry_sizes, possible_rates, response_sizes, suggest_kautz, suggest_prior, suggest_scaling
+from robustid.advice import (
+    PriorSuggestion,
+    entry_sizes,
+    possible_rates,
+    response_sizes,
+    suggest_kautz,
+    suggest_prior,
+    suggest_scaling,
+)
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes, PriorChoice
 from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
@@ -18,6 +26,10 @@ from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem, Prior, identify, prior_fields
 from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
+DOUBLED = (
+    "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
+    " says something between the samples holds the data."
+)
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
 
@@ -174,17 +186,47 @@ def inflated(data: Any, run: RunFile) -> Any:
     return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None), note)
 
 
-def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, Prior]:
-    """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted."""
+def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, MixedProblem]:
+    """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted.
+
+    Where modes that the program chose contradict the data, each pair is taken twice.
+    """
     if (stated := _stated(run)) is not None:
-        return run, stated
+        return run, dataclasses.replace(problem, prior=stated)
     say("looking for a prior")
-    found = suggest_prior(problem)
-    chosen, note = found.prior, PRIOR_NOTE + found.summary()
-    if chosen is None or chosen.gain_bound > found.safety * response_sizes(problem)[0]:
-        chosen, what = _reference(run, problem)
+    chosen = run.modes
+    own = chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
+    twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
+    problem, found, doubled = suggested(problem, twice, say)
+    if doubled:
+        run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
+    prior, note = found.prior, PRIOR_NOTE + found.summary()
+    if prior is None or not says_something(problem, found):
+        prior, what = _reference(run, problem)
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
-            f" |G| <= {chosen.gain_bound:.4g} in |z| < {chosen.decay_rate:.5g}"
+            f" |G| <= {prior.gain_bound:.4g} in |z| < {prior.decay_rate:.5g}"
         )
-    return dataclasses.replace(run, prior=PriorChoice(**prior_fields(chosen), note=note)), chosen
+    problem = dataclasses.replace(problem, prior=prior)
+    return dataclasses.replace(run, prior=PriorChoice(**prior_fields(prior), note=note)), problem
+
+
+def suggested(
+    problem: MixedProblem, twice: ParametricBasis | None, say: Say | None = None
+) -> tuple[MixedProblem, PriorSuggestion, bool]:
+    """The prior for a problem; where none says anything, with the basis `twice` if that brings one: problem, prior, and whether."""
+    progress = None if say is None else lambda done, count: say("looking for a prior", done, count)
+    found = suggest_prior(problem, progress=progress)
+    if twice is None or says_something(problem, found):
+        return problem, found, False
+    wider = dataclasses.replace(problem, parametric=twice)
+    try:
+        other = suggest_prior(wider, progress=progress)
+    except InputError:  # functions that the samples can't tell apart
+        return problem, found, False
+    return (wider, other, True) if says_something(wider, other) else (problem, found, False)
+
+
+def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
+    """Tell whether a suggested non-parametric part is not larger than every response."""
+    return found.prior is not None and found.prior.gain_bound <= found.safety * response_sizes(problem)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,15 @@ from robustid.app.run_file import RunFile
 from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Coverage, WorstCaseError, coverage
-from robustid.identification import Identification, Validation, model_residuals
+from robustid.identification import Identification, Validation, model_residuals, validate
+from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most
 
 _MOST_NAMED = 6
+EMPTY = (
+    "The worst-case error was not computed: a class that says nothing between the frequency points has none that is worth its time."
+    " State other modes or a larger decay rate; at_hz in [worst_case] has it computed all the same."
+)
 _FIXED_POLES = (
     "The poles were taken from these data, which leave them a pole-uncertainty box. This bound holds for the poles as they were"
     " taken, not for the box: over_poles = true in [worst_case] covers it (minutes{})."
@@ -74,6 +80,33 @@ def unused_words(validation: Validation) -> str:
     if not outside:
         return text + f"the small model has all within their bounds (largest |residual|/bound {ratio.max():.4g})."
     return text + f"the small model has {len(outside)} outside their bounds: {_named(outside)}."
+
+
+def model_warnings(reduction: Reduction, doubtful: Sequence[DoubtfulMode]) -> list[str]:
+    """Sentences about a small model that says nothing, and modes that the data hardly show: to be said first."""
+    found = [one.summary() for one in doubtful]
+    if reduction.order == 0:
+        found.insert(
+            0,
+            "The small model has order 0, a constant: the bounds are so wide that they hold no dynamics. It is no model of the"
+            " machine; narrower bounds (more records, longer ones) are what is needed.",
+        )
+    return found
+
+
+def withheld_words(worth: ModelWorth, unused: Sequence[FrequencyResponse]) -> str:
+    """Sentence that compares small model and best fit at frequency points that were not used; empty where all were."""
+    if not unused:
+        return ""
+    small, best = (100 * validate(model, unused[0]).fit.ravel() for model in (worth.reduction.model, worth.fit.model))
+    return (
+        f" At the {unused[0].omega.size} frequency points that were not used it fits {_percent(small)}, the best fit"
+        f" {_percent(best)}."
+    )
+
+
+def _percent(values: Any) -> str:
+    return ", ".join(f"{value:.1f}" for value in values) + " %"
 
 
 def of_entry(data: Any, output: int | None, input: int | None) -> str:

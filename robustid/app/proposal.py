@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from robustid.advice import response_sizes, suggest_kautz, suggest_prior
-from robustid.app.choices import basis_of, default_prior
+from robustid.advice import response_sizes, suggest_kautz
+from robustid.app.choices import DOUBLED, basis_of, default_prior, suggested
 from robustid.app.options import Modes
 from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
+from robustid.bases import kautz
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification import MixedProblem, Prior
@@ -55,15 +56,19 @@ def propose(
     placeholder = prior or default_prior((*frequency, *time))
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
+    twice = None
     if modes.hz is not None:
         basis = basis_of(dataclasses.replace(modes, delay=1 if modes.delay is None else modes.delay), dt)
     elif frequency:
         suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
         basis = suggestion.basis
+        if modes.repeat == 1 and suggestion.omega.size:
+            twice = kautz(suggestion.omega, suggestion.damping, dt=dt, repeat=2, delay=suggestion.delay)
         choices.append(MODES_NOTE + suggestion.summary())
     problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
     if prior is None:
-        found = suggest_prior(problem)
+        problem, found, doubled = suggested(problem, twice)
+        choices += [DOUBLED] * doubled
         choices.append(PRIOR_NOTE + found.summary())
         chosen = found.prior
         if chosen is None:  # nothing fits: a class large enough to show the contradiction of the data themselves

@@ -6,11 +6,12 @@ import dataclasses
 import os
 from typing import TYPE_CHECKING
 
+from robustid.advice import Content
 from robustid.app.run_file import RunFile
 from robustid.core import Frozen
 from robustid.guarantees import Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.reduction import Reduction
+from robustid.reduction import ModelWorth, Reduction
 
 if TYPE_CHECKING:
     import control
@@ -24,11 +25,16 @@ class IdentifiedReduced(Frozen):
     ----------
     identification : Identification
     reduction : Reduction
-        The smallest model that was found inside the bounds (those times the margin, where the data contradict the class).
+        The smallest model that was found inside the bounds (those times the margin, where the data contradict the class), or one
+        inside them that fits significantly better; see `worth`.
+    worth : ModelWorth or None
+        The small model beside the best least-squares fits; None without a frequency response, or with integrators.
     worst_case, error : WorstCaseError or None
         Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent.
     over_poles : WorstCaseOverPoles or None
         With the poles anywhere in the pole-uncertainty box, around the small model.
+    content : Content or None
+        Whether the class says something between the frequency points; None where nothing is consistent, or there are none.
     withheld : Coverage or None
         What the data that were kept out say of the band around the small model; None where there is no band or nothing was kept
         out.
@@ -41,9 +47,11 @@ class IdentifiedReduced(Frozen):
 
     identification: Identification
     reduction: Reduction
+    worth: ModelWorth | None
     worst_case: WorstCaseError | None
     error: WorstCaseError | None
     over_poles: WorstCaseOverPoles | None
+    content: Content | None
     withheld: Coverage | None = None
     findings: tuple[str, ...]
     run_file: RunFile

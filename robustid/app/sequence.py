@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.advice import content
 from robustid.app import choices, findings
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
@@ -23,9 +25,16 @@ from robustid.guarantees import (
     worst_case_error,
     worst_case_over_poles,
 )
-from robustid.identification import Identification, MixedProblem, identify, prior_fields, validate
+from robustid.identification import Identification, MixedProblem, identify, largest_ratio, prior_fields, validate
 from robustid.mfd import RigidBody
-from robustid.reduction import Reduction, reduce_within_bounds
+from robustid.reduction import (
+    DoubtfulMode,
+    ModelWorth,
+    Reduction,
+    model_worth_having,
+    reduce_within_bounds,
+    without_doubtful_modes,
+)
 from robustid.report import at_most
 
 
@@ -65,10 +74,10 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     run = choices.with_inflation(run, problem, say)
     problem = _inflated(problem, run)
     folder.choices(run)
-    run, prior = choices.with_prior(run, problem, say)
+    run, problem = choices.with_prior(run, problem, say)
     folder.choices(run)
     left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
-    return _decided(run, dataclasses.replace(problem, prior=prior), Untouched(left, out, kind), around)
+    return _decided(run, problem, Untouched(left, out, kind, used), around)
 
 
 def kept_out(
@@ -96,7 +105,7 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
     )
     _check_frequencies(run, problem.dt)
     run = choices.with_inflation(run, problem, around.say)
-    return _decided(run, _inflated(problem, run), Untouched([], [], "lines"), around)
+    return _decided(run, _inflated(problem, run), Untouched([], [], "lines", problem.frequency), around)
 
 
 def _check_frequencies(run: RunFile, dt: float) -> None:
@@ -114,24 +123,33 @@ def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
 
 
 class Untouched(NamedTuple):
-    """Data that were not used: frequency points with the bounds of those that were, and what was kept out, of one kind."""
+    """Data that were not used: frequency points with the bounds of those that were, and what was kept out, of one kind.
+
+    `measured` are those that were used, with the bounds as they were measured.
+    """
 
     points: list[FrequencyResponse]
     withheld: list[FrequencyResponse]
     kind: str
+    measured: Sequence[Any]
 
 
 def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
     result = _identified(run, problem, around)
-    around.say("searching for the smallest order")
-    bodies = run.small_model.rigid_body
-    reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
-    found = findings.class_words(run, result, around.say)
+    reduction, worth, doubtful = _small_model(run, result, left, around)
+    found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
+    said = content(result) if result.consistent and problem.frequency else None
+    if said is not None:
+        found.insert(0 if said.empty else len(found), said.summary())
     found.append(findings.sample_words(result, reduction.model, reduction.order))
+    if worth is not None:
+        found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
     found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
     error = small = band = seen = None
-    if result.consistent and run.worst_case.compute:
+    if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
+        found.append(findings.EMPTY)
+    elif result.consistent and run.worst_case.compute:
         run, error, small = _bounded(run, result, reduction, left.withheld, around)
         seen = compared(small, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
@@ -147,13 +165,40 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     return IdentifiedReduced(
         withheld=seen,
         identification=result,
+        content=said,
         reduction=reduction,
+        worth=worth,
         worst_case=error,
         error=small,
         over_poles=band,
         findings=tuple(found),
         run_file=run,
     )
+
+
+def _small_model(
+    run: RunFile,
+    result: Identification,
+    left: Untouched,
+    around: Surroundings,
+) -> tuple[Reduction, ModelWorth | None, tuple[DoubtfulMode, ...]]:
+    """The smallest model inside the bounds, or one that is significantly better, without modes that the data don't show."""
+    around.say("searching for the smallest order")
+    bodies = run.small_model.rigid_body
+    reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
+    worth = None
+    if bodies is None and left.measured and isinstance(left.measured[0], FrequencyResponse):
+        words = "comparing it with the best fits"
+        around.say(words)
+        worth = model_worth_having(
+            result, reduction, left.measured[0], progress=lambda done, count: around.say(words, done, count)
+        )
+        reduction = reduction if worth is None else worth.reduction
+    model, doubtful = without_doubtful_modes(result, reduction.model, left.points)
+    if model is not reduction.model:
+        margin = largest_ratio(result.problem, model)
+        reduction = dataclasses.replace(reduction, model=model, order=model.nstates, margin=margin, bound=np.inf)
+    return reduction, worth, doubtful
 
 
 def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Identification:

@@ -3,6 +3,7 @@
 from robustid.guarantees import storage as storage  # registers the results that can be saved
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
 from robustid.guarantees.member import Member
@@ -48,6 +49,7 @@ __all__ = [
     "box_of",
     "chance_of_order",
     "check_siso",
+    "consistent_set",
     "coverage",
     "default_grid",
     "diameter",

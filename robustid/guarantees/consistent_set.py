@@ -23,7 +23,7 @@ from robustid.identification import (
     verify_support_exactly,
 )
 from robustid.identification.formulation import Candidate, ConvexData, Entries, Formulation, Rows, SarasonMap
-from robustid.identification.solver import analytic_center, support_path
+from robustid.identification.solver import analytic_center, barrier_extents, support_path
 
 Entry = tuple[int, int]  # output and input
 
@@ -134,7 +134,10 @@ class ConsistentSet:
 
         The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
         """
-        posed = self.posed_at(omega)
+        return self._in(self.posed_at(omega))
+
+    def _in(self, posed: Formulation) -> ConsistentSet:
+        """The same set in a form with further nodes."""
         if posed is self.posed:
             return self
         pair = posed.data.sarason.pair
@@ -145,6 +148,21 @@ class ConsistentSet:
         # Of symmetric matrices the mean of both transposes: it has the same data, and is in the ball.
         start = dataclasses.replace(self.center, x=posed.problem.entries.collapse(full))
         return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
+
+    def spreads(self, omega: Real) -> Real:
+        """Half-widths (F, ny, nu) of the values of the entries in an ellipsoid that the set contains, at all frequencies at once.
+
+        Not what the set can do, but how much at one frequency beside another, for the price of one Newton matrix.
+        """
+        here = self._in(self.posed.with_nodes(omega * self.posed.problem.dt))
+        entries = here.posed.problem.entries
+        shape = omega.size, entries.outputs, entries.inputs
+        parts = [here.value_weights(float(omega[k]), (i, j)) for k, i, j in np.ndindex(*shape)]
+        X, P = (np.column_stack([part(one[n]) for one in parts for part in (np.real, np.imag)]) for n in (0, 1))
+        gram = barrier_extents(here.data, here.center, here.level, X, P)
+        blocks = np.array([gram[k : k + 2, k : k + 2] for k in range(0, len(gram), 2)])
+        largest = np.sqrt(np.maximum(np.linalg.eigvalsh((blocks + blocks.swapaxes(1, 2)) / 2)[:, -1], 0.0))
+        return (largest + [tail for _, _, tail in parts]).reshape(shape)
 
     def posed_at(self, omega: float) -> Formulation:
         """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""

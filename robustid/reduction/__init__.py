@@ -2,12 +2,16 @@
 
 from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
 from robustid.reduction.continuous import ContinuousModel, to_continuous
+from robustid.reduction.doubtful import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.gramians import doubtful_distance
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
+from robustid.reduction.worth import ModelWorth, model_worth_having
 
 __all__ = [
     "ContinuousModel",
+    "DoubtfulMode",
+    "ModelWorth",
     "PeakError",
     "Reduction",
     "ReductionStatus",
@@ -16,6 +20,8 @@ __all__ = [
     "doubtful_distance",
     "hankel_singular_values",
     "hinf_error",
+    "model_worth_having",
     "reduce_within_bounds",
     "to_continuous",
+    "without_doubtful_modes",
 ]

@@ -118,6 +118,20 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     return _Search(identification, _integrators(identification, rigid_body)).reduction()
 
 
+def near_fit(identification: Identification, model: Any) -> Any:
+    """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds none.
+
+    All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
+    """
+    search = _Search(identification, 0)
+    if not identification.consistent:
+        search.limit = identification.margin * (1 + _ROUNDING)
+    A, B, C = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C))
+    search.attempt(starts.of_model(A, B, C, search.samples))
+    found = search.found.get(model.nstates)
+    return None if found is None or found.judged > search.limit else found.model
+
+
 def _integrators(identification: Identification, rigid_body: Any) -> int:
     """Number of poles at z = 1."""
     problem = identification.problem
@@ -234,6 +248,11 @@ class _Search:
                 return
             self._hold(missed)
             fit = self._best([fit.pair], n)
+
+    def attempt(self, pair: Pair) -> None:
+        """Refine these functions alone."""
+        self.held = np.zeros(0, complex)
+        self._try(pair.A.shape[0] + self.chains, [pair])
 
     def _hold(self, lines: FrequencyResponse) -> None:
         """Further frequency points with the identified model as data; with the first of them some everywhere."""

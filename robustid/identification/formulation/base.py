@@ -115,6 +115,10 @@ class Formulation(Frozen, Functions):
         """A form in which the value at exp(j angle) is determined, or bounded by a tail."""
         return self
 
+    def with_nodes(self, angles: NDArray[np.float64]) -> Formulation:
+        """A form in which the values at several angles are determined, or bounded by a tail."""
+        return self
+
     def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
         """The functions at any exp(j angle), (F, n)."""
         prior = self.problem.prior

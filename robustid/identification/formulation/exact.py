@@ -82,6 +82,14 @@ class ExactFormulation(Formulation):
             return self
         return dataclasses.replace(self, first=(min(angle, np.pi),))
 
+    def with_nodes(self, angles: NDArray[np.float64]) -> ExactFormulation:
+        """The form with nodes at all of them."""
+        known = self.problem.angles
+        apart = np.abs(known[:, None] - angles).min(axis=0, initial=np.inf) > _SAME_NODE * np.maximum(angles, 1e-300)
+        return (
+            dataclasses.replace(self, first=tuple(np.minimum(angles[apart], np.pi).tolist())) if apart.any() else self
+        )
+
     def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Values at the nodes of the angles, (F, n)."""
         return self.values(self.problem.angles[self.problem.node_index(angles)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -19,6 +20,8 @@ from robustid.identification.formulation.columns import Columns, Design
 _TABLE = 2**21  # complex entries of a generated block of frequency points: 32 MiB
 _WIDTH = 16  # grid points under the kernel: 14 digits at twofold oversampling
 _SHAPE = 2.3 * _WIDTH
+
+_gauss = functools.cache(np.polynomial.legendre.leggauss)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -215,7 +218,7 @@ class NonuniformSums:
         shape = (angles.size, self._grid)
         self._kernel = scipy.sparse.csr_array((values.ravel(), (places % self._grid).ravel(), rows), shape=shape)
         self._spread = self._kernel.T.tocsr()
-        nodes, weights = np.polynomial.legendre.leggauss(4 * _WIDTH)
+        nodes, weights = _gauss(4 * _WIDTH)
         exponents = np.arange(count) - self._centre
         waves = np.cos(np.outer(exponents, nodes) * (_WIDTH * h / 2))
         self._correction = 2 / _WIDTH / (waves @ (weights * np.exp(_SHAPE * (np.sqrt(1 - nodes**2) - 1))))

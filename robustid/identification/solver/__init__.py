@@ -3,13 +3,14 @@
 from robustid.identification.solver.cones import Cones
 from robustid.identification.solver.cvxpy_backend import solver_name
 from robustid.identification.solver.interior_point import Limits, Program, path, start
-from robustid.identification.solver.paths import analytic_center, gain_path, margin_path, support_path
+from robustid.identification.solver.paths import analytic_center, barrier_extents, gain_path, margin_path, support_path
 
 __all__ = [
     "Cones",
     "Limits",
     "Program",
     "analytic_center",
+    "barrier_extents",
     "gain_path",
     "margin_path",
     "path",

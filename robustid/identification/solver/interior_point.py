@@ -330,6 +330,13 @@ def extent(program: Program, v: Real, w: Real) -> float:
     return float(np.sqrt(max(w @ state.solve(w), 0.0)))
 
 
+def extents(program: Program, v: Real, W: Real) -> Real:
+    """The matrix W'F^-1 W of directions W (n, k), F the Hessian of the barrier at v: what they do in its ellipsoid."""
+    state = State(program, start(program, v, 0.0))
+    state.factorise()
+    return W.T @ np.column_stack([state.solve(w) for w in W.T])
+
+
 def _on_barrier(program: Program, v: Real) -> State | None:
     """The state at v with multipliers slack^-1; None where v is outside."""
     try:

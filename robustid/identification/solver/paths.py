@@ -15,7 +15,7 @@ from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.solver.cones import Cones
-from robustid.identification.solver.interior_point import Iterate, Limits, Program, center, extent, path, start
+from robustid.identification.solver.interior_point import Iterate, Limits, Program, center, extent, extents, path, start
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
@@ -137,3 +137,15 @@ def support_path(
         yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
         if gap < _LAST * max(abs(value), size):
             return
+
+
+def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, P: Real) -> Real:
+    """The matrix (k, k) of directions (x, p), columns of X and P, in the ellipsoid of the barrier at a point inside.
+
+    Its diagonal has the squares of their half-widths in an ellipsoid that the set contains; the set is at most as many times
+    larger as the barrier has terms. One Newton matrix serves any number of directions.
+    """
+    along = X if data.axes is None else data.axes.T @ X
+    W = np.vstack([along, np.column_stack([data.direction(p) for p in P.T])])
+    program = barrier_program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones))), None)
+    return extents(program, _unknowns(data, inside), W)
