@@ -186,16 +186,16 @@ def inflated(data: Any, run: RunFile) -> Any:
     return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None), note)
 
 
-def with_prior(run: RunFile, problem: MixedProblem, say: Say) -> tuple[RunFile, MixedProblem]:
+def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True) -> tuple[RunFile, MixedProblem]:
     """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted.
 
-    Where modes that the program chose contradict the data, each pair is taken twice.
+    Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
     """
     if (stated := _stated(run)) is not None:
         return run, dataclasses.replace(problem, prior=stated)
     say("looking for a prior")
     chosen = run.modes
-    own = chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
+    own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
     problem, found, doubled = suggested(problem, twice, say)
     if doubled:

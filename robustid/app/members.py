@@ -145,7 +145,8 @@ def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
 
 def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> tuple[RunFile, Prior]:
     """The smallest class that holds those that every member asks for."""
-    asked = [choices.with_prior(run, problem, around.say) for problem in problems.values()]
+    found = [choices.with_prior(run, problem, around.say, double=False) for problem in problems.values()]
+    asked = [(one, problem.prior) for one, problem in found]
     if run.prior.gain_bound is not None:
         return asked[0]
     gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.decay_rate for _, prior in asked)
