@@ -129,7 +129,7 @@ def _problem(run: RunFile, data: Measured) -> tuple[RunFile, MixedProblem, Untou
     dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
     basis = choices.basis_of(run.modes, dt)
     problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
-    return run, problem, Untouched([], out, kind)
+    return run, problem, Untouched([], out, kind, used)
 
 
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
