@@ -27,14 +27,16 @@ DIRECTIONS, RTOL = 6, 0.4
 
 
 def responses(entry):
-    """By voltage: the response of the training records, bounded for the next one; and all records, as two tests each."""
-    training, tests = {}, {}
+    """By voltage: the response of the training records, bounded for the next one; its two blocks alone; the block kept out."""
+    training, blocks, tests = {}, {}, {}
     for volts, name in VOLTS.items():
         train, test = rid.datasets.load(f"{name}/train"), rid.datasets.load(f"{name}/test")
         training[volts] = rid.estimate_frf(train, period=PERIOD, about="next record").entry(entry, entry)
-        blocks = train[:3], train[3:], test
-        tests[volts] = [rid.estimate_frf(block, period=PERIOD).entry(entry, entry) for block in blocks]
-    return training, tests
+        first, second, tests[volts] = (
+            rid.estimate_frf(block, period=PERIOD).entry(entry, entry) for block in (train[:3], train[3:], test)
+        )
+        blocks[volts] = [first, second]
+    return training, blocks, tests
 
 
 def chosen_lines(frf, modes):
@@ -48,13 +50,28 @@ def chosen_lines(frf, modes):
     return used, np.union1d(used, between)
 
 
+def suggested(training):
+    """By voltage the modes, as many at each as at the largest: they are softer where the mirror moves more."""
+    largest = max(training)
+    thin = {volts: frf.select(slice(None, None, THINNED)) for volts, frf in training.items()}
+    modes = {largest: rid.suggest_kautz(thin[largest])}
+    count, delay = modes[largest].omega.size, modes[largest].delay
+    for volts in sorted(training):
+        if volts != largest:
+            modes[volts] = rid.suggest_kautz(thin[volts], modes=count, delay=delay)
+        print(
+            f"   {1000 * volts:g} mV: modes at {', '.join(f'{hz:.4g}' for hz in modes[volts].omega / (2 * np.pi))} Hz"
+        )
+    return modes
+
+
 def family_of(training, modes, used, bounded):
-    """One member a voltage, all in one class, and their family."""
+    """One member a voltage, each with its own poles, all in one class; and their family."""
     first = training[max(training)]
-    basis = rid.kautz(modes.omega, modes.damping, dt=first.dt, delay=modes.delay)
     prior = rid.Prior(gain_bound=2 * float(np.median(np.abs(first.values))), decay_rate=DECAY)
     members = []
     for volts, frf in training.items():
+        basis = rid.kautz(modes[volts].omega, modes[volts].damping, dt=frf.dt, delay=modes[volts].delay)
         result = rid.identify(rid.MixedProblem(frequency=frf.select(used), prior=prior, parametric=basis))
         print(f"   {1000 * volts:g} mV: {result.status.name.lower()}, margin {result.margin:.3f}")
         members.append(rid.Member(result, f"{1000 * volts:g} mV", amplitude=volts))
@@ -71,15 +88,14 @@ def main(argv=None):
     out.mkdir(parents=True, exist_ok=True)
     for entry in arguments.entries:
         try:
-            training, tests = responses(entry)
+            training, blocks, tests = responses(entry)
         except DatasetNotFoundError as missing:
             print(f"This example needs measured data. {missing}")
             return
         first = training[0.3]
         print(f"Entry {entry + 1}, {entry + 1} of 3 x 3, {first.omega.size} lines. {first.bound.about}")
-        modes = rid.suggest_kautz(first.select(slice(None, None, THINNED)))
-        print(f"   modes at {', '.join(f'{hz:.4g}' for hz in modes.omega / (2 * np.pi))} Hz")
-        used, bounded = chosen_lines(first, modes)
+        modes = suggested(training)
+        used, bounded = chosen_lines(first, modes[0.3])
         family = family_of(training, modes, used, bounded)
         print(family.summary())
         size = np.abs(family.nominal)
@@ -88,12 +104,13 @@ def main(argv=None):
             print(
                 f"   band at {words}: {100 * np.median(family.upper[mine, 0, 0] / size[mine]):.3g} % of the response (median)"
             )
-        for volts, blocks in tests.items():
-            found = rid.coverage(family, blocks, names=["train 1", "train 2", "test"])
-            print(f"   {1000 * volts:g} mV: {found.verdict}")
-        withheld = rid.coverage(
-            family, [blocks[-1] for blocks in tests.values()], names=["test, 200 mV", "test, 300 mV"]
-        )
+        for volts, used_blocks in blocks.items():
+            share = rid.coverage(family, used_blocks).share
+            print(
+                f"   {1000 * volts:g} mV: {100 * share:.4g} % of the samples of both blocks that were used are inside, one by one"
+            )
+        withheld = rid.coverage(family, list(tests.values()), names=[f"test, {1000 * volts:g} mV" for volts in tests])
+        print(f"   {withheld.verdict}")
         family.plot().savefig(out / f"band_{entry + 1}.png", dpi=110)
         rid.plot.schedule(family).savefig(out / f"amplitude_{entry + 1}.png", dpi=110)
         rid.write_report(family, out / f"family_{entry + 1}.html", withheld=withheld, title="Mirror at two amplitudes")

@@ -216,9 +216,9 @@ def _identified_time(identification: Identification, models: Models = None) -> C
 def schedule(result: Family, *, ax: Any = None) -> Figure:
     """Draw how band and poles of a family move with amplitude, position or load.
 
-    At the frequencies with the widest bands, relative to the response, the range of the magnitude of every member; natural
-    frequency and damping of every parametric mode, with the pole-uncertainty box where there is one. Between the members, and
-    beyond them, nothing is proved: lines are drawn for the eye.
+    At the frequencies with the widest bands the range of the magnitude of every member; natural frequency and damping of every
+    parametric mode, with the pole-uncertainty box where there is one. Between the members, and beyond them, nothing is
+    proved: lines are drawn for the eye, between modes that are each other's nearest.
 
     Parameters and errors as for `bode`.
 

@@ -7,7 +7,14 @@ import pytest
 
 import robustid as rid
 from robustid.report.document import Table, Verdict
-from robustid.report.sections.family import driver_table, family_charts, family_page, member_table, schedule_chart
+from robustid.report.sections.family import (
+    driver_table,
+    family_charts,
+    family_page,
+    member_table,
+    paired_modes,
+    schedule_chart,
+)
 from robustid.report.sections.withheld import withheld_chart, withheld_verdict
 from robustid.report.words import HZ
 from support.families import DT, identified, measured
@@ -66,7 +73,7 @@ def test_band_and_errors_are_drawn_as_they_are_proved(two):
 def test_band_and_poles_over_the_condition(two):
     chart = schedule_chart(two)
     assert [panel.title for panel in chart.panels] == [
-        "Range of the magnitude, widest frequencies",
+        "Range of the magnitude where the band is widest",
         "Natural frequency",
         "Damping ratio",
     ]
@@ -77,6 +84,15 @@ def test_band_and_poles_over_the_condition(two):
     assert chart.panels[0].x.range[0] < 0.5
     with pytest.raises(rid.InputError, match="a family without a schedule"):
         schedule_chart(dataclasses.replace(two, schedule=None))
+
+
+def test_modes_are_paired_with_their_nearest():
+    def poles(*hz):
+        return np.repeat(np.array([[f, 0.01] for f in hz])[:, :, None], 3, axis=2)
+
+    found = paired_modes([poles(10, 20, 30), poles(10.2, 20.3), poles(10.1, 25, 20.4)])
+    assert [one[:, 0, 0].tolist() for one in found[:2]] == [[10, 10.2, 10.1], [20, 20.3, 20.4]]
+    assert [np.isfinite(one[:, 0, 0]).tolist() for one in found[2:]] == [[False, False, True], [True, False, False]]
 
 
 def test_contradiction_stands_first_on_the_page(two, outside):

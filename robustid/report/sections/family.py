@@ -206,9 +206,7 @@ def schedule_chart(family: Family) -> Chart:
     low, high = family.interval or (values.min(), values.max())
     margin = 0.05 * max(high - low, np.ptp(values), 1e-12)
     x = Axis(label=family.schedule, range=(min(low, values.min()) - margin, max(high, values.max()) + margin))
-    worst = np.argsort(
-        -family.sigma_upper / np.maximum(np.abs(family.nominal).reshape(family.omega.size, -1).max(axis=1), 1e-300)
-    )
+    worst = np.argsort(-family.sigma_upper)
     bands, places = [], np.sort(worst[:_SHOWN])
     for k, place in enumerate(places):
         ends = np.array([_range_of(e, int(place), family) for e in family.errors])[order]
@@ -221,24 +219,22 @@ def schedule_chart(family: Family) -> Chart:
         bands.append(Layer(name=name, x=values[order], y=ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
     panels = [
         Panel(
-            title="Range of the magnitude, widest frequencies",
+            title="Range of the magnitude where the band is widest",
             x=x,
             y=Axis(label="magnitude", log=True),
             layers=tuple(bands),
         )
     ]
-    poles = [_poles_of(e) for e in family.errors]
-    if poles[0].shape[0] and len({p.shape for p in poles}) == 1:
+    poles = paired_modes([_poles_of(family.errors[k]) for k in order])
+    if poles:
         for part, label in enumerate(("natural frequency [Hz]", "damping ratio [–]")):
             layers = []
-            for mode in range(poles[0].shape[0]):
-                middle, bottom, top = np.array([p[mode, part] for p in poles])[order].T
-                style: dict[str, Any] = {
-                    "colour": (NOMINAL, ALERT, *FURTHER)[mode % 6],
-                    "dash": "dot",
-                    "marker": MARKERS[mode % 3],
-                }
-                layers.append(Layer(name=f"mode {mode + 1}", x=values[order], y=middle, low=bottom, high=top, **style))
+            for mode, found in enumerate(poles):
+                known = np.isfinite(found[:, part, 0])
+                middle, bottom, top = found[known, part].T
+                style: dict[str, Any] = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "marker": MARKERS[mode % 3]}
+                name, at = f"mode {mode + 1}", values[order][known]
+                layers.append(Layer(name=name, x=at, y=middle, low=bottom, high=top, dash="dot", **style))
             panels.append(
                 Panel(title=label.split(" [")[0].capitalize(), x=x, y=Axis(label=label), layers=tuple(layers))
             )
@@ -264,3 +260,22 @@ def _poles_of(error: Any) -> np.ndarray:
     logs: Any = np.log(found) / error.identification.problem.dt
     each = np.stack([np.abs(logs) / HZ, -logs.real / np.abs(logs)], axis=1)
     return np.repeat(each[np.argsort(each[:, 0])][:, :, None], 3, axis=2)
+
+
+def paired_modes(poles: list[np.ndarray]) -> list[np.ndarray]:
+    """Modes of all members, (members, 2, 3) each: those that are each other's nearest from member to member; NaN where one ends."""
+    chains: list[dict[int, int]] = []  # from the number of the member to that of its mode
+    for k, found in enumerate(poles):
+        before = poles[k - 1][:, 0, 0] if k else np.zeros(0)
+        away = np.abs(found[:, 0, 0][:, None] - before)
+        for mode in range(len(found)):
+            nearest = int(np.argmin(away[mode])) if before.size else -1
+            mutual = nearest >= 0 and int(np.argmin(away[:, nearest])) == mode
+            chain = next((c for c in chains if mutual and c.get(k - 1) == nearest), None)
+            if chain is None:
+                chains.append({k: mode})
+            else:
+                chain[k] = mode
+    nothing = np.full((2, 3), np.nan)
+    made = [np.stack([poles[k][c[k]] if k in c else nothing for k in range(len(poles))]) for c in chains]
+    return sorted(made, key=lambda one: float(np.nanmin(one[:, 0, 0])))
