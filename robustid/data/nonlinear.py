@@ -15,7 +15,7 @@ from robustid.errors import InputError
 PERIOD = 512
 _DT = 1 / 512  # s: the lines are 1 Hz apart
 _BAND_HZ = (5, 60)
-_SUBSTEPS = 6  # Runge-Kutta steps per sample: see tests/data/test_nonlinear.py for the error
+_SUBSTEPS = 4  # Runge-Kutta steps per sample: see tests/data/test_nonlinear.py for the error
 _SETTLED = 5  # periods before the one that is kept; the slowest motion decays by more than 100 in each
 
 Rate = Callable[[Real, Real], Real]  # states (n, R) and input (R,) to the derivative of the states
@@ -102,7 +102,7 @@ def nonlinear_records(
 
     Notes
     -----
-    Runge-Kutta steps of fourth order and fixed size, six a sample; five periods pass before the one that is kept.
+    Runge-Kutta steps of fourth order and fixed size, four a sample; five periods pass before the one that is kept.
 
     Examples
     --------

@@ -78,7 +78,7 @@ def test_one_multisine_on_the_bench_shows_its_distortion_beside_the_band():
     """All 240 lines of the band are excited; 35 beside it are not. The noise alone gave a bound of 2 % and 5 %."""
     record = rid.datasets.load("two_mass")
     frf = rid.estimate_frf(record, period=2500)
-    assert "on 35 unexcited spectral lines, all beside the band, times 1.5: an estimate from below" in frf.note
+    assert "on 35 unexcited spectral lines, all beside the band, times 2: an estimate from below" in frf.note
     assert frf.bound.about.startswith(
         "This is about the mean response and rests on one excitation: variation of the plant"
     )

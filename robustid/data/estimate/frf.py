@@ -58,13 +58,18 @@ def estimate_frf(
         excitation reaches a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
     probability : float
         Probability of the bound, jointly for all spectral lines and entries; between 0 and 1.
+    about : {"mean", "next record"}
+        What the bound holds for: the mean response over all realisations of the excitation (a confidence bound), or the response
+        without noise in the next record, or block of records, of the same kind (a tolerance bound), with what a nonlinear or
+        varying plant changes from one to the next. The latter needs several blocks, or unexcited lines in or beside the band.
 
     Returns
     -------
     FrequencyResponse
-        With a confidence `bound` (F, ny, nu), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
-        `dof`, `coherence` (F, ny), the levels of `noise` and (several blocks of several periods) of stochastic nonlinear
-        `distortion`, and a note that says what the scatter was taken over.
+        With a confidence or tolerance `bound` (F, ny, nu) that knows from how many independent excitations it was taken (its
+        `excitations`), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
+        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what is wrong
+        with the records (`problems`, see `record_problems`), and a note that says what the scatter was taken over.
 
     Raises
     ------
@@ -77,14 +82,21 @@ def estimate_frf(
     Notes
     -----
     Periodic. Leading periods of a record that isn't ``initial="periodic"`` are left out while they differ from the later ones
-    more than these among themselves (at most half of them). One block of P periods: the errors are the scatter of
-    ``(Y_p - G U_p) U^{-1}`` over the periods, input and output noise together to first order, dof = P - 1. B > 1 blocks: the
-    scatter of G_b from block to block, dof = B - 1, because it also holds what differs between realisations
-    (nonlinear distortion); where that is no more than the scatter over periods explains, both are taken together, dof = B P - 1.
-    With a dof below 10 the covariances of neighbouring lines are pooled (the note says over how many): a variance that changes
-    abruptly from line to line is then not followed.
+    more than these among themselves (at most half of them). Then drifts, polynomials in time of degree 3 at most, are estimated
+    jointly with the periodic signals and removed.
 
-    With s^2 the estimated variance of the mean, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
+    One block of P periods: the errors are the scatter of ``(Y_p - G U_p) U^{-1}`` over the periods, input and output noise
+    together to first order. That is noise; what the plant changes with the realisation it can't show. Unexcited lines show
+    it from below: nonlinear distortion there, noise subtracted, interpolated to the excited lines, times 1.5 (2 where they all lie
+    beside the band), is then part of the bound. B > 1 blocks: the scatter from block to block, which holds noise and what
+    differs between realisations; where that is no more than the scatter over periods explains, both are taken together. Of
+    experiments that drive the inputs alike, all nu of a block count, ``nu (B - 1)`` degrees of freedom at a line.
+
+    With fewer than 10, neighbouring lines share their variance: around every line its logarithm is linear in that of the response
+    and in the frequency. Degrees of freedom are those of that fit, less where neighbouring lines vary together, or all lines do
+    from record to record. The variance of the next record is ``S (1 + 1/B)`` less that of the noise.
+
+    With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
     so that
 
         ``bound = s sqrt(dof (alpha^(-1/dof) - 1))``,  ``alpha = (1 - probability)/(lines ny nu)``
