@@ -20,6 +20,7 @@ from robustid.identification.residuals import model_residuals
 NAME = "two_mass/MultisineTypeA.mat"
 PERIOD = 2500
 KNOWN_PAST, STRETCH = 30, 20  # samples of the mean period: input used only, input and output used
+NOISE = 3.5  # standard deviations: 95 % jointly
 EVERY, NEAR_HZ = 12, 8  # frequency points used: every 12th, and all this near to the mode
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
@@ -95,7 +96,7 @@ def say_what_it_is_worth(result, out):
     peak = int(np.argmax(np.abs(lines.values)))
     error, size = np.abs(residuals[0].error), np.abs(lines.values[:, 0, 0])
     print(
-        f"\n7. What can be said: a model of order {reduced.order} keeps every sample within {reduced.margin:.2f} of its widened"
+        f"\n7. What can be said: a model of order {reduced.order} keeps every sample within {reduced.margin:.2f} of its"
         " bound.\n"
         f"   At {lines.freq_hz[peak]:g} Hz, where the response is largest: {1e3 * error[peak]:.2g} mrad off, bound"
         f" {1e3 * residuals[0].bound[peak]:.2g} mrad, of {1e3 * size[peak]:.3g} mrad per unit of current.\n"
@@ -126,37 +127,40 @@ def main(argv=None):
     lines = frf.select(chosen)
     static = float(np.abs(frf.values[0, 0, 0]))
     guess = rid.Prior(gain_bound=static, decay_rate=1.2)
-    problem = rid.MixedProblem(frequency=lines, prior=guess, parametric=modes.basis)
     print(
-        f"\n3. {chosen.size} frequency points, one pair, G as large as the response at {hz[0]:g} Hz ({static:.2g} rad per unit):"
+        f"\n3. {chosen.size} frequency points, one pair, G as large as the response at {hz[0]:g} Hz ({static:.2g} rad per unit)."
     )
-    first = rid.identify(problem)
-    print(f"   {first.status.value}; margin {first.margin:.4g}")
-    findings = diagnose(first)
-    print(findings.summary())
+    quiet = lines.with_bound(NOISE * lines.noise, f"noise of the mean alone, times {NOISE:g}")
+    alone = rid.identify(rid.MixedProblem(frequency=quiet, prior=guess, parametric=modes.basis))
+    print(f"   Noise alone as the bound: {alone.status.value}; margin {alone.margin:.4g}")
+    print(diagnose(alone).summary())
 
-    print("\n4. Could a larger non-parametric part explain it? The smallest gain bound that these bounds allow:")
-    print(suggest_prior(problem, decay_rates=[1.005, 1.01, 1.02]).summary())
+    print("\n4. Could a larger non-parametric part explain it? The smallest gain bound that noise alone allows:")
+    print(suggest_prior(alone.problem, decay_rates=[1.005, 1.01, 1.02]).summary())
     print(
         "   That is a class of anything at all. The noise of the averaged data is small; what is left is the bench itself,\n"
-        "   which isn't linear down to its noise. The honest way is to widen the bounds, and to say so."
+        "   which isn't linear down to its noise. Unexcited lines show by how much: the bound of the estimate knows it."
     )
 
-    better = findings.best()
-    print(f"   The change that brings most: {better.change}. It is taken.")
-    factor = SPARE * better.margin
-    note = f"confidence bound (95 % jointly) times {factor:.3g}: what the best linear class tried needs, plus 10 %"
-    lines = lines.with_bound(factor * lines.bound, note)
+    problem = rid.MixedProblem(frequency=lines, prior=guess, parametric=modes.basis)
+    first = rid.identify(problem)
+    print(f"\n5. With the bound as it was estimated: {first.status.value}; margin {first.margin:.4g}.")
+    print(f"   {lines.bound.about}")
+    factor = max(1.0, SPARE * first.margin)
+    if factor > 1:
+        lines = lines.with_bound(lines.bound.inflated(factor), f"{lines.bound.words()}, times {factor:.3g}")
+    # What a period repeats, distortion too, is in the samples as it is in the lines.
+    wider = factor * float(np.median(lines.bound / quiet.bound))
     stretch = stretch_of_mean_period(record)
-    stretch = stretch.with_bound(factor * stretch.bound, note)
-    print(f"\n5. All bounds times {factor:.3g}; the prior that the frequency points then suggest:")
-    suggestion = suggest_prior(dataclasses.replace(better.problem, frequency=lines))
+    stretch = stretch.with_bound(stretch.bound.inflated(wider), f"{stretch.note}, times {wider:.3g} as for the points")
+    print(
+        f"   The time samples, whose scatter is noise alone: bounds times {wider:.3g}. The prior that the points suggest:"
+    )
+    suggestion = suggest_prior(dataclasses.replace(problem, frequency=lines))
     print(suggestion.summary())
 
     print(f"\n6. Mixed identification: {chosen.size} frequency points and {STRETCH} time samples:")
-    problem = rid.MixedProblem(
-        frequency=lines, time=stretch, prior=suggestion.prior, parametric=better.problem.parametric
-    )
+    problem = rid.MixedProblem(frequency=lines, time=stretch, prior=suggestion.prior, parametric=modes.basis)
     result = rid.identify(problem)
     print(result.summary())
 

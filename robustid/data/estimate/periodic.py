@@ -66,7 +66,7 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
     # (K, blocks, periods, signals, experiments)
     kept = {name: _steady(records, name, period, skipped, drifts) for name in spectra}
     whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
-    return _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(records, kept["y"][1]))
+    return _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(*kept["y"]))
 
 
 def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:
@@ -125,9 +125,9 @@ def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, dri
     return without_drift(signals, period) if drifts else (signals, np.zeros(signals[:, 0].shape))
 
 
-def _drifted(records: list[TimeRecord], drift: np.ndarray) -> str:
-    """Say how far outputs drifted, relative to their rms."""
-    size = drift / np.maximum(np.stack([r.y.std(axis=0) for r in records]), np.finfo(float).tiny)
+def _drifted(signals: np.ndarray, drift: np.ndarray) -> str:
+    """Say how far outputs (R, T, ny) drifted, relative to their rms."""
+    size = drift / np.maximum(signals.std(axis=1), np.finfo(float).tiny)
     if size.max() < _DRIFT_SAID:
         return ""
     return f"; drifts of the outputs of up to {100 * size.max():.2g} % of their rms removed"

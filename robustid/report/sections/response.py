@@ -123,9 +123,15 @@ def response_verdict(view: ResponseView) -> Verdict:
         chance = f"{number(100 * frf.bound.probability, 6)} %"
         what = "true" if frf.bound.excitations is None else "mean"
         sentence = f"With a probability of {chance} the {what} response lies within the bound {where} at once."
+        if frf.bound.excitations == 1:
+            sentence = (
+                f"{frf.bound.about} With a probability of {chance} what one excitation shows, noise and the distortion on unexcited"
+                f" lines, stays within the bound {where} at once."
+            )
         if any(words in frf.note for words in _NOTED):
             sentence += " The warnings say what this leaves out."
-    key = "undecided" if frf.bound is None else "weak" if warning_sentences(view) else "consistent"
+    alone = frf.bound is not None and frf.bound.excitations == 1
+    key = "undecided" if frf.bound is None else "weak" if alone or warning_sentences(view) else "consistent"
     return Verdict(key, kind(view), sentence, tuple(_numbers(view)))
 
 
@@ -218,9 +224,7 @@ def warnings(view: ResponseView) -> list[Text]:
 
 def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
-    bound = view.frf.bound
-    found = [bound.about] if bound is not None and bound.excitations == 1 else []
-    found += [f"Fault of the data: {words}." for words in view.frf.problems]
+    found = [f"Fault of the data: {words}." for words in view.frf.problems]
     found += [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 
