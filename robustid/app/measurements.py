@@ -196,7 +196,8 @@ def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
     if excited:
         run, kept = split(run, excited)
         how = run.estimate
-        frf = estimate_frf(kept.used, method=how.method, period=how.period, probability=how.probability)
+        asked: dict[str, Any] = {"method": how.method, "probability": how.probability, "about": how.about}
+        frf = estimate_frf(kept.used, period=how.period, **asked)
         estimated = [frf if noise is None else noise.bound_response(frf, kept.used, period=how.period)]
     samples = []
     for record in (record for use, made in records if use == "samples" for record in made):

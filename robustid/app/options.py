@@ -198,6 +198,13 @@ class Estimate:
         help="Probability of the bound, for all spectral lines and entries at once.",
         flag="--probability",
     )
+    about: str = key(
+        text(("mean", "next record")),
+        "mean",
+        help='What the bound holds for: the "mean" response over all realisations of the excitation, or that in the "next record",'
+        " with what changes from one to the next.",
+        flag="--about",
+    )
     noise_floor_factor: float = key(
         number(least=1), 1.5, help="Bounds are so many times the noise floor, where a record gives it."
     )

@@ -70,7 +70,8 @@ def frf(
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
     with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
         try:
-            found = estimate_frf(records, method=how.method, period=samples, lines=index, probability=how.probability)
+            asked = {"method": how.method, "probability": how.probability, "about": how.about}
+            found = estimate_frf(records, period=samples, lines=index, **asked)
         except InputError as error:
             text = str(error).replace("`period` in samples", "`period` in s")
             raise InputError(re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", text)) from None
