@@ -114,4 +114,4 @@ def test_whatever_rests_on_one_excitation_says_so_first():
     assert page.index(said) < page.index("Consistency margin</h2>")
     assert page.count(said) >= 2  # above everything, and before the guarantee
     assert said in render_report(frf)
-    assert said in rid.identify_reduced(frf, modes=[], worst_case=False).findings[0]
+    assert any(said in words for words in rid.identify_reduced(frf, modes=[], worst_case=False).findings[:2])
