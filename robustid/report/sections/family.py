@@ -227,17 +227,20 @@ def schedule_chart(family: Family) -> Chart:
     ]
     poles = paired_modes([_poles_of(family.errors[k]) for k in order])
     if poles:
-        for part, label in enumerate(("natural frequency [Hz]", "damping ratio [–]")):
+        for part, label in enumerate(("change of the natural frequency [%]", "damping ratio [–]")):
             layers = []
             for mode, found in enumerate(poles):
                 known = np.isfinite(found[:, part, 0])
-                middle, bottom, top = found[known, part].T
+                first = found[known, 0, 0][
+                    0
+                ]  # in Hz; shifts are too small to be seen beside the frequencies themselves
+                shown = found[known, part] if part else 100 * (found[known, 0] / first - 1)
+                middle, bottom, top = shown.T
                 style: dict[str, Any] = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "marker": MARKERS[mode % 3]}
-                name, at = f"mode {mode + 1}", values[order][known]
+                name, at = f"mode {mode + 1}, {number(first)} Hz", values[order][known]
                 layers.append(Layer(name=name, x=at, y=middle, low=bottom, high=top, dash="dot", **style))
-            panels.append(
-                Panel(title=label.split(" [")[0].capitalize(), x=x, y=Axis(label=label), layers=tuple(layers))
-            )
+            title = ("Natural frequency, from that of the first member", "Damping ratio")[part]
+            panels.append(Panel(title=title, x=x, y=Axis(label=label), layers=tuple(layers)))
     return Chart(name="schedule", panels=tuple(panels), columns=1)
 
 
