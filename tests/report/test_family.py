@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report.document import Table, Verdict
+from robustid.report.document import Heading, Table, Verdict
 from robustid.report.sections.family import (
     driver_table,
     family_charts,
@@ -15,7 +15,7 @@ from robustid.report.sections.family import (
     paired_modes,
     schedule_chart,
 )
-from robustid.report.sections.withheld import withheld_chart, withheld_verdict
+from robustid.report.sections.withheld import CONTRADICTED, withheld_chart, withheld_verdict
 from robustid.report.words import HZ
 from support.families import DT, identified, measured
 
@@ -98,8 +98,11 @@ def test_modes_are_paired_with_their_nearest():
 def test_contradiction_stands_first_on_the_page(two, outside):
     document = family_page(two, withheld=outside)
     verdicts = [block for block in document.head if isinstance(block, Verdict)]
-    assert [one.key for one in verdicts] == ["consistent", "inconsistent"]
-    assert "no guarantee for the machine" in verdicts[1].sentence
+    assert [one.key for one in verdicts] == ["inconsistent", "consistent"]
+    assert "no guarantee for the machine" in verdicts[0].sentence
+    headings = [b.text for b in document.body if isinstance(b, Heading)]
+    assert CONTRADICTED in headings
+    assert "What is guaranteed" not in headings
     table = next(b for b in document.body if isinstance(b, Table) and b.columns[0].head == "withheld")
     assert [row[0] for row in table.rows] == ["record 1", "record 2"]
     inside = rid.coverage(two, measured(0.8, seed=0), kind="lines")

@@ -16,7 +16,7 @@ from robustid.report.document import Block, Column, Document, Drawing, Facts, Gr
 from robustid.report.identified import transfer
 from robustid.report.sections.claims import certificates
 from robustid.report.sections.run import findings_section, run_file_section
-from robustid.report.sections.withheld import withheld_section, withheld_verdict
+from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, MARKERS, NOMINAL
 from robustid.report.words import HZ, at_frequencies, at_most, number, percent
 from robustid.report.words import title as heading
@@ -47,27 +47,38 @@ def family_page(
         ]
     return Document(
         title or heading("Family", problem.outputs, problem.inputs),
-        head=[family_verdict(family), *([withheld_verdict(withheld)] if withheld is not None else [])],
-        body=[
-            *findings_section(findings),
-            Heading("Members"),
-            member_table(family),
-            Heading("What is guaranteed"),
-            Text(guarantee_words(family), id="guarantee-sentence"),
-            certificates(count, family.certified, "certificates"),
-            Facts(_facts(family)),
-            Heading("Who drives the band where", 3),
-            driver_table(family),
-            Heading("Response with the band of the family", 3),
-            Text("Proved at the marked frequencies; between them the band is interpolated for the eye.", "soft"),
-            *drawn,
-            *moving,
-            Heading("What is not known"),
-            *(Text(sentence) for sentence in family.not_known),
-            *withheld_section(withheld),
-            *run_file_section(run_file),
-        ],
+        head=_verdicts(family, withheld),
+        body=not_guaranteed(
+            [
+                *findings_section(findings),
+                Heading("Members"),
+                member_table(family),
+                Heading("What is guaranteed"),
+                Text(guarantee_words(family), id="guarantee-sentence"),
+                certificates(count, family.certified, "certificates"),
+                Facts(_facts(family)),
+                Heading("Who drives the band where", 3),
+                driver_table(family),
+                Heading("Response with the band of the family", 3),
+                Text("Proved at the marked frequencies; between them the band is interpolated for the eye.", "soft"),
+                *drawn,
+                *moving,
+                Heading("What is not known"),
+                *(Text(sentence) for sentence in family.not_known),
+                *withheld_section(withheld),
+                *run_file_section(run_file),
+            ],
+            withheld,
+        ),
     )
+
+
+def _verdicts(family: Family, withheld: Any) -> list[Verdict]:
+    """That of the family and that of withheld data, which comes first where it contradicts the band."""
+    if withheld is None:
+        return [family_verdict(family)]
+    both = [family_verdict(family), withheld_verdict(withheld)]
+    return both[::-1] if withheld.contradicted else both
 
 
 def family_verdict(family: Family) -> Verdict:

@@ -31,7 +31,7 @@ from robustid.report.sections.run import findings_section, run_file_section
 from robustid.report.sections.sensitivity import sensitivity_section
 from robustid.report.sections.time import time_section
 from robustid.report.sections.tube import tube_section
-from robustid.report.sections.withheld import withheld_section, withheld_verdict
+from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.words import number
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def identification_page(
             Heading("Consistency margin"),
             Text(margin_words(identification)),
             *assumptions_section(identification),
-            *guaranteed,
+            *not_guaranteed(guaranteed, withheld),
             *frequency_section(identification, shown),
             *time_section(identification, shown),
             *residual_section(identification, shown),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict
 from robustid.report.style import ALERT, DATA, FAINT, MARKERS
 from robustid.report.words import HZ, number, percent
+
+CONTRADICTED = "What follows from the class and the data that were used: no guarantee, withheld data contradict it"
 
 
 def withheld_verdict(found: Coverage) -> Verdict:
@@ -25,6 +28,14 @@ def withheld_verdict(found: Coverage) -> Verdict:
         sentence += " guarantee for the machine."
     key = "inconsistent" if found.contradicted else "consistent"
     return Verdict(key, word, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
+
+
+def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Block]:
+    """Blocks about a band, which are not headed as a guarantee where withheld data contradict it."""
+    if found is None or not found.contradicted:
+        return list(blocks)
+    other = Heading(CONTRADICTED)
+    return [other if isinstance(b, Heading) and b.text == "What is guaranteed" else b for b in blocks]
 
 
 def withheld_section(found: Coverage | None) -> list[Block]:
