@@ -149,7 +149,9 @@ def run_torsion_margin(example, tmp_path, capsys):
     assert margins == sorted(margins, reverse=True)  # a faster controller leaves less
     for row, margin in zip(rows, margins, strict=True):
         assert (margin > 1) == (row[-1] == "guaranteed" and row[-2] != "not")
-    assert margins[0] > 1 > margins[-2] > margins[-1] == 0
+    assert margins[0] > 1
+    assert any(0 < margin < 1 for margin in margins)  # not guaranteed, the model itself stable
+    assert margins[-1] == 0
 
 
 @pytest.mark.slow
