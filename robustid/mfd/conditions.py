@@ -83,7 +83,7 @@ class RigidModes(Frozen):
         rest = np.setdiff1d(np.arange(nu), self.pivots)
         one = np.eye(self.count)
         # vec(dX D_rest) = (D_rest^T kron I) vec dX; vec(D_rest dX) = (I kron D_rest) vec dX
-        parts = [
+        parts: list[np.ndarray] = [
             np.kron(block[:nu][rest].T, one) if self.outside else np.kron(one, block[:nu][:, rest]) for block in anchor
         ]
         return np.concatenate(parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -33,10 +33,12 @@ class Constraint(Protocol):
 
 def as_constraints(constraints: Any) -> tuple[Constraint, ...]:
     """The constraints of a fit, checked."""
-    items = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
+    items: tuple[Any, ...] = (
+        tuple(cast("Iterable[Any]", constraints)) if isinstance(constraints, Iterable) else (constraints,)
+    )
     wrong = [item for item in items if not isinstance(item, Constraint)]
     if wrong or not isinstance(constraints, Iterable):
-        got = type(wrong[0] if wrong else constraints).__name__
+        got = type(wrong[0] if wrong else cast("Any", constraints)).__name__
         raise InputTypeError(f"`constraints` must be a sequence of constraints, such as [RollOff(2)]; got {got}")
     return items
 

@@ -126,7 +126,8 @@ def biorthonormal_polynomials(
         )
     rows, size = check_equations(limits, trial)
     values, tests = np.empty((rows, size), order="F"), np.empty((rows, size), order="F")
-    recursion, cosine = [], 1.0
+    recursion: list[np.ndarray] = []
+    cosine = 1.0
     for before, here, fresh in block_layout(limits):
         grown = [raised(xi, side[:, before], columns[..., fresh]) for side, columns in ((values, trial), (tests, test))]
         G, smallest = _append(values, tests, grown, here.start)
@@ -143,7 +144,7 @@ def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], sta
     count = blocks[0].shape[1]
     G = np.zeros((start + count, count))
     sides = [(values[:, :start], tests[:, :start]), (tests[:, :start], values[:, :start])]
-    triangles = []
+    triangles: list[np.ndarray] = []
     for side, (older, seen) in enumerate(sides):
         length, R = np.linalg.norm(blocks[side], axis=0), np.eye(count)
         for _ in range(2):

@@ -190,7 +190,7 @@ class _Run:
         self.status = FitStatus.LIMIT
         self.history: list[FitStep] = []
 
-    def record(self, *line) -> None:
+    def record(self, *line: Any) -> None:
         """Add to the history."""
         self.history.append(FitStep(*line))
         if self.report is not None:

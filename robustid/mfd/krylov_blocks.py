@@ -37,7 +37,8 @@ def block_layout(limits: np.ndarray) -> tuple[Block, ...]:
     [(slice(0, 2, None), [1, 3]), (slice(2, 5, None), [0]), (slice(5, 8, None), [])]
     """
     order, last = np.argsort(-limits, kind="stable"), int(limits.max(initial=-1))
-    blocks, before, older = [], slice(0, 0), 0
+    blocks: list[Block] = []
+    before, older = slice(0, 0), 0
     for k in range(last + 1):
         count = int(np.sum(limits >= last - k))
         here = slice(before.stop, before.stop + count)

@@ -147,7 +147,7 @@ def schur_poles(T: np.ndarray) -> np.ndarray:
 def _split(T: np.ndarray, Z: np.ndarray, poles: np.ndarray, origin: float) -> tuple[list[ModalPart], int]:
     """Groups as small as well-conditioned projectors allow, by distance; size of the rigid body, which comes first."""
     starts = np.flatnonzero(np.r_[True, np.diag(T, -1) == 0])
-    groups = [np.arange(a, b) for a, b in zip(starts, np.r_[starts[1:], len(T)], strict=True)]
+    groups: list[np.ndarray] = [np.arange(a, b) for a, b in zip(starts, np.r_[starts[1:], len(T)], strict=True)]
     distance = np.abs(poles - origin)
     groups.sort(key=lambda group: distance[group[0]])
     rigid, held = _rigid_body(T, Z, groups, distance, origin)

@@ -227,7 +227,8 @@ def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     """
     A, B, C, D = model
     nu = B.shape[1]
-    rows, right = [], []
+    rows: list[np.ndarray] = []
+    right: list[np.ndarray] = []
     for condition in problem.conditions:
         ((left, _),) = condition.terms
         # Not `response_at`: at a real point the imaginary rows must be zero exactly.

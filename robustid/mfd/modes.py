@@ -110,7 +110,8 @@ def mode_table(
     form = modal_form(model)
     A, B, C = (np.asarray(part) for part in (form.model.A, form.model.B, form.model.C))
     dt = form.model.dt
-    rows, peaks = [], []
+    rows: list[ModeRow] = []
+    peaks: list[np.ndarray] = []
     for block in form.blocks:
         part, inputs, outputs = A[block, block], B[block], C[:, block]
         if form.rigid and block.start == 0:
@@ -198,7 +199,7 @@ def _with_participation(rows: list[ModeRow], peaks: list[np.ndarray]) -> list[Mo
     entry = np.max([peaks[k] for k in finite], axis=0) if finite else np.ones(1)
     entry = np.where(entry > 0, entry, 1.0)
     largest = max((float(np.linalg.norm(peaks[k] / entry)) for k in finite), default=1.0) or 1.0
-    found = []
+    found: list[ModeRow] = []
     for k, (row, peak) in enumerate(zip(rows, peaks, strict=True)):
         output, column = np.unravel_index(int(np.argmax(peak / entry)), peak.shape)
         share = float(np.linalg.norm(peak / entry)) / largest if k in finite else np.inf

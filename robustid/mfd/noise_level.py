@@ -49,7 +49,8 @@ def level_weight(problem: FractionProblem, response: Complex, *, alone: bool = F
     median = np.array(
         [[np.median(size[used[:, i, j], i, j]) for j in range(used.shape[2])] for i in range(used.shape[1])]
     )
-    heights, shapes = [], []
+    heights: list[np.ndarray] = []
+    shapes: list[np.ndarray] = []
     for ratio in _RATIOS:  # twice the negative logarithm of the likelihood, but for a constant, at the best b
         shape = np.where(used, ratio * median + size, 1.0)
         variance = (error / shape).sum(axis=0) / samples

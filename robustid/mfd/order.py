@@ -210,7 +210,7 @@ def subspace_singular_values(
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
     data = stated(frf, 1, domain, "shared" if form == "shared" else "right", weight, feedthrough, None).data
-    options = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
+    options: dict[str, Any] = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
     best, probe = None, _FIRST_PROBE
     while True:
         try:
@@ -299,7 +299,9 @@ def _wave(
     frf: FrequencyResponse, orders: list[int], options: Mapping[str, Any], executor: Executor | None
 ) -> Generator[tuple[int, MatrixFraction | Exception], None, None]:
     """Fits of some orders as they end; one that fails is tried again in this process."""
-    jobs = {} if executor is None else {_submitted(executor, frf, options, order): order for order in orders}
+    jobs: dict[Future[MatrixFraction], int] = {}
+    if executor is not None:
+        jobs = {_submitted(executor, frf, options, order): order for order in orders}
     runs = ((order, partial(fit_one, frf, options, order)) for order in orders)
     try:
         for order, run in runs if executor is None else ((jobs[job], job.result) for job in as_completed(jobs)):
@@ -316,12 +318,14 @@ def _wave(
             job.cancel()
 
 
-def _submitted(executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> Future:
+def _submitted(
+    executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int
+) -> Future[MatrixFraction]:
     """The job, or a failed one where the executor is broken and takes none."""
     try:
         return executor.submit(fit_one, frf, options, order)
     except RuntimeError as error:
-        job: Future = Future()
+        job: Future[MatrixFraction] = Future()
         job.set_exception(error)
         return job
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -297,6 +298,6 @@ def _pairs(parts: tuple[NDArray[np.generic], NDArray[np.generic]]) -> Real:
     return np.stack([np.real(part) for part in parts], axis=1)
 
 
-def _stacked(items: list[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> Real:
+def _stacked(items: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> Real:
     """Real coefficients of several polynomials, (2, m, 2)."""
     return np.stack([_pairs(item) for item in items])

@@ -102,7 +102,8 @@ def _differences(records: Sequence[TimeRecord], order: int) -> Iterator[tuple[Re
 def _difference_equation(records: Sequence[TimeRecord], length: int) -> StateMatrices:
     """In the state space of its observer form."""
     ny, nu = records[0].y.shape[1], records[0].u.shape[1]
-    rows, right = [], []
+    rows: list[np.ndarray] = []
+    right: list[np.ndarray] = []
     for record in records:
         samples = len(record.u)
         if samples <= length:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.identification import check_model
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import exact_covariance
-from robustid.mfd.record_lines import Experiments, spectra
+from robustid.mfd.record_lines import Experiments, Lines, spectra
 from robustid.mfd.statement import stated
 
 Real = NDArray[np.float64]
@@ -24,18 +25,19 @@ _SAME_DT = 1e-9
 
 def checked_records(records: Any) -> tuple[TimeRecord, ...]:
     """The records, if they belong together and every sample of them counts."""
-    several = (records,) if isinstance(records, TimeRecord) else records
+    several: Any = (records,) if isinstance(records, TimeRecord) else records
     if not isinstance(several, list | tuple) or not several:
         raise InputTypeError(f"`records` must be a TimeRecord or a sequence of them; got {type(records).__name__}")
-    for number, record in enumerate(several):
+    given: tuple[Any, ...] = tuple(cast("Sequence[Any]", several))
+    for number, record in enumerate(given):
         if not isinstance(record, TimeRecord):
             raise InputTypeError(f"`records` must hold TimeRecords; got {type(record).__name__} at position {number}")
-        if abs(record.dt - several[0].dt) > _SAME_DT * several[0].dt:
+        if abs(record.dt - given[0].dt) > _SAME_DT * given[0].dt:
             raise InputError(
-                f"`records` must have one sample time; got dt = {several[0].dt:g} s, and {record.dt:g} s at position {number}"
+                f"`records` must have one sample time; got dt = {given[0].dt:g} s, and {record.dt:g} s at position {number}"
             )
         for axis in ("inputs", "outputs"):
-            names, first = ([signal.name for signal in getattr(one, axis)] for one in (record, several[0]))
+            names, first = ([signal.name for signal in getattr(one, axis)] for one in (record, given[0]))
             if names != first:
                 raise InputError(
                     f"`records` must have the same {axis}, in one order; got {first}, and {names} at position {number}"
@@ -45,7 +47,7 @@ def checked_records(records: Any) -> tuple[TimeRecord, ...]:
                 f"`records` has samples that are not used (an infinite bound) at position {number}; cut them off:"
                 ' record.window(start, stop, past="unknown")'
             )
-    return tuple(several)
+    return given
 
 
 def checked_response(frf: Any, record: TimeRecord) -> FrequencyResponse:
@@ -88,7 +90,8 @@ def posed(
             what = names[int(np.argmin(level))]
             raise InputError(f"`records` have `{name}` = 0 throughout in signal {what}; leave that signal out")
     unit = 2.0 ** np.round(np.log2(unit))
-    columns, lines = nu, []
+    columns = nu
+    lines: list[Lines] = []
     for record in records:
         free = record.initial == "free"
         lines.append(spectra(record, unit, columns if free else None, offset))

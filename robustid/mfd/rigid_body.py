@@ -147,7 +147,8 @@ def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
     columns would do: where a signal is decoupled from the rigid body, its own entry is noise of any size.
     """
     deviation = _deviations(data)
-    rest, variance, chosen = np.array(gains), deviation**2, []
+    rest, variance = np.array(gains), deviation**2
+    chosen: list[int] = []
     for _ in range(count):
         score = rest**2 / variance
         score[chosen] = 0.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -90,7 +91,7 @@ def _described(value: Any, path: str, arrays: Arrays) -> Any:
         arrays[path] = value
         return {"$array": path}
     if isinstance(value, np.generic):
-        value = value.item()
+        value = cast("Any", value.item())
     if isinstance(value, complex):
         return {"$complex": [value.real, value.imag]}
     if isinstance(value, enum.Enum):
@@ -100,14 +101,14 @@ def _described(value: Any, path: str, arrays: Arrays) -> Any:
             name: _described(getattr(value, name), f"{path}/{name}", arrays) for name in _names(type(value))
         }
     if isinstance(value, tuple | list):
-        return [_described(item, f"{path}/{k}", arrays) for k, item in enumerate(value)]
+        return [_described(item, f"{path}/{k}", arrays) for k, item in enumerate(cast("Sequence[Any]", value))]
     return value
 
 
 def _made(text: Any, arrays: Arrays) -> Any:
     """The value that was described so; sequences become tuples."""
     if isinstance(text, list):
-        return tuple(_made(item, arrays) for item in text)
+        return tuple(_made(item, arrays) for item in cast("list[Any]", text))
     if not isinstance(text, dict):
         return text
     if "$array" in text:

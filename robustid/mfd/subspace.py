@@ -152,14 +152,14 @@ def _dynamics(data: Samples, order: int, poles: np.ndarray) -> tuple[np.ndarray,
     ny, nu = values.shape[1:]
     f, S, T = rational_krylov(data.points[used], np.sqrt(np.mean(column**2, axis=1)), poles, data.domain)
     rows = f.shape[1]
-    parts = []
+    parts: list[np.ndarray] = []
     for j in range(nu):
         weighted = column[:, j, None] * f
         Q = np.linalg.qr(real_rows(weighted))[0]  # what the input adds lies in the span of f
         part = real_rows((weighted[:, :, None] * values[:, None, :, j]).reshape(-1, rows * ny))
         parts.append(triangle(part - Q @ (Q.T @ part)))
     R = triangle(np.concatenate(parts)).reshape(-1, rows, ny)
-    factors = []
+    factors: list[np.ndarray] = []
     for o in range(ny):  # the noise has covariance L L' in the rows of output o: whiten, and colour back afterwards
         noise = real_rows(np.concatenate([(column[:, j] * deviation[:, o, j])[:, None] * f for j in range(nu)]))
         L = triangle(noise).T
@@ -253,7 +253,7 @@ def pole_choices(points: np.ndarray, count: int, domain: str) -> list[np.ndarray
     lines = band(points, domain)
     low, high = np.min(lines), np.max(lines)
     log, lin = np.geomspace(high, low, count), np.linspace(high, low, count)
-    choices = [log, np.sqrt(log * lin), lin, np.full(count, np.sqrt(low * high))]
+    choices: list[np.ndarray] = [log, np.sqrt(log * lin), lin, np.full(count, np.sqrt(low * high))]
     if domain == "s":
         return choices
     bilinear = [np.tan(choice / 2) for choice in choices]  # to the real pole whose Cayley map has the same frequency

@@ -285,7 +285,8 @@ def orthonormal_polynomials(columns: np.ndarray, xi: np.ndarray, limits: np.ndar
     skew = not np.any(np.real(xi))
     values = np.empty((rows, size), order="F")
     null = np.zeros(size, dtype=bool)
-    recursion, last_but_one = [], slice(0, 0)
+    recursion: list[np.ndarray] = []
+    last_but_one = slice(0, 0)
     for before, here, fresh in block_layout(limits):
         block = raised(xi, values[:, before], columns[..., fresh])
         # Skew: three terms, where no component starts.
