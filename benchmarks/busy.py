@@ -30,8 +30,8 @@ import arrivals
 import robustid as rid
 
 def problem():
-    experiment, prior = rid.flexible_structure(), rid.Prior(gain_bound=0.1, decay_rate=1.05)
-    kautz = rid.kautz(*experiment.modes.T, dt=0.01)
+    experiment, prior = rid.flexible_structure(), rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    kautz = rid.kautz(*experiment.modes.T, dt=0.01, delay=1)
     return rid.MixedProblem(frequency=experiment.frequency, time=experiment.time, prior=prior, parametric=kautz)
 
 def plant():
