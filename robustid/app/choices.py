@@ -183,7 +183,7 @@ def inflated(data: Any, run: RunFile) -> Any:
     why = "as the program found" if run.identify.inflate_note else "as stated"
     note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
     wider = data.bound.inflated(factor)
-    return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None), note)
+    return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None, excitations=None), note)
 
 
 def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True) -> tuple[RunFile, MixedProblem]:

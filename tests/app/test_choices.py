@@ -187,7 +187,7 @@ def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
     assert result.run_file.small_model.rigid_body == 1
 
 
-def test_wider_bounds_keep_their_kind():
+def test_wider_bounds_are_hard_ones_of_the_same_shape():
     """The size of an error in units of the bound is divided by the factor, whatever the bound is."""
     rng = np.random.default_rng(0)
     _, _, frf = measured()
@@ -198,10 +198,11 @@ def test_wider_bounds_keep_their_kind():
         frf,
         rebound(frf, tilt=np.full(frf.omega.size, 0.3 + 0.1j)),
         frf.with_column_bound(0.1),
+        rebound(frf, kind="tolerance", probability=0.95, dof=8.0, excitations=2),
         frf.with_bound(rid.Bound(joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2))),
     ):
         wide = choices.inflated(data, run)
-        assert wide.bound.joint == data.bound.joint
+        assert (wide.bound.joint, wide.bound.kind) == (data.bound.joint, "hard")
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
         assert "times 3" in wide.note
 
