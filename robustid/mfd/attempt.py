@@ -295,7 +295,7 @@ def directions_of(problem: FractionProblem) -> tuple[np.ndarray, np.ndarray]:
     if problem.rigid is None:
         return np.zeros((0, nu)), np.zeros((0, nu), dtype=bool)
     free = np.zeros(problem.rigid.directions.shape, dtype=bool)
-    free[:, np.setdiff1d(np.arange(nu), problem.rigid.pivots)] = problem.rigid.free
+    free[:, problem.rigid.others(nu)] = problem.rigid.free
     return problem.rigid.directions, free
 
 
@@ -419,13 +419,13 @@ def _reflection(
     problem: FractionProblem, fraction: NodeFraction, found: FractionModel, data: Samples, *, pulls: int = _PULLS
 ) -> NodeFraction | None:
     """The fraction with its unstable poles reflected and the outputs fitted anew."""
-    A, B = found.matrices[:2]
-    flexible = len(A) - 2 * found.rigid_count
-    T, Z = scipy.linalg.schur(A[:flexible, :flexible])[:2]
-    B = np.vstack([Z.T @ B[:flexible], B[flexible:]])
-    T = reflected(T, data.points, data.domain)
+    before = found.matrices
+    flexible = len(before.A) - 2 * found.rigid_count
+    T, Z = scipy.linalg.schur(before.A[:flexible, :flexible])[:2]
+    B = np.vstack([Z.T @ before.B[:flexible], before.B[flexible:]])
+    inside = reflected(T, data.points, data.domain)
     for pull in range(pulls):
-        A = diagonal_blocks(T, A[flexible:, flexible:])
+        A = diagonal_blocks(inside, before.A[flexible:, flexible:])
         model = StateMatrices(A, B, *fit_outputs(data, A, B, problem.feedthrough))
         start = into_form(problem, response_at(model, data.points), fraction.held)
         if not np.any(unstable_poles(realise(problem, start))):
@@ -433,7 +433,7 @@ def _reflection(
         # The way into fraction form may move a pole by more than its distance from the boundary.
         shift = 10.0 ** (pull - 4)
         if problem.dt is None:
-            T = T - shift * np.abs(scipy.linalg.eigvals(T)).min() * np.eye(flexible)
+            inside = inside - shift * np.abs(scipy.linalg.eigvals(inside)).min() * np.eye(flexible)
         else:
-            T = T * (1 - shift)
+            inside = inside * (1 - shift)
     return None

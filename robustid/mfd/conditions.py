@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Frozen, freeze
 from robustid.mfd.vector_polynomials import VectorPolynomials
@@ -57,7 +58,7 @@ class RigidModes(Frozen):
     """
 
     directions: np.ndarray
-    pivots: np.ndarray
+    pivots: NDArray[np.int_]
     outside: bool
     free: bool
 
@@ -69,6 +70,10 @@ class RigidModes(Frozen):
         """Number of modes."""
         return self.pivots.size
 
+    def others(self, nu: int) -> NDArray[np.int_]:
+        """The entries of a direction, of nu, that no pivot fixes."""
+        return np.setdiff1d(np.arange(nu), self.pivots)
+
     def conditions(self, directions: np.ndarray, ny: int, nu: int, origin: float) -> tuple[Condition, ...]:
         """Both powers, as conditions on [D; N]."""
         if self.outside:
@@ -79,8 +84,8 @@ class RigidModes(Frozen):
 
     def turned(self, anchor: np.ndarray) -> np.ndarray:
         """Derivatives of the conditions along the free part of the directions, (equations, parameters)."""
-        nu = anchor.shape[2]
-        rest = np.setdiff1d(np.arange(nu), self.pivots)
+        nu = int(anchor.shape[2])
+        rest = self.others(nu)
         one = np.eye(self.count)
         # vec(dX D_rest) = (D_rest^T kron I) vec dX; vec(D_rest dX) = (I kron D_rest) vec dX
         parts: list[np.ndarray] = [
@@ -90,8 +95,7 @@ class RigidModes(Frozen):
 
     def embedded(self, change: np.ndarray) -> np.ndarray:
         """The change of the directions from the parameters."""
-        nu = max(self.directions.shape)
-        rest = np.setdiff1d(np.arange(nu), self.pivots)
+        rest = self.others(max(self.directions.shape))
         out = np.zeros(self.directions.shape)
         if self.outside:
             out[:, rest] = change.reshape(rest.size, self.count).T

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_positive, freeze, one_thread
-from robustid.errors import InputError, InputTypeError
+from robustid.core import Frozen, as_array, as_kind, as_positive, freeze, one_thread
+from robustid.errors import InputError
 from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction
@@ -87,17 +87,20 @@ class FitCovariance(Frozen):
         problem, model = self.fit.problem, self.fit.fraction
         if omega is None:
             xi, fraction = problem.xi, self.fit.nodes
-            D, P = fraction.denominators, fraction.response
+            denominators, response = fraction.denominators, fraction.response
         else:
             omega = as_array("omega", omega, ndim=1)
             points = 1j * omega if model.dt is None else np.exp(1j * omega * model.dt)
-            xi, D, P = points / model.scale, model.denominator(points), model.response(omega)
-            D, P = D if model.form == "right" else D.transpose(0, 2, 1), model.fitted(P)
-        std = np.empty(P.shape)
+            xi, response = points / model.scale, model.fitted(model.response(omega))
+            denominators = model.denominator(points)
+            if model.form != "right":
+                denominators = denominators.transpose(0, 2, 1)
+        std = np.empty(response.shape)
         for start in range(0, xi.size, _LINES_AT_ONCE):
             part = slice(start, start + _LINES_AT_ONCE)
-            changes = _admissible(response_changes(self.basis, xi[part], D[part], P[part]), self.basis, self.forbidden)
-            std[part] = np.linalg.norm(changes, axis=-1).reshape(-1, *P.shape[:0:-1]).transpose(0, 2, 1)
+            changes = response_changes(self.basis, xi[part], denominators[part], response[part])
+            changes = _admissible(changes, self.basis, self.forbidden)
+            std[part] = np.linalg.norm(changes, axis=-1).reshape(-1, *response.shape[:0:-1]).transpose(0, 2, 1)
         std *= np.sqrt(self.variance)
         return model.oriented(std)
 
@@ -152,9 +155,7 @@ def fit_covariance(fit: MatrixFraction, *, noise: float | None = None) -> FitCov
     >>> np.round(found.hz, 4), np.round(found.hz_std, 6)
     (array([0.6366, 0.6366]), array([1.2e-05, 1.2e-05]))
     """
-    if not isinstance(fit, MatrixFraction):
-        raise InputTypeError(f"`fit` must be a MatrixFraction from fit_mfd; got {type(fit).__name__}")
-    problem = fit.problem
+    problem = as_kind("fit", fit, MatrixFraction, "a MatrixFraction from fit_mfd").problem
     basis = problem.basis(fit.nodes.denominators, fit.nodes.response)
     modes = modal_covariance(fit, basis) if fit.modal is not None else None
     forbidden = problem.forbidden(basis, fit.nodes) if modes is None else modes.forbidden

@@ -111,8 +111,8 @@ def _shrunk(frf: FrequencyResponse, measured: NDArray[np.bool_], dof: float) -> 
     total, spread = off.sum(axis=(1, 2)), ((1 - off) ** 2 * (1 - identity)).sum(axis=(1, 2)) / dof
     intensity = np.clip(spread / np.where(total > 0, total, np.inf), count / (count + dof), 1.0)[:, None, None]
     scale = np.sqrt(variances)
-    C = ((1 - intensity) * R + intensity * identity) * (scale[:, :, None] * scale[:, None, :])
-    C = C + (_missed(dof) * np.where(known, _level(frf, known), 0.0))[:, :, None] * identity
+    shrunk = ((1 - intensity) * R + intensity * identity) * (scale[:, :, None] * scale[:, None, :])
+    C = shrunk + (_missed(dof) * np.where(known, _level(frf, known), 0.0))[:, :, None] * identity
     # An entry that is zero without any scatter, everywhere: as sure as the least sure one beside it.
     diagonal = np.einsum("fii->fi", C).real
     silent = np.where(diagonal > 0, 0.0, diagonal.max(axis=1, keepdims=True))

@@ -79,10 +79,10 @@ def gaussian(residual: Complex) -> bool:
 
     What a model of too low an order misses is large near few resonances, however little neighbours there resemble each other.
     """
-    power = np.abs(residual) ** 2
-    size = power.mean(axis=0)
-    power = power[:, size > 0] / size[size > 0]
-    return not power.size or float(np.mean(power**2) - 2) * np.sqrt(power.size / 20) <= _WHITE
+    power: Real = np.abs(residual) ** 2
+    size: Real = power.mean(axis=0)
+    relative: Real = power[:, size > 0] / size[size > 0]
+    return not relative.size or float(np.mean(relative**2) - 2) * np.sqrt(relative.size / 20) <= _WHITE
 
 
 def _correlation(residual: Complex) -> float:
