@@ -37,6 +37,10 @@ class StateMatrices(NamedTuple):
         A, B, C, D = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C, model.D))
         return cls(A, B, C, D)
 
+    def transposed(self) -> StateMatrices:
+        """The realisation of the transposed response."""
+        return StateMatrices(self.A.T, self.C.T, self.B.T, self.D.T)
+
 
 def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     """Balance the scales of the states by powers of two, from A alone: exact, whatever the units of the signals."""

@@ -1,6 +1,6 @@
 """Matrix-fraction fitting of frequency responses, with condition number one."""
 
-from robustid.mfd import storage  # noqa: F401 - registers the fits that can be saved
+from robustid.mfd import storage as storage  # registers the fits that can be saved
 from robustid.mfd.constraints import RollOff, StaticGain, Zero, ZeroEntries
 from robustid.mfd.covariance import FitCovariance, fit_covariance
 from robustid.mfd.criterion import Weight

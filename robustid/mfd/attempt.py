@@ -137,7 +137,7 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
     refined, count, free_cost = _descended(problem, data, model, settings)
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
-    end = transposed(end) if flipped(problem) else end
+    end = end.transposed() if flipped(problem) else end
     if problem.rigid is not None:
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
@@ -179,7 +179,7 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
 def _best_cost(problem: FractionProblem, model: StateMatrices) -> float:
     """Cost of the poles and inputs of a state space with the best outputs that meet the conditions."""
     if flipped(problem):
-        problem, model = problem.transposed(), transposed(model)
+        problem, model = problem.transposed(), model.transposed()
     cost = Outputs(problem).fitted(blocks_of(problem, model)).cost
     if not np.isfinite(cost):
         raise InputError(
@@ -193,17 +193,12 @@ def flipped(problem: FractionProblem) -> bool:
     return problem.rigid is None and problem.values.shape[2] > problem.values.shape[1]
 
 
-def transposed(model: StateMatrices) -> StateMatrices:
-    """The realisation of the transposed response."""
-    return StateMatrices(model.A.T, model.C.T, model.B.T, model.D.T)
-
-
 def _descended(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings
 ) -> tuple[Refined, int, float]:
     """End of the refinement; number and cost of the unstable poles of a better fit without stability."""
     if flipped(problem):
-        problem, data, model = problem.transposed(), data.transposed(), transposed(model)
+        problem, data, model = problem.transposed(), data.transposed(), model.transposed()
     start = blocks_of(problem, model)
     budget = Budget(settings.deadline, settings.progress)
     if settings.stable:

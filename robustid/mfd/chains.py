@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import StateMatrices
+from robustid.core import Complex, StateMatrices
 from robustid.errors import InputError
 from robustid.mfd.state_fit import diagonal_blocks
 
@@ -43,7 +43,7 @@ def sorted_schur(A: np.ndarray, origin: float, count: int) -> tuple[np.ndarray, 
     T, Z = scipy.linalg.schur(A)[:2]
     if count == len(A):
         return T, Z
-    eigenvalues = np.linalg.eigvals(T)
+    eigenvalues: Complex = np.asarray(np.linalg.eigvals(T), dtype=complex)
     near = nearest_poles(eigenvalues, origin, count)
 
     def flexible(re: float, im: float) -> bool:
@@ -87,8 +87,8 @@ def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.
         position, velocity = Cr[:, :count], Cr[:, count:]
         Cr = np.hstack([position @ gain, velocity @ gain + position @ slope])
         Br = np.vstack([np.zeros(directions.shape), directions])
-    A = diagonal_blocks(T[:k, :k], chain(count, origin))
-    return StateMatrices(A, np.vstack([Bf, Br]), np.hstack([Cf, Cr]), D)
+    blocks = diagonal_blocks(T[:k, :k], chain(count, origin))
+    return StateMatrices(blocks, np.vstack([Bf, Br]), np.hstack([Cf, Cr]), D)
 
 
 def input_priority(model: StateMatrices, states: np.ndarray, step: int) -> tuple[int, ...]:
@@ -110,17 +110,17 @@ def input_priority(model: StateMatrices, states: np.ndarray, step: int) -> tuple
     U, sizes, _ = np.linalg.svd(np.hstack([np.real(flat), np.imag(flat)]), full_matrices=False)
     metric = np.maximum(sizes, 1e-14 * sizes[0])
     A, block = (U.T / metric[:, None]) @ model.A @ (U * metric), (U.T / metric[:, None]) @ model.B
-    A = A / np.linalg.norm(A, 2)
-    Q = np.zeros((n, 0))
+    shift = A / np.linalg.norm(A, 2)
+    basis = np.zeros((n, 0))
     rounds = step * (n // (step * nu))
     for k in range(rounds + 1):
         for _ in range(2):
-            block = block - Q @ (Q.T @ block)
+            block = block - basis @ (basis.T @ block)
         if k >= rounds:
             break
         # The inputs keep their identity: a triangular factor would mix them, an orthonormal basis beside them doesn't.
-        Q = np.hstack([Q, scipy.linalg.orth(block)])
-        block = A @ block / max(float(np.linalg.norm(block)), 1e-300)
+        basis = np.hstack([basis, scipy.linalg.orth(block)])
+        block = shift @ block / max(float(np.linalg.norm(block)), 1e-300)
     return tuple(int(k) for k in scipy.linalg.qr(block, pivoting=True, mode="r")[1])  # type: ignore[index]
 
 

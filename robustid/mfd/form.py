@@ -63,10 +63,10 @@ def shared_model(column: StateMatrices, shape: tuple[int, int]) -> StateMatrices
     entries = column.C.reshape(ny, nu, -1)
     D, n = column.D.reshape(ny, nu), len(column.A)
     if nu <= ny:
-        A, b = (diagonal_blocks(*[part] * nu) for part in column[:2])
-        return StateMatrices(A, b, entries.reshape(ny, nu * n), D)
-    A, c = (diagonal_blocks(*[part.T] * ny) for part in column[:2])
-    return StateMatrices(A, entries.transpose(0, 2, 1).reshape(ny * n, nu), c, D)
+        copies, b = (diagonal_blocks(*[part] * nu) for part in column[:2])
+        return StateMatrices(copies, b, entries.reshape(ny, nu * n), D)
+    copies, c = (diagonal_blocks(*[part.T] * ny) for part in column[:2])
+    return StateMatrices(copies, entries.transpose(0, 2, 1).reshape(ny * n, nu), c, D)
 
 
 def states_of_poles(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

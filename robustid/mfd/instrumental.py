@@ -146,19 +146,19 @@ def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], sta
     sides = [(values[:, :start], tests[:, :start]), (tests[:, :start], values[:, :start])]
     triangles: list[np.ndarray] = []
     for side, (older, seen) in enumerate(sides):
-        length, R = np.linalg.norm(blocks[side], axis=0), np.eye(count)
+        length, triangle = np.linalg.norm(blocks[side], axis=0), np.eye(count)
         for _ in range(2):
             blocks[side], coordinates = without(older, seen, blocks[side])
             if side == 0:
-                G[:start] += coordinates @ R
-            blocks[side], T = orthonormal_columns(blocks[side])
-            R = T @ R
-        if np.any(np.abs(np.diag(R)) <= NULL * length):
+                G[:start] += coordinates @ triangle
+            blocks[side], factor = orthonormal_columns(blocks[side])
+            triangle = factor @ triangle
+        if np.any(np.abs(np.diag(triangle)) <= NULL * length):
             raise BreakdownError(
                 f"column {start} or one of the next {count - 1} of the {'tests' if side else 'trial side'} is a"
                 " combination of the former ones on the data; lower the order, or use another method for an exact fit"
             )
-        triangles.append(R)
+        triangles.append(triangle)
     left, cosines, right = scipy.linalg.svd(gemm(1.0, blocks[1], blocks[0], trans_a=1))
     if not cosines[-1] > _BREAKDOWN:
         raise BreakdownError(

@@ -98,11 +98,11 @@ def orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     length = np.linalg.norm(block, axis=0)
     if np.all(length > 0):
         try:
-            R = scipy.linalg.cholesky(syrk(1.0, block / length, trans=1))
+            normalised = scipy.linalg.cholesky(syrk(1.0, block / length, trans=1))
         except np.linalg.LinAlgError:
-            R = np.zeros((1, 1))
-        if np.min(np.diag(R)) > _SMALL_PIVOT:
-            R = R * length
+            normalised = np.zeros((1, 1))
+        if np.min(np.diag(normalised)) > _SMALL_PIVOT:
+            R = normalised * length
             return gemm(1.0, block, triangle_inverse(R)), R
     return scipy.linalg.qr(block, mode="economic", check_finite=False)  # type: ignore[return-value]
 

@@ -55,9 +55,10 @@ def mode_shapes(fit: MatrixFraction, covariance: ModalCovariance | None = None) 
     """Shapes of the modes of a fit of modal structure, with their deviations where a covariance is given."""
     structure = _Structure(fit)
     model, C, problem = structure.model, structure.fitted.C, fit.problem
-    M, changes = gains(model, C, structure.modal.power), structure.gain_changes()
-    if fit.fraction.form == "left":
-        M, changes = M.transpose(0, 2, 1), changes.transpose(0, 2, 1, 3)
+    terms, changes = gains(model, C, structure.modal.power), structure.gain_changes()
+    left = fit.fraction.form == "left"
+    M = terms.transpose(0, 2, 1) if left else terms
+    changes = changes.transpose(0, 2, 1, 3) if left else changes
     ny, nu = M.shape[1:]
     shape, drive = np.full((len(M), ny), np.nan, dtype=complex), np.full((len(M), nu), np.nan, dtype=complex)
     shape_std, drive_std = np.full(shape.shape, np.nan), np.full(drive.shape, np.nan)

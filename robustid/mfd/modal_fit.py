@@ -20,7 +20,6 @@ from robustid.mfd.attempt import (
     flipped,
     formed,
     suspicious,
-    transposed,
     with_rigid_modes,
 )
 from robustid.mfd.block_model import BlockModel
@@ -61,7 +60,7 @@ def modal_attempt(
         problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
     turned = flipped(problem) and not modal.symmetric
     if turned:
-        problem, data, model = problem.transposed(), data.transposed(), transposed(model)
+        problem, data, model = problem.transposed(), data.transposed(), model.transposed()
     outputs = TiedOutputs(problem) if modal.symmetric else Outputs(problem)
     start = _start(problem, model, settings.stable, modal, outputs)
     refined = _refined(problem, data, start, settings, modal, outputs, 0 if interrupted else _STEPS)
@@ -147,11 +146,12 @@ def _real_modes(problem: FractionProblem, modal: Modal, blocks: BlockModel, C: R
     inputs = np.empty((centre.size, blocks.inputs.shape[2]))
     inputs[blocks.centre.size :] = blocks.single_inputs[: 2 * len(single) : 2]
     for k, gain in enumerate(gains(blocks, C, modal.power)):
-        M = np.real(gain)
+        shape: Real = np.real(gain)
         if blocks.fall[k] <= 0:  # real poles: of the static gain
             A = np.array([[blocks.centre[k], blocks.coupling[k]], [-blocks.fall[k], blocks.centre[k]]])
-            M = C[:, 2 * k : 2 * k + 2] @ np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k])
-        inputs[k] = _largest(M, rows, columns, modal.symmetric)
+            states = np.asarray(np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k]), dtype=float)
+            shape = C[:, 2 * k : 2 * k + 2] @ states
+        inputs[k] = _largest(shape, rows, columns, modal.symmetric)
     modes = RealModes(centre, square, inputs, blocks.directions, blocks.free, discrete=discrete, power=modal.power)
     return modes.normalised()
 
@@ -178,7 +178,7 @@ def _realised(fitted: Fitted, scale: float, turned: bool) -> StateMatrices:
     if not turned:
         return fitted.state_space(scale)
     if not isinstance(fitted.model, RealModes):
-        A, B, C, D = transposed(fitted.state_space(scale))
+        A, B, C, D = fitted.state_space(scale).transposed()
         swapped = np.arange(len(A))  # the states of a block change places: [[a, s], [-v, a]] again
         paired = 2 * fitted.model.centre.size
         swapped[:paired] = swapped[:paired].reshape(-1, 2)[:, ::-1].ravel()

@@ -87,12 +87,12 @@ class FractionModel(Frozen):
         """The model as a `control.StateSpace`."""
         import control
 
-        A, B, C, D = self.matrices
+        matrices = self.matrices
         if self.form == "left":
-            A, B, C, D = A.T, C.T, B.T, D.T
+            matrices = matrices.transposed()
         elif self.form == "shared" and self.shape is not None:
-            A, B, C, D = shared_model(self.matrices, self.shape)
-        return control.ss(A, B, C, D, 0 if self.dt is None else self.dt)
+            matrices = shared_model(matrices, self.shape)
+        return control.ss(*matrices, 0 if self.dt is None else self.dt)
 
     @property
     def poles(self) -> np.ndarray:
@@ -207,9 +207,9 @@ def realise(problem: FractionProblem, fraction: NodeFraction, *, form: str = "ri
         C[:], D[:] = solution[: problem.order].T, solution[problem.order :].T
     else:
         C[:] = (states.T @ outputs).T
-    C = _held_outputs(problem, StateMatrices(A, B, C, D))
+    outputs = _held_outputs(problem, StateMatrices(A, B, C, D))
     scale = polynomial_nodes(problem.omega, problem.dt)[1]
-    model = FractionModel(A, B, C, D, basis, problem.degrees, scale, problem.dt, form, 0.0, select)
+    model = FractionModel(A, B, outputs, D, basis, problem.degrees, scale, problem.dt, form, 0.0, select)
     if problem.rigid is not None:
         count = problem.rigid.count
         directions = fraction.held.directions if problem.rigid.outside else None
@@ -241,7 +241,7 @@ def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     moment = B
     for _ in range(0 if problem.feedthrough else problem.roll_off - 1):
         rows.append(np.kron(moment.T, np.eye(len(C))))
-        right.append(np.zeros(moment.shape[1] * len(C)))
+        right.append(np.zeros(int(nu) * len(C)))
         moment = A @ moment
     if not rows:
         return C

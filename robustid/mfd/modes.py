@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import response_at
-from robustid.errors import InputTypeError
+from robustid.core import as_kind, response_at
 from robustid.mfd.covariance import FitCovariance
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.modal import continuous, curve_points, modal_form, schur_poles
@@ -103,8 +102,8 @@ def mode_table(
     >>> round(row.hz, 4), round(row.damping, 4), row.participation
     (0.6366, 0.25, 1.0)
     """
-    if covariance is not None and not isinstance(covariance, FitCovariance):
-        raise InputTypeError(f"`covariance` must be a FitCovariance; got {type(covariance).__name__}")
+    if covariance is not None:
+        as_kind("covariance", covariance, FitCovariance, "a FitCovariance")
     if isinstance(model, MatrixFraction):
         return _of_fit(model, covariance)
     form = modal_form(model)
@@ -170,9 +169,9 @@ def _with_shapes(
 
 def _shapes(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np.ndarray]:
     """Shape and drive of a pair ``[[a, b], [-b, a]]``: its residue over that of a real mode, of the largest entry."""
-    M = np.outer(C[:, 0] + 1j * C[:, 1], B[0] - 1j * B[1])
+    residue = np.outer(C[:, 0] + 1j * C[:, 1], B[0] - 1j * B[1])
     unit = dt if dt else 1.0
-    M = M / (2 * unit**2 * mode_gains(np.array([s * unit]), bool(dt), 0)[0])
+    M = residue / (2 * unit**2 * mode_gains(np.array([s * unit]), bool(dt), 0)[0])
     i, j = np.unravel_index(np.argmax(np.abs(M)), M.shape)
     return {"shape": M[:, j] / (M[i, j] or 1.0), "drive": M[i]}
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_count, as_function, as_positive, one_thread
+from robustid.core import as_count, as_function, as_kind, as_positive, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.mfd.constraints import RollOff, as_constraints
@@ -123,8 +123,8 @@ def suggest_order(
     2
     """
     frf = as_frequency_response("frf", frf)
-    if not isinstance(executor, Executor | None):
-        raise InputTypeError(f"`executor` must be a concurrent.futures.Executor; got {type(executor).__name__}")
+    if executor is not None:
+        as_kind("executor", executor, Executor, "a concurrent.futures.Executor")
     for name in options:
         if name == "order" or name not in inspect.signature(fit_mfd).parameters:
             raise InputTypeError(f"`{name}` is not an option of fit_mfd that suggest_order takes; leave it out")

@@ -194,10 +194,11 @@ class Outputs:
         """The model with its best outputs; of infinite cost where a pole lies on a frequency point."""
         with np.errstate(all="ignore"):
             states = model.states(self.criterion.xi)
-        C, D = np.zeros((self.ny, model.order)), np.zeros((self.ny, self.criterion.inputs))
+        no_feedthrough = np.zeros((self.ny, self.criterion.inputs))
         if not np.all(np.isfinite(states)):
             nothing = np.zeros((1, 0, 0))
-            return Fitted(model, states, C, D, nothing, self.target, math.inf, nothing)
+            C = np.zeros((self.ny, model.order))
+            return Fitted(model, states, C, no_feedthrough, nothing, self.target, math.inf, nothing)
         basis, inverse = _orthonormal(self.design(model, states))
         u = basis.transpose(0, 2, 1) @ self.target[..., None]
         restriction, allowed = None, True
@@ -205,8 +206,7 @@ class Outputs:
             restriction, u, allowed = self._restricted(model, inverse, u)
         residual = self.target - (basis @ u)[..., 0]
         matrix = self.matrix(model, (inverse @ u)[..., 0])
-        if self.criterion.feedthrough:
-            D = matrix[:, model.order :]
+        D = matrix[:, model.order :] if self.criterion.feedthrough else no_feedthrough
         cost = float(np.sum(residual**2)) if allowed else math.inf
         return Fitted(model, states, matrix[:, : model.order], D, basis, residual, cost, inverse, restriction)
 
@@ -225,10 +225,11 @@ class Outputs:
         if not np.all(np.isfinite(rows)):  # a pole on the point of a condition
             return Restriction(np.zeros((0, u.size)), np.zeros((u.size, len(rows)))), u, False
         inverse = np.broadcast_to(inverse, (u.shape[0], *inverse.shape[1:]))
-        if self.apart:
-            K = np.einsum("mgx,gxu->mgu", rows, inverse).reshape(len(rows), -1)
-        else:
-            K = rows.transpose(0, 2, 1).reshape(len(rows), -1) @ inverse[0]
+        K: Real = (
+            np.einsum("mgx,gxu->mgu", rows, inverse).reshape(len(rows), -1)
+            if self.apart
+            else rows.transpose(0, 2, 1).reshape(len(rows), -1) @ inverse[0]
+        )
         size = np.linalg.norm(K, axis=1)
         size[size == 0] = 1.0
         U, sizes, Vt = np.linalg.svd(K / size[:, None], full_matrices=False)
@@ -275,7 +276,8 @@ class Outputs:
             else:
                 SV = np.einsum("gwu,rgu->gwr", S, V).reshape(groups * width, -1)
                 gram = diagonal_blocks(*(S @ S.transpose(0, 2, 1))) - SV @ SV.T
-                out[block] = float(c.ravel() @ np.linalg.pinv(gram, hermitian=True) @ c.ravel())
+                own = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=float)
+                out[block] = float(c.ravel() @ own @ c.ravel())
         return out
 
     def by_blocks(self, fitted: Fitted) -> tuple[Real, int]:
@@ -344,7 +346,7 @@ def _orthonormal(design: Real) -> tuple[Real, Real]:
     if R.shape[1] == R.shape[2]:
         with np.errstate(all="ignore"):
             try:
-                inverse = np.linalg.inv(scaled)
+                inverse: Real = np.asarray(np.linalg.inv(scaled), dtype=float)
             except np.linalg.LinAlgError:
                 inverse = np.full(R.shape, np.inf)
             # |R| |R^-1| in the norm of Frobenius: no more than that many columns away from the condition number

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.errors import InputError
@@ -89,8 +91,9 @@ class FractionProblem(Frozen):
         if self.weight.shape != values.shape:
             raise InputError(f"`weight` must have shape {values.shape} as the values; got {self.weight.shape}")
         ny, nu = values.shape[1:]
+        zeros = cast("NDArray[np.bool_] | None", self.zeros)
         self._set(
-            zeros=freeze(np.zeros((nu + ny, nu), dtype=bool) if self.zeros is None else self.zeros),
+            zeros=freeze(np.zeros((nu + ny, nu), dtype=bool) if zeros is None else zeros),
             omega=freeze(omega),
             values=freeze(values),
             order=as_count("order", self.order, least=1),

@@ -13,7 +13,7 @@ from robustid.data import TimeRecord
 from robustid.mfd.criterion import Weight
 from robustid.mfd.outputs import Block, Criterion, Fitted, Outputs
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.state_fit import output_rows, real_rows, triangle
+from robustid.mfd.state_fit import output_rows, real_rows, solution_in_units, triangle
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -160,8 +160,5 @@ def fit_driven(criterion: Criterion, A: Real, C: Real) -> Real:
         parts.append(block.values[..., None])
         weighted = block.weight.apply_all(np.concatenate([part.reshape(lines, ny, c, -1) for part in parts], axis=3))
         equations.append(real_rows(weighted.reshape(lines * ny * c, -1)))
-    R = triangle(np.concatenate(equations))
-    size = np.linalg.norm(R[:, :-1], axis=0)
-    size[size == 0] = 1.0
-    found = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
-    return np.asarray(found[:count].reshape(-1, n).T)
+    found = solution_in_units(triangle(np.concatenate(equations)))
+    return found[:count].reshape(-1, n).T

@@ -84,12 +84,12 @@ def posed(
             " equations; lower the order or give longer records"
         )
     everything = np.concatenate([record.u for record in records]), np.concatenate([record.y for record in records])
-    unit, size = (np.sqrt(np.mean(part**2, axis=0)) for part in everything)
-    for name, level, names in (("u", unit, records[0].inputs), ("y", size, records[0].outputs)):
+    moved, size = (np.sqrt(np.mean(part**2, axis=0)) for part in everything)
+    for name, level, names in (("u", moved, records[0].inputs), ("y", size, records[0].outputs)):
         if not np.all(level):
             what = names[int(np.argmin(level))]
             raise InputError(f"`records` have `{name}` = 0 throughout in signal {what}; leave that signal out")
-    unit = 2.0 ** np.round(np.log2(unit))
+    unit = np.asarray(2.0 ** np.round(np.log2(moved)), dtype=float)
     columns = nu
     lines: list[Lines] = []
     for record in records:

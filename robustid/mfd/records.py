@@ -174,16 +174,14 @@ def _best_start(
             if stable:
                 inside, xi = model.reflected(), outputs.criterion.xi
                 model = min(inside, inside.resolved(xi), key=lambda one: outputs.fitted(one).cost)
-            history: tuple[FitStep, ...] = ()
-            for _ in range(2):
-                limit = 0 if history and time.monotonic() > deadline else _BRIEF
-                one = refine(outputs.criterion, model, stable=stable, limit=limit, budget=Budget(deadline))
-                history += one.history
-                model, levels = one.fitted.model, _levels(posed, outputs, one, given)
-                outputs = Outputs(posed.criterion(levels[:-1], float(levels[-1])))
-            height = posed.height(outputs, outputs.fitted(model))
+            first = refine(outputs.criterion, model, stable=stable, limit=_BRIEF, budget=Budget(deadline))
+            outputs, _ = _weighted(posed, outputs, first, given)
+            limit = 0 if time.monotonic() > deadline and first.history else _BRIEF
+            one = refine(outputs.criterion, first.fitted.model, stable=stable, limit=limit, budget=Budget(deadline))
+            outputs, levels = _weighted(posed, outputs, one, given)
+            height = posed.height(outputs, outputs.fitted(one.fitted.model))
             if best is None or height < lowest:
-                best, lowest = (one._replace(history=history), levels), height
+                best, lowest = (one._replace(history=first.history + one.history), levels), height
             if one.status is FitStatus.INTERRUPTED:
                 break
     except KeyboardInterrupt:
@@ -193,6 +191,12 @@ def _best_start(
     if best is None:
         raise InputError("`records` gave no first model of this `order`; lower it, or give a `start`")
     return best
+
+
+def _weighted(posed: Experiments, outputs: Outputs, found: Refined, given: Real | None) -> tuple[Outputs, Real]:
+    """The criterion in the levels of a residual, and these levels."""
+    levels = _levels(posed, outputs, found, given)
+    return Outputs(posed.criterion(levels[:-1], float(levels[-1]))), levels
 
 
 def _levels(posed: Experiments, outputs: Outputs, found: Refined, given: Real | None) -> Real:

@@ -182,8 +182,8 @@ class _Descent:
 def _orthonormal(J: Real, r: Real) -> tuple[Real, Real]:
     """R (T, T) and Q' r of J = Q R."""
     T = J.shape[1]
-    R = triangle(np.column_stack([J, r]))
-    R = np.pad(R, ((0, max(T + 1 - len(R), 0)), (0, 0)))
+    few = triangle(np.column_stack([J, r]))
+    R = np.pad(few, ((0, max(T + 1 - len(few), 0)), (0, 0)))
     return R[:T, :T], R[:T, T]
 
 
@@ -214,9 +214,8 @@ def _bounded(R: Real, gradient: Real, radius: float) -> Real:
     """The shortest minimum of ``|gradient - R step|``, or the best step on the radius where that is longer."""
     U, sizes, Vt = np.linalg.svd(R)
     kept = sizes > _SEEN * sizes[:1]
-    U, sizes, Vt = U[:, kept], sizes[kept], Vt[kept]
-    g = U.T @ gradient
-    return Vt.T @ (sizes * g / (sizes**2 + _damping(sizes, g, radius)))
+    g, sizes = U[:, kept].T @ gradient, sizes[kept]
+    return Vt[kept].T @ (sizes * g / (sizes**2 + _damping(sizes, g, radius)))
 
 
 def _damping(sizes: Real, g: Real, radius: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg
@@ -14,7 +14,7 @@ from robustid.mfd.chains import chain, sorted_schur
 from robustid.mfd.conditions import RigidModes
 from robustid.mfd.model import realise
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, fit_outputs, reflected
+from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, fit_outputs, reflected, solution
 from robustid.mfd.steps import into_form
 
 _ALTERNATIONS = 20
@@ -105,7 +105,8 @@ class RigidBody(Frozen):
 def as_rigid_body(body: Any) -> RigidBody | None:
     """The modes that are asked for, also by their number alone."""
     if isinstance(body, int | np.integer) and not isinstance(body, bool):
-        return RigidBody(int(body)) if body else None
+        count = int(cast("int", body))
+        return RigidBody(count) if count else None
     if body is not None and not isinstance(body, RigidBody):
         raise InputTypeError(f"`rigid_body` must be a RigidBody, such as RigidBody(3); got {type(body).__name__}")
     return body
@@ -130,14 +131,14 @@ def rigid_start(
     flexible = len(A) - 2 * count
     Af, Cf = reflected(T[:flexible, :flexible], data.points, data.domain), (C @ Z)[:, :flexible]
     free = diagonal_blocks(Af, chain(ny, origin))
-    B = fit_inputs(data, free, np.hstack([Cf, np.eye(ny, 2 * ny)]), feedthrough)[0]
+    gains = fit_inputs(data, free, np.hstack([Cf, np.eye(ny, 2 * ny)]), feedthrough)[0]
     if body.directions is not None:
         directions = body.directions if body.side == "input" else body.directions.T
     else:
-        directions = _row_space(B[flexible + ny :], data, count)
-    A = diagonal_blocks(Af, chain(count, origin))
-    B = np.vstack([B[:flexible], np.zeros((count, nu)), directions])
-    return StateMatrices(A, B, *fit_outputs(data, A, B, feedthrough)), directions
+        directions = _row_space(gains[flexible + ny :], data, count)
+    blocks = diagonal_blocks(Af, chain(count, origin))
+    B = np.vstack([gains[:flexible], np.zeros((count, nu)), directions])
+    return StateMatrices(blocks, B, *fit_outputs(data, blocks, B, feedthrough)), directions
 
 
 def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
@@ -165,11 +166,9 @@ def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
         rest[i], rest[:, j] = 0.0, 0.0
     rows, weight = gains[chosen], 1 / deviation
     for _ in range(_ALTERNATIONS):
-        left = np.stack(
-            [np.linalg.lstsq((rows * w).T, g * w, rcond=None)[0] for w, g in zip(weight, gains, strict=True)]
-        )
+        left = np.stack([solution((rows * w).T, g * w) for w, g in zip(weight, gains, strict=True)])
         pairs = zip(weight.T, gains.T, strict=True)
-        rows = np.stack([np.linalg.lstsq(left * w[:, None], g * w, rcond=None)[0] for w, g in pairs], axis=1)
+        rows = np.stack([solution(left * w[:, None], g * w) for w, g in pairs], axis=1)
     return rows
 
 
@@ -200,5 +199,5 @@ def rigid_modes(
     # D V = O(s^2): V spans the null space of D at the pole, of the fraction that the start makes without conditions.
     plain, nu = realise(problem, into_form(problem, response_at(model, data.points))), problem.values.shape[2]
     null = np.linalg.svd(plain.denominator(np.array([problem.origin]))[0].real)[2][-body.count :]
-    directions, pivots = pivoted(null, np.ones(nu))
+    directions, pivots = pivoted(null, np.ones(int(nu)))
     return dataclasses.replace(problem, rigid=RigidModes(directions.T, pivots, False, body.count < nu))

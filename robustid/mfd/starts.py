@@ -15,7 +15,7 @@ from robustid.mfd.iteration import fit_fraction
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.rigid_body import RigidBody
-from robustid.mfd.state_fit import Samples, fit_inputs, fit_outputs, real_rows
+from robustid.mfd.state_fit import Samples, diagonal_blocks, fit_inputs, fit_outputs, real_rows
 from robustid.mfd.subspace import subspace_estimate
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
@@ -50,10 +50,10 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
                 domain=data.domain,
                 deadline=deadline,
             )
-            C, D = one.C, one.D
+            outputs = one.C, one.D
             if values is not data.values:
-                C, D = fit_outputs(data._replace(weight=weight), one.A, one.B, problem.feedthrough)
-            found.append(StateMatrices(one.A, one.B, C, D))
+                outputs = fit_outputs(data._replace(weight=weight), one.A, one.B, problem.feedthrough)
+            found.append(StateMatrices(one.A, one.B, *outputs))
     return found
 
 
@@ -119,20 +119,21 @@ def first_model(
             raise InputError("`start` must be a model where a rigid body is asked for; poles don't say what moves it")
         poles = as_array("start", start, dtype=complex, ndim=1)
         return _from_poles(problem, poles) if form != "shared" else _column(problem, data, poles)
-    A, B, C, D = (np.asarray(M, dtype=float) for M in (start.A, start.B, start.C, start.D))
-    ny, nu = D.shape
+    model = StateMatrices.of(start)
+    ny, nu = model.D.shape
     if form == "left":
-        A, B, C, D = A.T, C.T, B.T, D.T
-    if fitted(D[None], form).shape[1:] != problem.values.shape[1:]:
+        model = model.transposed()
+    if fitted(model.D[None], form).shape[1:] != problem.values.shape[1:]:
         raise InputError(f"`start` must have the inputs and outputs of `frf`; got {ny} outputs and {nu} inputs")
     least = 1 if body is None else 2 * body.count
-    if len(A) < least:
-        raise InputError(f"`start` must have at least {least} state{'s' * (least > 1)} for this fit; got {len(A)}")
+    order = len(model.A)
+    if order < least:
+        raise InputError(f"`start` must have at least {least} state{'s' * (least > 1)} for this fit; got {order}")
     if start.isdtime(strict=True) != (problem.dt is not None):
         raise InputError('`start` must be continuous for domain "s" and discrete for domain "z"')
     if form == "shared":
-        return _column(problem, data, np.linalg.eigvals(A))
-    return StateMatrices(A, B, C, D)
+        return _column(problem, data, np.linalg.eigvals(model.A))
+    return model
 
 
 def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMatrices | None:
@@ -162,10 +163,10 @@ def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMa
     kept = [k for k in range(flexible) if k not in dropped]
     T, outputs = _real_modal(poles[kept], left[:, kept])
     rest = A[flexible:, flexible:]
-    A = np.block([[T, np.zeros((len(T), len(rest)))], [np.zeros((len(rest), len(T))), rest]])
-    C = np.hstack([outputs, C[:, flexible:]])
-    B, D, _ = fit_inputs(data, A, C, feedthrough)
-    return StateMatrices(A, B, C, D)
+    dynamics = diagonal_blocks(T, rest)
+    outputs = np.hstack([outputs, C[:, flexible:]])
+    inputs, D, _ = fit_inputs(data, dynamics, outputs, feedthrough)
+    return StateMatrices(dynamics, inputs, outputs, D)
 
 
 def _conjugate(poles: np.ndarray, k: int) -> int:

@@ -49,10 +49,8 @@ def fit_inputs(data: Samples, A: np.ndarray, C: np.ndarray, feedthrough: bool) -
     gain = np.empty((rows.shape[2], nu))
     for j in range(nu):
         system = np.concatenate([rows, values[:, :, j, None]], axis=2)
-        R = triangle(real_rows((weight[:, :, j, None] * system).reshape(lines * ny, -1)))
-        size = np.linalg.norm(R[:, :-1], axis=0)
-        size[size == 0] = 1.0
-        gain[:, j] = np.linalg.lstsq(R[:, :-1] / size, R[:, -1], rcond=None)[0] / size
+        equations = real_rows((weight[:, :, j, None] * system).reshape(lines * ny, -1))
+        gain[:, j] = solution_in_units(triangle(equations))
     residual = np.linalg.norm(weight * (values - rows @ gain)) / math.sqrt(np.count_nonzero(weight))
     return gain[:order], gain[order:] if feedthrough else np.zeros((ny, nu)), float(residual)
 
@@ -75,11 +73,11 @@ def output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
 def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:
     """A in real Schur form with its unstable eigenvalues reflected: -conj(s), 1/conj(z)."""
     boundary = _BOUNDARY * (np.min(band(points, "s")) if domain == "s" else 1.0)
-    A = A.copy()
-    j, n = 0, len(A)
+    out = A.copy()
+    j, n = 0, len(out)
     while j < n:
-        size = 2 if j + 1 < n and A[j + 1, j] != 0 else 1
-        block = A[j : j + size, j : j + size]  # LAPACK's standard form: equal diagonal entries, the real part
+        size = 2 if j + 1 < n and out[j + 1, j] != 0 else 1
+        block = out[j : j + size, j : j + size]  # LAPACK's standard form: equal diagonal entries, the real part
         if domain == "s":
             np.fill_diagonal(block, -max(abs(block[0, 0]), boundary))
         else:
@@ -87,7 +85,7 @@ def reflected(A: np.ndarray, points: np.ndarray, domain: str) -> np.ndarray:
             if radius > 1 - boundary:
                 block *= min(1 / radius, 1 - boundary) / radius
         j += size
-    return A
+    return out
 
 
 def band(points: np.ndarray, domain: str) -> np.ndarray:
@@ -104,6 +102,18 @@ def triangle(matrix: np.ndarray) -> np.ndarray:
         return np.asarray(np.linalg.qr(matrix, mode="r"))
     parts = [np.linalg.qr(matrix[k : k + size], mode="r") for k in range(0, rows, size)]
     return triangle(np.concatenate(parts))
+
+
+def solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The shortest least-squares solution of ``matrix x = right``."""
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=float)
+
+
+def solution_in_units(equations: np.ndarray) -> np.ndarray:
+    """The least-squares solution x of ``A x = b``, from [A b], every unknown in the unit that gives its column length one."""
+    size = np.linalg.norm(equations[:, :-1], axis=0)
+    size[size == 0] = 1.0
+    return solution(equations[:, :-1] / size, equations[:, -1]) / size
 
 
 def real_rows(matrix: np.ndarray) -> np.ndarray:

@@ -278,7 +278,7 @@ def relaxed_step(
     ease = _ease(basis)
     system = system * ease
     size = np.linalg.norm(system, axis=1)
-    coordinates = ease * np.linalg.lstsq(system / size[:, None], right / size, rcond=1e-13)[0]
+    coordinates = ease * np.asarray(np.linalg.lstsq(system / size[:, None], right / size, rcond=1e-13)[0], dtype=float)
     fraction = problem.polynomial(basis, (coordinates,), problem.directions(held))
     return problem.tie(_monic(problem, fraction)), basis.condition
 

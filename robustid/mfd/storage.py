@@ -114,7 +114,8 @@ def _made(text: Any, arrays: Arrays) -> Any:
     if "$array" in text:
         return arrays[text["$array"]]
     if "$complex" in text:
-        return complex(*text["$complex"])
+        real, imag = cast("Sequence[float]", text["$complex"])
+        return complex(real, imag)
     if "$status" in text:
         return FitStatus[text["$status"]]
     cls = _CLASSES[text["$class"]]

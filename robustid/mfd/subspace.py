@@ -131,11 +131,9 @@ def subspace_estimate(
         for number in [leading] if much else range(len(choices)):  # the one that was best with half as many rows
             if best is not None and time.monotonic() > deadline:
                 return best
-            A, C, singular_values = _dynamics(data, order, choices[number])
-            A, Z = scipy.linalg.schur(A, output="real")[:2]
-            C = C @ Z
-            if stable:
-                A = reflected(A, data.points, domain)
+            dynamics, outputs, singular_values = _dynamics(data, order, choices[number])
+            T, Z = scipy.linalg.schur(dynamics, output="real")[:2]
+            A, C = reflected(T, data.points, domain) if stable else T, outputs @ Z
             B, D, residual = fit_inputs(data, A, C, feedthrough)
             if math.isfinite(residual) and (best is None or residual < best.residual):
                 best, leading = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual), number
@@ -251,7 +249,7 @@ def _as_weight(weight: np.ndarray | None, values: np.ndarray) -> np.ndarray:
 def pole_choices(points: np.ndarray, count: int, domain: str) -> list[np.ndarray]:
     """Ways of spreading `count` real poles over the band, falling (measured better than rising)."""
     lines = band(points, domain)
-    low, high = np.min(lines), np.max(lines)
+    low, high = float(np.min(lines)), float(np.max(lines))
     log, lin = np.geomspace(high, low, count), np.linspace(high, low, count)
     choices: list[np.ndarray] = [log, np.sqrt(log * lin), lin, np.full(count, np.sqrt(low * high))]
     if domain == "s":

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.core import StateMatrices
 from robustid.data import FrequencyResponse
-from robustid.mfd.attempt import blocks_of, flipped, refinable, transposed
+from robustid.mfd.attempt import blocks_of, flipped, refinable
 from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.left_out import withheld, withheld_residual
 
@@ -30,7 +30,7 @@ def withheld_error(fit: MatrixFraction) -> float:
     if not refinable(problem) or unknowns > problem.equations // 2:
         return math.nan
     if flipped(problem):
-        problem, model = problem.transposed(), transposed(model)
+        problem, model = problem.transposed(), model.transposed()
     mask = withheld(problem, _FIRST)
     size = float(np.linalg.norm(problem.weight.select(mask).apply(problem.values[mask])))
     if not size > 0:

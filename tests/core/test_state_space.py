@@ -37,6 +37,12 @@ def test_every_convention_is_the_dense_solution(states):
     assert all(np.abs(poles - pole).min() < 1e-12 for pole in np.linalg.eigvals(system[0]))
 
 
+def test_the_transposed_state_space_has_the_transposed_response():
+    system = StateMatrices(*random_system(3, 4))
+    transposed = response_at(system.transposed(), [1.5, 0.3j])
+    np.testing.assert_allclose(transposed, response_at(system, [1.5, 0.3j]).transpose(0, 2, 1), rtol=1e-12)
+
+
 def test_a_pole_gives_no_finite_value_and_a_chain_of_integrators_keeps_its_digits():
     chain = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
     values = response_at(chain, [0.0, 1e-6j, 2.0])[:, 0, 0]
