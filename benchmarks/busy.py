@@ -18,7 +18,9 @@ CALLS = {
     "identify": "rid.identify(problem())",
     "bands": "rid.worst_case_error(rid.identify(problem()), omega=[50.0, 111.0, 120.0])",
     "reduce": "rid.reduce_within_bounds(rid.identify(problem()))",
-    "class": "rid.suggest_prior(problem())",
+    "prior": "rid.suggest_prior(problem())",
+    "class": "rid.suggest_class(frequency=rid.flexible_structure().frequency, modes=rid.flexible_structure().modes)",
+    "tube": "rid.response_tube(rid.identify(problem()), times=[0.03])",
     "truncate": "rid.balanced_truncation(plant(), order=60)",
 }
 SETUP = f"""

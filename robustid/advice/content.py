@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind, freeze, responses
+from robustid.core import Frozen, Real, as_kind, freeze, one_thread, responses
 from robustid.guarantees import consistent_set
 from robustid.identification import Identification
 
@@ -92,6 +92,7 @@ class Content(Frozen):
         return f"{head}: {'; '.join(self.signs)}. Raise the decay rate and put what then contradicts it into the modes."
 
 
+@one_thread()
 def content(identification: Identification) -> Content:
     """What a class says between the frequency points: whether its verdict has content.
 

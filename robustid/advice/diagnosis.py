@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import further_mode
 from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
-from robustid.core import Complex, Frozen, Real, as_kind
+from robustid.core import Complex, Frozen, Real, as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem
@@ -88,6 +88,7 @@ class Diagnosis(Frozen):
         return "\n".join(lines)
 
 
+@one_thread()
 def diagnose(identification: Identification) -> Diagnosis:
     """Name the active constraints of a result, what inflation of the bounds makes the data consistent, and what else would.
 

@@ -20,7 +20,7 @@ from robustid.advice.pole_fit import (
 )
 from robustid.advice.pole_interval import pole_interval
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Real, as_count, as_positive, freeze
+from robustid.core import Frozen, Real, as_count, as_positive, freeze, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 
@@ -76,6 +76,7 @@ class KautzSuggestion(Frozen):
         return "\n".join([*lines, self.reason])
 
 
+@one_thread()
 def suggest_kautz(
     frf: FrequencyResponse,
     *,

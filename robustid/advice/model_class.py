@@ -14,7 +14,7 @@ from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import Budget, Progress, Real, as_array, as_count, response
+from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread, response
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of, check_siso
@@ -28,6 +28,7 @@ _LATE = "the time was over"
 _ANY = Prior(gain_bound=1.0, decay_rate=1.05)  # a placeholder
 
 
+@one_thread()
 def suggest_class(
     *,
     frequency: FrequencyResponse | Sequence[FrequencyResponse] | None = None,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, as_count, as_kind, as_positive
+from robustid.core import Real, as_count, as_kind, as_positive, one_thread
 from robustid.data import TimeRecord
 from robustid.guarantees import WorstCaseError, check_siso, response_tube, worst_case_error
 from robustid.identification import Identification, MixedProblem
@@ -63,6 +63,7 @@ class NextMeasurement:
         )
 
 
+@one_thread()
 def suggest_next(
     identification: Identification | WorstCaseError, *, candidates: Any = None, bound: Any = None, count: int = 5
 ) -> list[NextMeasurement]:

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
-from robustid.core import Complex, Frozen, Real, as_kind, as_positive, freeze, threads_for
+from robustid.core import Complex, Frozen, Real, as_kind, as_positive, freeze, one_thread, threads_for
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import (
@@ -116,6 +116,7 @@ class KautzImprovement(Frozen):
         return "\n".join([*lines, self.reason, *([self.note] if self.note else [])])
 
 
+@one_thread()
 def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = True) -> KautzImprovement:
     """Repair Kautz pairs with which the data are inconsistent: repeat them, then move their poles until the margin is small.
 

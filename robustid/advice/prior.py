@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.advice.representatives import Mask, missed, selected, thinned
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze
+from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread, threads_for
 from robustid.data import TangentialResponse
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.identification import MixedProblem, Prior, identify
@@ -90,6 +90,7 @@ class PriorSuggestion(Frozen):
         return "\n".join([*lines, self.reason])
 
 
+@one_thread()
 def suggest_prior(
     problem: MixedProblem,
     *,
@@ -296,15 +297,16 @@ def smallest_gain(
     for ceiling in ceilings:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
-        data = formulate(trial, accuracy=_TAILS).data
-        try:
-            center = analytic_center(data, 1.0)
-        except SolverError:
-            continue
-        kappa = 1.0
-        for _, kappa, gap in gain_path(data, center, 1.0):
-            if gap <= _DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
-                break
+        form = formulate(trial, accuracy=_TAILS)
+        data, kappa = form.data, 1.0
+        with threads_for(form.count):
+            try:
+                center = analytic_center(data, 1.0)
+            except SolverError:
+                continue
+            for _, kappa, gap in gain_path(data, center, 1.0):
+                if gap <= _DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
+                    break
         return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
     return np.inf
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind
+from robustid.core import Frozen, Real, as_kind, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -84,6 +84,7 @@ class Sensitivity(Frozen):
         return "\n".join(lines)
 
 
+@one_thread()
 def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
     """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer frequency points.
 

@@ -19,6 +19,7 @@ from robustid.app.members import FamilyRun, run_members
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem
+from robustid.core import one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.identification import MixedProblem, Prior, prior_fields
@@ -67,6 +68,7 @@ def _stated(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 @_with_keywords
+@one_thread()
 def identify_reduced(
     data: Any,
     *,
@@ -163,6 +165,7 @@ def _as_measured(data: Any) -> Measured:
     )
 
 
+@one_thread()
 def run(
     path: str | os.PathLike[str],
     folder: str | os.PathLike[str],

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real
+from robustid.core import Frozen, Real, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
 from robustid.identification import check_model
@@ -57,6 +57,7 @@ class RobustStabilityMargin(Frozen):
         return self.status is MarginStatus.GUARANTEED
 
 
+@one_thread()
 def robust_stability_margin(
     nominal: control.StateSpace, controller: control.StateSpace, edges: Any, bound: Any, *, kind: str = "additive"
 ) -> RobustStabilityMargin:

@@ -12,7 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Frozen, Progress, Real, as_array, as_count, as_kind, as_positive, freeze, simulate
+from robustid.core import (
+    Budget,
+    Frozen,
+    Progress,
+    Real,
+    as_array,
+    as_count,
+    as_kind,
+    as_positive,
+    freeze,
+    one_thread,
+    simulate,
+)
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme
@@ -238,6 +250,7 @@ class ResponseTube(Frozen, Drawable):
         return "\n".join(lines)
 
 
+@one_thread()
 def response_tube(
     identification: Identification,
     *,

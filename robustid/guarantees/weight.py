@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze
+from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.bilinear import ControlPair, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
@@ -239,6 +239,7 @@ def _relative(plant: Any, cells: Cells, kind: str) -> Real:
     return cells.bound / room * (1 + 1e-12)
 
 
+@one_thread()
 def magnitude_weight(
     edges: Any, bound: Any, *, dt: float, order: int | None = None, tightness: float = 1.5
 ) -> UncertaintyWeight:

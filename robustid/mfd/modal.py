@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, StateMatrices, freeze, response_at, scaled_states
+from robustid.core import Frozen, StateMatrices, freeze, response_at, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
 
@@ -99,6 +99,11 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     origin = 1.0 if system.dt else 0.0
     if not len(A):
         return ModalForm(system, (), 0, np.zeros((0, 0)), 1.0, 0.0)
+    with threads_for(len(A)):
+        return _in_blocks(system, A, B, C, origin)
+
+
+def _in_blocks(system: Any, A: np.ndarray, B: np.ndarray, C: np.ndarray, origin: float) -> ModalForm:
     parts, rigid, poles = modal_parts(A, origin)
     right, left = np.hstack([part.right for part in parts]), np.vstack([part.left for part in parts])
     ends = np.cumsum([0, *(len(part.block) for part in parts)])

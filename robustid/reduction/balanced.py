@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, Real, as_count, as_float, balancing, freeze
+from robustid.core import Frozen, Real, as_count, as_float, balancing, freeze, threads_for
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
@@ -197,12 +197,13 @@ def balanced_truncation(
     tol = _DEFAULT_TOL if tol is None else as_float("tol", tol)
     if tol < 0:
         raise InputError(f"`tol` must be >= 0: a bound relative to the largest Hankel value; got {tol:g}")
-    stable, kept = split(system, unstable)
-    held = kept.a.shape[0]
-    if order is not None and order < held:
-        raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
-    factors = limited(system, stable, **limits) if given else None
-    return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
+    with threads_for(system.nstates):
+        stable, kept = split(system, unstable)
+        held = kept.a.shape[0]
+        if order is not None and order < held:
+            raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
+        factors = limited(system, stable, **limits) if given else None
+        return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
 
 
 def _quoted(word: str | None) -> str:
@@ -297,8 +298,9 @@ def hankel_singular_values(model: control.StateSpace) -> Real:
     array([2.])
     """
     system = check_model("model", model)
-    left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
-    return np.asarray(scipy.linalg.svdvals(left.T @ right))
+    with threads_for(system.nstates):
+        left, right = gramian_factors(split(system, "refuse")[0], discrete=system.dt != 0)
+        return np.asarray(scipy.linalg.svdvals(left.T @ right))
 
 
 def _error_bounds(hankel: Real) -> Real:

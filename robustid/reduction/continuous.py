@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, Real, response_at, scaled_states
+from robustid.core import Frozen, Real, response_at, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import Parts, doubtful_distance
@@ -85,6 +85,11 @@ def to_continuous(model: control.StateSpace) -> ContinuousModel:
     system = check_model("model", model)
     if system.dt == 0 or system.dt is True or system.dt is None:
         raise InputError(f"`model` must be discrete with its sample time in s; got dt = {system.dt}")
+    with threads_for(system.nstates):
+        return _continuous(system)
+
+
+def _continuous(system: control.StateSpace) -> ContinuousModel:
     parts = Parts(*scaled_states(system.A, system.B, system.C))
     poles, doubt = doubtful_distance(parts.a)
     distance = np.where(np.real(poles) > 0, np.abs(poles), np.abs(np.imag(poles)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, responses
+from robustid.core import Frozen, Real, one_thread, responses
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification, largest_ratio
@@ -50,6 +50,7 @@ class DoubtfulMode(Frozen):
         return f"The small model has a mode at {self.hz:.5g} Hz (damping {self.damping:.3g}) {self.why}{end}."
 
 
+@one_thread()
 def without_doubtful_modes(
     identification: Identification, model: Any, unused: Sequence[FrequencyResponse] = ()
 ) -> tuple[Any, tuple[DoubtfulMode, ...]]:

@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from robustid.core import Complex, Real, Response
+from robustid.core import Complex, Real, Response, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import Parts, split
@@ -78,12 +78,13 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
         )
     if first.nstates and second.nstates and first.dt != second.dt:
         raise InputError(f"`reduced` must have the time base of `model`, dt = {first.dt}; got dt = {second.dt}")
-    (a, kept), (b, held) = split(first, "keep"), split(second, "keep")
-    if kept.a.shape != held.a.shape:
-        return PeakError(np.inf, np.nan)
-    difference = Parts(scipy.linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
     dt = first.dt if first.nstates else second.dt
-    value, angle = _Peak(difference, first.D - second.D, discrete=bool(dt)).search()
+    with threads_for(first.nstates + second.nstates):
+        (a, kept), (b, held) = split(first, "keep"), split(second, "keep")
+        if kept.a.shape != held.a.shape:
+            return PeakError(np.inf, np.nan)
+        difference = Parts(scipy.linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
+        value, angle = _Peak(difference, first.D - second.D, discrete=bool(dt)).search()
     return PeakError(value, angle / float(dt) if dt else angle)
 
 

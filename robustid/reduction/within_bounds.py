@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import as_kind
+from robustid.core import as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification, largest_ratio
@@ -54,6 +54,7 @@ class SearchStatus(enum.Enum):
     UNREDUCED = "no smaller model that keeps every sample within its bound was found; the model is the one identified"
 
 
+@one_thread()
 def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBody | None = None) -> Reduction:
     r"""The smallest order r for which a stable model with every \|residual\| within its bound was found.
 

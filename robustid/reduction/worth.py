@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.special
 
-from robustid.core import Frozen, Progress, Real, as_kind, freeze, responses
+from robustid.core import Frozen, Progress, Real, as_kind, freeze, one_thread, responses
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification, largest_ratio
 from robustid.mfd import MatrixFraction, OrderSweep, suggest_order
@@ -88,6 +88,7 @@ class ModelWorth(Frozen):
         return found + " The difference is not significant."
 
 
+@one_thread()
 def model_worth_having(
     identification: Identification,
     smallest: Reduction,
