@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
-from robustid.core import Complex, Frozen, Real, as_kind, as_positive, freeze, one_thread, threads_for
+from robustid.core import Complex, Frozen, Real, as_flag, as_kind, as_positive, freeze, one_thread, threads_for
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import (
@@ -173,7 +173,7 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     (True, True, np.float64(17.67))
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
-    target, pairs = as_positive("target", target), pairs_of(problem)
+    target, pairs, repeat = as_positive("target", target), pairs_of(problem), as_flag("repeat", repeat)
     formulation = formulate(problem, accuracy=_DIGITS)
     with threads_for(formulation.count):
         search = _Search(formulation, pairs, target)

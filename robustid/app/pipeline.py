@@ -19,7 +19,7 @@ from robustid.app.members import FamilyRun, run_members
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem
-from robustid.core import one_thread
+from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.identification import MixedProblem, Prior, prior_fields
@@ -220,6 +220,7 @@ def run(
     True
     """
     path, folder, say = Path(path), Path(folder), progress or _silent
+    resume, force = as_flag("resume", resume), as_flag("force", force)
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume)

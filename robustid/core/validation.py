@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import operator
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -152,6 +152,13 @@ def as_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], de
     if not isinstance(value, kind):
         raise InputTypeError(f"`{name}` must be {described}; got {type(value).__name__}")
     return value
+
+
+def as_flag(name: str, value: Any) -> bool:
+    """True or False; a word such as "no" would count as true."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputTypeError(f"`{name}` must be True or False; got {_brief(value)}")
+    return bool(cast("bool", value))
 
 
 def as_function(name: str, value: Called | None) -> Called | None:

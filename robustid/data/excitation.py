@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, Savable, as_array, as_count, as_flag, as_positive, freeze
 from robustid.data.multisines import chosen_lines, given_lines, low_crest_phases, random_phases, synthesise
 from robustid.errors import InputError
 
@@ -185,7 +185,7 @@ def multisine(
     """
     dt, period = as_positive("dt", dt), as_count("period", period, least=3)
     nu, count = as_count("inputs", inputs, least=1), as_count("realisations", realisations, least=1)
-    seed = as_count("seed", seed)
+    seed, minimise_crest = as_count("seed", seed), as_flag("minimise_crest", minimise_crest)
     chosen = chosen_lines(band_hz, lines, spacing, lines_per_decade, period, dt, seed)
     shape = _spectrum(spectrum, chosen / (period * dt), nu)
     if amplitude is not None and rms is not None:

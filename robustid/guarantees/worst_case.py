@@ -19,6 +19,7 @@ from robustid.core import (
     Real,
     Savable,
     as_count,
+    as_flag,
     as_kind,
     as_positive,
     freeze,
@@ -264,7 +265,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
         -------
         CircleBound
         """
-        rtol, consistent = as_positive("rtol", rtol), self.consistent_set
+        rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
+        consistent = self.consistent_set
         known = self.values, self.known_circle or self._circle.unfinished
         settings, spread = (self.directions, self.gap), (executor, progress, resume)
         with threads_for(consistent.data.sarason.pair.order):

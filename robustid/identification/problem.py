@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import as_basis
-from robustid.core import Frozen, Real, Signal, as_array, as_kind, freeze
+from robustid.core import Frozen, Real, Signal, as_array, as_flag, as_kind, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.entries import Entries
@@ -88,7 +88,7 @@ class MixedProblem(Frozen):
             raise InputError("`frequency` and `time` are both missing; give at least one experiment")
         as_kind("prior", self.prior, Prior, "a Prior")
         _check_same_dt((*frequency, *time))
-        self._set(frequency=frequency, time=time)
+        self._set(frequency=frequency, time=time, symmetric=as_flag("symmetric", self.symmetric))
         check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
@@ -183,7 +183,7 @@ class MixedProblem(Frozen):
             raise InputError(
                 f"`symmetric` needs as many outputs as inputs, in the same order; got {p} outputs and {q} inputs"
             )
-        return Entries(p, q, bool(self.symmetric) and p > 1)
+        return Entries(p, q, self.symmetric and p > 1)
 
     def _check_integrators(self) -> None:
         if self.parametric is None or not self.parametric.has_integrator:

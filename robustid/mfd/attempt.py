@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import StateMatrices, response_at
+from robustid.core import Complex, StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.chains import input_priority
@@ -45,10 +45,16 @@ class Attempt(NamedTuple):
 
     fit: FractionFit
     found: FractionModel
-    start_cost: float
+    start: Complex  # response of the start
     reflected: int
     unstable_cost: float
     refined: bool = False  # in state-space coordinates
+
+    @property
+    def start_cost(self) -> float:
+        """Cost of the start, in the weight of the end."""
+        cost = float(np.linalg.norm(self.fit.problem.residual(self.start))) ** 2
+        return cost if math.isfinite(cost) else math.inf
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +98,7 @@ def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, setti
         fit = _stabilised(problem, fit, found, first, data, settings)
         found = realise(problem, fit.fraction, form=settings.form)
     _check_conditions(problem, found)
-    return Attempt(fit, found, problem.cost(first), count if settings.stable else 0, cost)
+    return Attempt(fit, found, first.response, count if settings.stable else 0, cost)
 
 
 def refinable(problem: FractionProblem) -> bool:
@@ -109,7 +115,7 @@ class Descent(NamedTuple):
     problem: FractionProblem  # with the directions of rigid-body modes that were found
     model: StateMatrices
     refined: Refined
-    start_cost: float
+    start: Complex  # response of the start
     reflected: int
     unstable_cost: float
 
@@ -126,14 +132,14 @@ def with_rigid_modes(
 
 def descended(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Descent:
     """Descent in state-space coordinates from a first model of any order."""
-    start_cost = _distance(problem, data, model)
+    start = response_at(model, data.points)
     if len(model.A) < problem.order and problem.rigid is None:
         model = _completed(problem, data, model)
     if len(model.A) != problem.order:
         form, first = best_form(problem, model, data, True)
         model = realise(form, first).matrices
     if problem.response_conditions:  # which the start need not meet
-        start_cost = _best_cost(problem, model)
+        start = _best_response(problem, model)
     refined, count, free_cost = _descended(problem, data, model, settings)
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
@@ -142,7 +148,7 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
-    return Descent(problem, end, refined, start_cost, count, free_cost)
+    return Descent(problem, end, refined, start, count, free_cost)
 
 
 def formed(
@@ -157,7 +163,7 @@ def formed(
 
 def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
     """The attempt in state-space coordinates; the fraction is formed of its end."""
-    problem, end, refined, start_cost, count, free_cost = descended(problem, data, model, settings)
+    problem, end, refined, start, count, free_cost = descended(problem, data, model, settings)
     enough = max((1 + FORMED) * refined.fitted.cost, problem.rounding)
     problem, nodes = formed(problem, data, end, enough)
     fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
@@ -173,19 +179,20 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
             fit = dataclasses.replace(fit, fraction=inside, cost=problem.cost(inside))
             found = realise(problem, inside, form=settings.form)
     _check_conditions(problem, found)
-    return Attempt(fit, found, start_cost, count, free_cost, True)
+    return Attempt(fit, found, start, count, free_cost, True)
 
 
-def _best_cost(problem: FractionProblem, model: StateMatrices) -> float:
-    """Cost of the poles and inputs of a state space with the best outputs that meet the conditions."""
-    if flipped(problem):
+def _best_response(problem: FractionProblem, model: StateMatrices) -> Complex:
+    """Response of the poles and inputs of a state space with the best outputs that meet the conditions."""
+    turned = flipped(problem)
+    if turned:
         problem, model = problem.transposed(), model.transposed()
-    cost = Outputs(problem).fitted(blocks_of(problem, model)).cost
-    if not np.isfinite(cost):
+    best = Outputs(problem).fitted(blocks_of(problem, model))
+    if not np.isfinite(best.cost):
         raise InputError(
             "`constraints` contradict each other, or the order is too small for them; take some away or raise `order`"
         )
-    return cost
+    return best.response.transpose(0, 2, 1) if turned else best.response
 
 
 def flipped(problem: FractionProblem) -> bool:
@@ -335,12 +342,6 @@ def suspicious(problem: FractionProblem, response: np.ndarray, status: FitStatus
     if size <= (_NOTHING_LEFT * float(np.linalg.norm(problem.weight.apply(problem.values)))) ** 2:
         return False
     return not status.converged or not white(residual)
-
-
-def _distance(problem: FractionProblem, data: Samples, model: StateMatrices) -> float:
-    """Cost of a state space."""
-    cost = float(np.linalg.norm(problem.residual(response_at(model, data.points)))) ** 2
-    return cost if np.isfinite(cost) else np.inf
 
 
 def _admitted(problem: FractionProblem, data: Samples, fraction: NodeFraction) -> NodeFraction | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_function, as_positive, one_thread
+from robustid.core import Frozen, Savable, as_flag, as_function, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstable_poles
@@ -19,7 +19,7 @@ from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.form import constraint_of
-from robustid.mfd.iteration import FitStatus, FitStep, phases_of
+from robustid.mfd.iteration import FitStatus, FitStep, former, former_weight, phases_of
 from robustid.mfd.modal_fit import modal_attempt
 from robustid.mfd.modal_structure import Modal, as_modal
 from robustid.mfd.model import FractionModel
@@ -51,10 +51,12 @@ class MatrixFraction(Frozen, Drawable, Savable):
     cost : float
         ``sum_k |W(k) vec(P_k - model)|^2`` over the frequency points.
     start_cost : float
-        The same of the start; the fit is never worse, but for a start with unstable poles that had to be reflected.
+        The same of the start (of its projection on a modal structure), in the same weight. The fit is never worse, but for a start
+        with unstable poles that had to be reflected.
     status : FitStatus
     history : tuple of FitStep
-        Cost, condition number and step of every iteration.
+        Cost, condition number and step of every iteration; also of those in a weight that the residuals changed later, and of
+        those before a modal structure, whose costs are of that `FitStep.former` criterion.
     reflected : int
         Number of unstable poles that the best fit had and that were reflected before it was refined again.
     unstable_cost : float
@@ -242,12 +244,13 @@ def fit_mfd(
     deadline = math.inf
     if time_limit is not None:
         deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
+    stable, restart = as_flag("stable", stable), as_flag("restart", restart)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
-    through = feedthrough or (structure is not None and structure.power == 2)
+    through = as_flag("feedthrough", feedthrough) or (structure is not None and structure.power == 2)
     problem, data, form, shape, relative = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(
-        phases_of(method), rigid_body, form, bool(stable), as_function("progress", progress), rounds, deadline
+        phases_of(method), rigid_body, form, stable, as_function("progress", progress), rounds, deadline
     )
     if structure is not None:
         _check_modal(structure, problem, settings, constraints)
@@ -311,10 +314,12 @@ def _levelled(
     From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask for.
     """
     level = best
+    history: tuple[FitStep, ...] = ()
     for again in range(_REWEIGHTED):
         weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
         if weight is None or time.monotonic() > settings.deadline:
             break
+        history += former(level.fit.history, former_weight(again + 1))
         problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
         model = level.found.matrices
         if not again and start is None:
@@ -322,8 +327,9 @@ def _levelled(
         level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
         if not white(level.fit.problem.residual(level.fit.fraction.response)):
             return best
-    noise = level is best or gaussian(level.fit.problem.residual(level.fit.fraction.response))
-    return level if noise else best
+    if level is best or not gaussian(level.fit.problem.residual(level.fit.fraction.response)):
+        return best
+    return level._replace(fit=dataclasses.replace(level.fit, history=history + level.fit.history), start=best.start)
 
 
 def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:

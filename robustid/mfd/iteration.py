@@ -66,6 +66,22 @@ class FitStep(NamedTuple):
     condition: float  # of the normal matrix that the step solved for coefficients
     step: float  # 1 for a full step, less when damped
     slope: float  # before the step: part of the residual in the tangent space (gn, lm); nan (sk, iv)
+    former: str = ""  # in words, where the cost is that of a former criterion: in another weight, or without structure
+
+    @property
+    def words(self) -> str:
+        """The method, and which former criterion it lowered."""
+        return f"{self.method} {self.former}".rstrip()
+
+
+def former_weight(number: int) -> str:
+    """The words for the steps in a weight that was changed, the first of them 1."""
+    return f"in weight {number}"
+
+
+def former(history: tuple[FitStep, ...], words: str) -> tuple[FitStep, ...]:
+    """Steps whose cost is that of a former criterion, which the words tell."""
+    return tuple(step._replace(former=words) for step in history)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

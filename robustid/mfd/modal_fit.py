@@ -24,7 +24,7 @@ from robustid.mfd.attempt import (
 )
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.exchange import exchange
-from robustid.mfd.iteration import FitStatus, FractionFit
+from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, former
 from robustid.mfd.modal_structure import Modal
 from robustid.mfd.mode_gains import gains
 from robustid.mfd.model import realise
@@ -50,20 +50,24 @@ def modal_attempt(
 
     Others are refined freely first.
 
-    `start_cost` is the criterion of the projection, and `found` keeps the structure exactly; the fraction is formed of it.
+    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the steps
+    of the free descent, too.
     """
     now, interrupted = time.monotonic(), False
+    history: tuple[FitStep, ...] = ()
     problem, model = with_rigid_modes(problem, data, model, settings.body)
     if not given or len(model.A) != problem.order:
         part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
         free = descended(problem, data, model, part)
         problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
+        history = former(free.refined.history, "without structure")
     turned = flipped(problem) and not modal.symmetric
     if turned:
         problem, data, model = problem.transposed(), data.transposed(), model.transposed()
     outputs = TiedOutputs(problem) if modal.symmetric else Outputs(problem)
     start = _start(problem, model, settings.stable, modal, outputs)
     refined = _refined(problem, data, start, settings, modal, outputs, 0 if interrupted else _STEPS)
+    refined = refined._replace(history=history + refined.history)
     if interrupted:
         refined = refined._replace(status=FitStatus.INTERRUPTED)
     first, exact = (_realised(end, problem.scale, turned) for end in (outputs.fitted(start), refined.fitted))
@@ -197,14 +201,12 @@ def _formed(
     settings: Settings,
 ) -> Attempt:
     """The attempt from a first model to an exact one, with the fraction of that beside it."""
-    response = response_at(exact, data.points)
-    start_cost, cost = (
-        float(np.linalg.norm(problem.residual(values))) ** 2 for values in (response_at(first, data.points), response)
-    )
+    start, response = (response_at(model, data.points) for model in (first, exact))
+    cost = float(np.linalg.norm(problem.residual(response))) ** 2
     problem, nodes = formed(problem, data, exact, max((1 + FORMED) * cost, problem.rounding))
     found = realise(problem, nodes, form=settings.form)
     size = np.linalg.norm(response, axis=(1, 2))
     error = np.linalg.norm(nodes.response - response, axis=(1, 2)) / np.maximum(size, 1e-12 * size.max())
     found = dataclasses.replace(found, rigid=exact, error=float(error.max()))
     fit = FractionFit(problem, nodes, cost, refined.status, refined.history)
-    return Attempt(fit, found, start_cost, 0, np.nan, True)
+    return Attempt(fit, found, start, 0, np.nan, True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen
+from robustid.core import Frozen, as_flag
 from robustid.errors import InputError, InputTypeError
 from robustid.mfd.rigid_body import RigidBody
 
@@ -68,7 +68,7 @@ class Modal(Frozen):
             raise InputError(f'`damping` must be "general" or "proportional"; got {self.damping!r}')
         if self.quantity not in QUANTITIES:
             raise InputError(f'`quantity` must be "position", "velocity" or "acceleration"; got {self.quantity!r}')
-        self._set(symmetric=bool(self.symmetric))
+        self._set(symmetric=as_flag("symmetric", self.symmetric))
 
     @property
     def real(self) -> bool:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, as_count, as_float, as_positive, threads_for
+from robustid.core import StateMatrices, as_count, as_flag, as_float, as_positive, threads_for
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.mfd.block_model import BlockModel
-from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.iteration import FitStatus, FitStep, former, former_weight
 from robustid.mfd.outputs import Outputs
 from robustid.mfd.record_fit import RecordFit
 from robustid.mfd.record_lines import Experiments, fit_driven
@@ -111,14 +111,15 @@ def fit_records(
     if seconds:
         experiments = tuple(record.without_delay(seconds) for record in experiments)
         response = None if response is None else response.without_delay(seconds)
-    question = posed(experiments, response, order, bool(feedthrough), bool(offset))
+    feedthrough, stable = as_flag("feedthrough", feedthrough), as_flag("stable", stable)
+    question = posed(experiments, response, order, feedthrough, as_flag("offset", offset))
     given = None if weight is None else given_levels(weight, question.size.size)
     if start is None:
-        candidates = starts(experiments, response, order, bool(feedthrough), deadline)
+        candidates = starts(experiments, response, order, feedthrough, deadline)
     else:
         candidates = iter([given_start(start, order, experiments[0])])
     with threads_for(order * question.inputs):
-        found, levels, outputs = _fitted(question, given, candidates, bool(stable), Budget(deadline, progress))
+        found, levels, outputs = _fitted(question, given, candidates, stable, Budget(deadline, progress))
     return _result(question, experiments, outputs, found, levels, seconds)
 
 
@@ -131,16 +132,16 @@ def _fitted(
 ) -> tuple[Refined, Real, Outputs]:
     """End of the descent from the best start; the levels that its criterion has, and that criterion."""
     found, levels = _best_start(question, given, candidates, stable, budget.deadline)
-    history, rounds = found.history, 0
+    history, rounds = former(found.history, former_weight(1)), 1
     while True:
         outputs = Outputs(question.criterion(levels[:-1], float(levels[-1])))
         found = _descended(outputs, found, stable, budget)
-        history += found.history
         before, levels = levels, _levels(question, outputs, found, given)
-        rounds += 1
         same = bool(np.all(np.abs(levels - before) <= _SAME_LEVELS * before))
         if found.status in _ENDED or same or rounds == _WEIGHTINGS:
-            return found._replace(history=history), before, outputs
+            return found._replace(history=history + found.history), before, outputs
+        history += former(found.history, former_weight(rounds + 1))
+        rounds += 1
 
 
 def _descended(outputs: Outputs, found: Refined, stable: bool, budget: Budget) -> Refined:

@@ -56,7 +56,7 @@ def stated(
         weight = Weight(as_array("weight", weight, ndim=3))
     weight = _only(weight, measured) if given else weight
     dt = frf.dt if domain == "z" else None
-    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=bool(feedthrough))
+    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=feedthrough)
     for names, axis in ((frf.outputs, 2), (frf.inputs, 1)):
         for name, known in zip(names, np.any(weight.entries, axis=(0, axis)), strict=True):
             if not known:

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, freeze, one_thread, response_at
+from robustid.core import Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
 from robustid.errors import InputError
 from robustid.mfd.state_fit import Samples, band, fit_inputs, real_rows, reflected, triangle
 
@@ -121,6 +121,7 @@ def subspace_estimate(
     """
     data = _checked(frf_values, points, weight, domain)
     order = as_count("order", order, least=1)
+    feedthrough, stable = as_flag("feedthrough", feedthrough), as_flag("stable", stable)
     # A power of two, so that a change of the unit of time by one changes nothing but exponents.
     scale = 2.0 ** round(math.log2(np.median(band(data.points, "s")))) if domain == "s" else 1.0
     data = data._replace(points=data.points / scale)

@@ -97,6 +97,17 @@ def test_the_structure_is_exact_in_the_model(name, dt):
     assert fit.fraction.error < 1e-8
 
 
+def test_the_history_holds_the_free_descent_too():
+    _, frf, asked = posed("proportional", level=0.02)
+    fit, free = rid.fit_mfd(frf, **asked), rid.fit_mfd(frf, order=asked["order"])
+    count = len(free.history)
+    assert {step.former for step in fit.history[:count]} == {"without structure"}
+    assert [step.cost for step in fit.history[:count]] == [step.cost for step in free.history]
+    assert fit.history[count:]
+    assert not any(step.former for step in fit.history[count:])
+    assert f"after {len(fit.history)} steps" in repr(fit)
+
+
 RIGID = pytest.param("proportional, rigid", marks=pytest.mark.slow)
 
 

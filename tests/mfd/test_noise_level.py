@@ -35,6 +35,8 @@ def test_noise_of_a_level_is_seen():
         assert error(fit, truth) <= 0.1 * error(relative, truth)
         assert fit.stable
         assert fit.cost <= fit.start_cost
+        first = [step for step in fit.history if step.former == "in weight 1"]
+        assert [step.cost for step in first] == [step.cost for step in relative.history]
 
 
 @pytest.mark.parametrize(("order", "form"), [(10, "right"), (6, "left")])

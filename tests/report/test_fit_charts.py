@@ -88,6 +88,16 @@ def test_convergence_shows_the_history(fit):
     assert condition["lm"].y[1] == np.finfo(float).eps  # κ = 1 stands on the floor
     assert chart.panels[1].y.log
     assert chart.panels[1].y.range[0] < np.finfo(float).eps
+    assert "end" not in cost
+
+
+def test_steps_of_a_former_criterion_are_lines_of_their_own(fit):
+    history = (FitStep("lm", 5.0, 1.0, 1.0, 0.1, "in weight 1"), FitStep("lm", 70.0, 1.0, 1.0, 0.1, "in weight 2"))
+    view = FitView(dataclasses.replace(fit, history=history, start_cost=90.0, cost=60.0))
+    cost = layers(convergence_chart(view), 0)
+    np.testing.assert_array_equal(cost["lm in weight 1"].y, [5.0, np.nan])
+    np.testing.assert_array_equal(cost["lm in weight 2"].y, [np.nan, 70.0])
+    assert (cost["start"].y, cost["end"].x, cost["end"].y) == (90.0, 2, 60.0)
 
 
 def test_poles_and_modes(fit):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_count, as_float, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_positive, freeze
 from robustid.data.estimate.pole_fit import PoleFit, Refined
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
@@ -115,7 +115,7 @@ def estimate_delay(
         raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}{hint}")
     frf.require_complete("`estimate_delay`")
     searched = _search_grid(frf, longest)
-    fit = PoleFit(frf, feedthrough=feedthrough)
+    fit = PoleFit(frf, feedthrough=as_flag("feedthrough", feedthrough))
     if order is not None:
         order = as_count("order", order, least=1)
     if fit.unknowns(order or 1) >= 2 * fit.samples:

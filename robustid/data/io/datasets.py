@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import as_flag
 from robustid.data.io.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.data.io.files import load as load_file
 from robustid.data.io.table import said
@@ -58,7 +59,7 @@ def find(name: str, *, verify: bool = False) -> Path:
     >>> datasets.DATASETS["two_mass/MultisineTypeA.mat"].licence
     'MIT'
     """
-    known = _known(name)
+    known, verify = _known(name), as_flag("verify", verify)
     path = _local(name)
     if path is None:
         raise DatasetNotFoundError(_where(name, known))

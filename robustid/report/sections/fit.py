@@ -170,7 +170,7 @@ def _rigid_words(view: FitView) -> str:
 
 
 def _iterations(view: FitView) -> str:
-    methods = [step.method for step in view.fit.history]
+    methods = [step.words for step in view.fit.history]
     if not methods:
         return "none: the start was the end"
     counts = ", ".join(f"{methods.count(name)} {name}" for name in dict.fromkeys(methods))

@@ -116,14 +116,18 @@ def convergence_chart(view: FitView) -> Chart:
         [],
     )
     looks = zip((NOMINAL, *FURTHER, ALERT, FAINT), ("circle", *MARKERS, "circle-open", "square"), strict=False)
-    for name, (colour, marker) in zip(dict.fromkeys(step.method for step in steps), looks, strict=False):
-        mine = np.array([step.method == name for step in steps])
+    for name, (colour, marker) in zip(dict.fromkeys(step.words for step in steps), looks, strict=False):
+        mine = np.array([step.words == name for step in steps])
         style: dict[str, Any] = {"name": name, "colour": colour, "marker": marker}
         values = np.array([step.cost for step in steps])
-        # Iterations of other methods in between are gaps of the line.
+        # Iterations of other methods and criteria in between are gaps of the line.
         cost.append(Layer(x=iteration, y=positive(np.where(mine, values, np.nan)), dash="solid", **style))
         excess = np.maximum(fit.condition_numbers - 1, EPSILON)
         condition.append(Layer(x=iteration, y=np.where(mine, excess, np.nan), dash="solid", **style))
+    if steps and steps[-1].former:  # the start and the end have the same weight
+        cost.append(
+            Layer(name="end", x=np.array([len(steps)]), y=positive(np.array([fit.cost])), colour=DATA, marker="x")
+        )
     if np.isfinite(fit.unstable_cost):
         name, level = "best fit, with unstable poles", positive(np.full(2, fit.unstable_cost))
         cost.append(Layer(name=name, x=np.array(axis.range), y=level, colour=FAINT, dash="dash"))
