@@ -16,26 +16,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 import robustid as rid
 from robustid.mfd import Weight, subspace_estimate
+from support.mfd_systems import stand_in
 
 ORDERS = (12, 24, 36, 48, 60)
-
-
-def stand_in(seed, modes=40, lines=1000, noise=0.05):
-    """Many light modes at 1 kHz: no order below 2*modes is right. The response to fit, the one to judge by."""
-    rng = np.random.default_rng(seed)
-    hz, damping = np.sort(rng.uniform(8, 480, modes)), rng.uniform(0.003, 0.03, modes)
-    omega = 2 * np.pi * np.linspace(2, 495, 2 * lines)
-    z, values = np.exp(1e-3j * omega), np.zeros((2 * lines, 4, 2), dtype=complex)
-    for w, zeta in zip(2 * np.pi * hz, damping, strict=True):
-        pole = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * w * 1e-3)
-        residue = np.outer(rng.standard_normal(4), rng.standard_normal(2)) * (1 - abs(pole))
-        residue = residue * np.exp(1j * rng.uniform(-0.1, 0.1))
-        values += residue / (z - pole)[:, None, None] + residue.conj() / (z - pole.conj())[:, None, None]
-    e = rng.standard_normal((2, *values.shape)) / np.sqrt(2)
-    measured = values + noise * np.abs(values) * (e[0] + 1j * e[1])
-    return rid.FrequencyResponse(omega[::2], measured[::2], dt=1e-3), rid.FrequencyResponse(
-        omega[1::2], values[1::2], dt=1e-3
-    )
 
 
 def halves(frf):

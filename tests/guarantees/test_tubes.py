@@ -284,16 +284,23 @@ def test_executor_progress_copy_and_text(mixed, tube):
     assert "2 of 8 samples" in repr(tube)
 
 
-def test_default_horizon_and_times(mixed):
-    assert response_tube(first_coefficient(0.0, rho=1.3)).u.size == int(np.ceil(np.log(100) / np.log(1.3)))
-    samples = np.arange(200)
-    from robustid.guarantees.tubes import _samples
+class First(concurrent.futures.Executor):
+    """Bounds the first sample only, and keeps which ones it was given."""
 
-    chosen = _samples(None, 200, 0.01)
-    assert chosen.size == 60
-    assert chosen[0] == 0
-    assert chosen[-1] == 199
-    assert np.array_equal(_samples(None, 12, 0.01), samples[:12])
+    def map(self, work, samples):
+        self.samples = samples
+        return map(work, samples[:1])
+
+
+@pytest.mark.parametrize(("horizon", "count"), [(200, 60), (12, 12)])
+def test_default_horizon_and_times(horizon, count):
+    result = first_coefficient(0.0, rho=1.3)
+    executor = First()
+    assert response_tube(result, executor=executor).u.size == int(np.ceil(np.log(100) / np.log(1.3)))
+    response_tube(result, horizon=horizon, executor=executor)
+    assert len(executor.samples) == count
+    assert (executor.samples[0], executor.samples[-1]) == (0, horizon - 1)
+    assert np.ptp(np.diff(executor.samples)) <= 1  # evenly spread
 
 
 def test_bad_input(mixed):

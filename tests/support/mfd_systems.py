@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+import robustid as rid
 from robustid.mfd import FractionProblem, Weight
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)  # of `problem_of`
@@ -121,6 +122,25 @@ def poles_and_residues(seed, ny, nu, order, lines=150, dt=None, feedthrough=Fals
         return (shapes / (np.asarray(points)[:, None, None] - poles)) @ drives + constant
 
     return omega, response(1j * omega if dt is None else np.exp(1j * omega * dt)), response
+
+
+def stand_in(seed, modes=40, lines=1000, noise=0.05):
+    """Many light modes at 1 kHz, 4 outputs, 2 inputs: no order below 2*modes is right. The response to fit; the truth between its
+    points."""
+    rng = np.random.default_rng(seed)
+    hz, damping = np.sort(rng.uniform(8, 480, modes)), rng.uniform(0.003, 0.03, modes)
+    omega = 2 * np.pi * np.linspace(2, 495, 2 * lines)
+    z, values = np.exp(1e-3j * omega), np.zeros((2 * lines, 4, 2), dtype=complex)
+    for w, zeta in zip(2 * np.pi * hz, damping, strict=True):
+        pole = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * w * 1e-3)
+        residue = np.outer(rng.standard_normal(4), rng.standard_normal(2)) * (1 - abs(pole))
+        residue = residue * np.exp(1j * rng.uniform(-0.1, 0.1))
+        values += residue / (z - pole)[:, None, None] + residue.conj() / (z - pole.conj())[:, None, None]
+    e = rng.standard_normal((2, *values.shape)) / np.sqrt(2)
+    measured = values + noise * np.abs(values) * (e[0] + 1j * e[1])
+    return rid.FrequencyResponse(omega[::2], measured[::2], dt=1e-3), rid.FrequencyResponse(
+        omega[1::2], values[1::2], dt=1e-3
+    )
 
 
 def problem_of(seed, outputs, inputs, modes, *, level=0.01, omega=OMEGA, **options):
