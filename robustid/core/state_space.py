@@ -42,6 +42,11 @@ class StateMatrices(NamedTuple):
         return StateMatrices(self.A.T, self.C.T, self.B.T, self.D.T)
 
 
+def points_of(omega: Real, dt: float | None) -> Complex:
+    """Points s = j omega of frequencies in rad/s, or z = exp(j omega dt) where there is a sample time (not None or 0)."""
+    return np.asarray(np.exp(1j * omega * dt) if dt else 1j * omega, dtype=np.complex128)
+
+
 def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     """Balance the scales of the states by powers of two, from A alone: exact, whatever the units of the signals."""
     if not A.size:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, simulate
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, points_of, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -221,8 +221,7 @@ def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse | Tangenti
 
 
 def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> Complex:
-    points = 1j * data.omega if data.dt is None else np.exp(1j * data.omega * data.dt)
-    values = np.moveaxis(model(points, squeeze=False, warn_infinite=False), -1, 0)
+    values = np.moveaxis(model(points_of(data.omega, data.dt), squeeze=False, warn_infinite=False), -1, 0)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
     if np.any(bad):
         raise InputError(

@@ -6,7 +6,7 @@ from robustid.mfd.covariance import FitCovariance, fit_covariance
 from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
-from robustid.mfd.modal import ModalForm, continuous, curve_points, modal_form
+from robustid.mfd.modal import ModalForm, continuous, modal_form
 from robustid.mfd.modal_structure import Modal
 from robustid.mfd.modes import ModeRow, mode_table
 from robustid.mfd.node_fraction import NodeFraction
@@ -39,7 +39,6 @@ __all__ = [
     "Zero",
     "ZeroEntries",
     "continuous",
-    "curve_points",
     "fit_covariance",
     "fit_fraction",
     "fit_mfd",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_kind, as_positive, freeze, one_thread
+from robustid.core import Frozen, as_array, as_kind, as_positive, freeze, one_thread, points_of
 from robustid.errors import InputError
 from robustid.mfd.chains import nearest_poles
 from robustid.mfd.criterion import Weight
@@ -90,7 +90,7 @@ class FitCovariance(Frozen):
             denominators, response = fraction.denominators, fraction.response
         else:
             omega = as_array("omega", omega, ndim=1)
-            points = 1j * omega if model.dt is None else np.exp(1j * omega * model.dt)
+            points = points_of(omega, model.dt)
             xi, response = points / model.scale, model.fitted(model.response(omega))
             denominators = model.denominator(points)
             if model.form != "right":

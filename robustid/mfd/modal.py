@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, StateMatrices, freeze, response_at, scaled_states, threads_for
+from robustid.core import Frozen, StateMatrices, freeze, points_of, response_at, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
 
@@ -256,11 +256,6 @@ def continuous(pole: complex, dt: float) -> complex:
     return complex(np.log(complex(pole))) / dt if pole else complex(np.nan, np.nan)
 
 
-def curve_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Points of the imaginary axis or the unit circle."""
-    return np.exp(1j * omega * dt) if dt else 1j * omega
-
-
 def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
     """Largest difference of two responses on a grid, relative to the norm at the frequency."""
     s = np.array([continuous(pole, system.dt) for pole in poles])
@@ -268,7 +263,7 @@ def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
     omega = omega if omega.size else np.ones(1)
     # Beside the resonances, between them, and one decade out.
     omega = np.concatenate([1.001 * omega, np.sqrt(omega[1:] * omega[:-1]), [omega[0] / 10, omega[-1] * 10]])
-    points = curve_points(omega[omega < np.pi / system.dt] if system.dt else omega, system.dt)
+    points = points_of(omega[omega < np.pi / system.dt] if system.dt else omega, system.dt)
     given = response_at((*scaled_states(system.A, system.B, system.C), system.D), points)
     found = response_at(StateMatrices.of(result), points)
     size = np.linalg.norm(given, axis=(1, 2))

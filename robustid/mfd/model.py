@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, StateMatrices, freeze, response_at
+from robustid.core import Frozen, StateMatrices, freeze, points_of, response_at
 from robustid.errors import InputError
 from robustid.mfd.chains import split_rigid
 from robustid.mfd.form import fitted, oriented, shared_model
@@ -105,9 +105,7 @@ class FractionModel(Frozen):
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu) at omega in rad/s."""
         omega = np.asarray(omega, dtype=float)
-        return self.oriented(
-            response_at(self.matrices, 1j * omega if self.dt is None else np.exp(1j * omega * self.dt))
-        )
+        return self.oriented(response_at(self.matrices, points_of(omega, self.dt)))
 
     def denominator(self, points: np.ndarray) -> np.ndarray:
         """D at complex points s or z: (m, nu, nu), (m, ny, ny) of a left fraction, (m, 1, 1) of shared poles; monic in s/scale."""

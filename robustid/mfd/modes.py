@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import as_kind, response_at
+from robustid.core import as_kind, points_of, response_at
 from robustid.mfd.covariance import FitCovariance
 from robustid.mfd.fit import MatrixFraction
-from robustid.mfd.modal import continuous, curve_points, modal_form, schur_poles
+from robustid.mfd.modal import continuous, modal_form, schur_poles
 from robustid.mfd.modal_covariance import mode_shapes
 from robustid.mfd.mode_functions import mode_gains
 
@@ -189,7 +189,7 @@ def _peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) ->
     if s.real == 0:
         return np.where(np.abs(C) @ np.abs(B) > 0, np.inf, 0.0)
     omega = np.array([abs(s.imag), np.sqrt(max(0.0, s.imag**2 - s.real**2))])
-    return np.max(np.abs(response_at(own, curve_points(omega, dt))), axis=0)
+    return np.max(np.abs(response_at(own, points_of(omega, dt))), axis=0)
 
 
 def _with_participation(rows: list[ModeRow], peaks: list[np.ndarray]) -> list[ModeRow]:

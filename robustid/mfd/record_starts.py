@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, balancing
+from robustid.core import StateMatrices, balancing, points_of
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
 from robustid.mfd.state_fit import reflected, triangle
@@ -59,7 +59,7 @@ def _responses(
             try:
                 one = subspace_estimate(
                     response.values,
-                    np.exp(1j * response.omega * records[0].dt),
+                    points_of(response.omega, records[0].dt),
                     order,
                     weight=weight,
                     feedthrough=feedthrough,

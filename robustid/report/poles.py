@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.identification import check_model
+from robustid.mfd import continuous
 from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def _pole_row(pole: complex, dt: float) -> PoleRow:
         return PoleRow(pole, count, np.nan, 1.0, 0.0, 0.0)
     if dt and abs(pole - 1) <= _INTEGRATOR:
         return PoleRow(pole, count, 0.0, np.nan, modulus, np.inf)
-    s = complex(np.log(pole)) / dt if dt else pole
+    s = continuous(pole, dt)
     damping = -s.real / abs(s) if s else np.nan
     return PoleRow(pole, count, abs(s) / HZ, damping, modulus, -1 / s.real if s.real else np.inf)
 

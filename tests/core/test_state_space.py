@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robustid.core import Response, StateMatrices, response_at, responses, scaled_states, series_at, simulate
+from robustid.core import Response, StateMatrices, points_of, response_at, responses, scaled_states, series_at, simulate
 
 pytestmark = pytest.mark.quick
 
@@ -41,6 +41,13 @@ def test_the_transposed_state_space_has_the_transposed_response():
     system = StateMatrices(*random_system(3, 4))
     transposed = response_at(system.transposed(), [1.5, 0.3j])
     np.testing.assert_allclose(transposed, response_at(system, [1.5, 0.3j]).transpose(0, 2, 1), rtol=1e-12)
+
+
+def test_points_are_those_of_the_axis_or_of_the_circle():
+    omega = np.array([0.0, 2.0])
+    assert np.array_equal(points_of(omega, None), [0, 2j])
+    assert np.array_equal(points_of(omega, 0), [0, 2j])
+    np.testing.assert_allclose(points_of(omega, np.pi / 4), [1, 1j], atol=1e-15)
 
 
 def test_a_pole_gives_no_finite_value_and_a_chain_of_integrators_keeps_its_digits():

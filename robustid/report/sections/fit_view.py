@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, as_signals, response_at
+from robustid.core import Signal, StateMatrices, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Check
@@ -17,7 +17,6 @@ from robustid.mfd import (
     FitStatus,
     MatrixFraction,
     ModeRow,
-    curve_points,
     fit_covariance,
     mode_table,
 )
@@ -134,7 +133,7 @@ class FitView:
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         """The model's own response (F, ny, nu), from A, B, C, D."""
-        return response_at(StateMatrices.of(self.model), curve_points(omega, self.dt or 0))
+        return response_at(StateMatrices.of(self.model), points_of(omega, self.dt))
 
     @cached_property
     def fitted(self) -> np.ndarray:

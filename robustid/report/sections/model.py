@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import StateMatrices, response_at
+from robustid.core import StateMatrices, points_of, response_at
 from robustid.errors import InputError
 from robustid.identification import check_model
-from robustid.mfd import continuous, curve_points
+from robustid.mfd import continuous
 from robustid.report.charts import Axis, Chart, Layer, frequency_axis, phase_axis, side_by_side, stacked
 from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, with_gaps
 from robustid.report.style import NOMINAL
@@ -31,7 +31,7 @@ def model_chart(model: Any) -> Chart:
     high = np.pi / dt if dt else _BESIDE * sizes.max()
     low = min(sizes.min(), high) / _BESIDE
     omega = resolved(np.geomspace(low, high, _POINTS), s, _AROUND, low, high)
-    values = response_at(StateMatrices.of(system), curve_points(omega, dt))
+    values = response_at(StateMatrices.of(system), points_of(omega, dt))
     charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
     return side_by_side("model", charts, system.ninputs)
 
