@@ -51,5 +51,7 @@ class Status(enum.Enum):
 
     CONSISTENT = "consistent: a system of the class keeps every sample within its bound"
     INCONSISTENT = "inconsistent: proved that no system of the class keeps every sample within its bound"
-    UNDECIDED = "undecided: the proven interval of the margin contains 1; ask for a smaller `accuracy`"
+    UNDECIDED = (
+        "undecided: the proven interval of the margin contains 1; ask for a smaller `accuracy`, or give more time"
+    )
     FAILED = "failed: no solver returned numbers that could be verified to the accuracy asked"

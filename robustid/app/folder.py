@@ -99,7 +99,11 @@ class RunFolder:
     def identified(self, result: Identification) -> None:
         """Keep it, if it came to its end."""
         ended = result.status in (Status.CONSISTENT, Status.INCONSISTENT)
-        if self.folder is not None and ended and not any(note.startswith("interrupted") for note in result.notes):
+        if (
+            self.folder is not None
+            and ended
+            and not any(note.startswith(("interrupted", "stopped")) for note in result.notes)
+        ):
             result.save(self.folder / "identification")
 
     def finish(self, result: IdentifiedReduced) -> list[Path]:

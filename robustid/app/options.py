@@ -352,10 +352,17 @@ class Identify:
         keyword="form",
     )
 
+    time_limit: float | None = key(
+        _positive,
+        help="Seconds after which the margin proved so far, and a model that keeps it, are taken; so does Ctrl-C.",
+        unit="s",
+        flag="--time-limit",
+    )
+
     @property
     def arguments(self) -> dict[str, Any]:
         """The keyword arguments of `robustid.identify`."""
-        return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form")}
+        return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form", "time_limit")}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -366,6 +373,11 @@ class SmallModel:
         whole(1),
         help="Rigid-body modes of the small model, two poles at z = 1 each, as in `reduce_within_bounds`.",
         keyword="rigid_body",
+    )
+    time_limit: float | None = key(
+        _positive,
+        help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.",
+        unit="s",
     )
 
 

@@ -16,6 +16,7 @@ from robustid.app.options import Modes, PriorChoice
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import MODES_NOTE, RunFile
 from robustid.app.withheld import compared, looked_at, split_points
+from robustid.core import Progress
 from robustid.data import FrequencyResponse
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
@@ -48,8 +49,16 @@ class Surroundings:
 
     def counted(self, words: str) -> dict[str, Any]:
         """Arguments of what is computed at many frequencies: workers, finished ones, progress."""
-        progress = lambda done, count: self.say(words, done, count)  # noqa: E731
-        return {"executor": self.executor, "resume": self.folder.unfinished, "progress": progress}
+        return {"executor": self.executor, "resume": self.folder.unfinished, "progress": self.progress(words)}
+
+    def progress(self, words: str) -> Progress:
+        """Receiver of the progress of something."""
+        return lambda done, count: self.say(words, done, count)
+
+    def begun(self, words: str) -> Progress:
+        """Say what begins; receiver of its progress."""
+        self.say(words)
+        return self.progress(words)
 
 
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
@@ -183,16 +192,14 @@ def _small_model(
     around: Surroundings,
 ) -> tuple[Reduction, ModelWorth | None, tuple[DoubtfulMode, ...]]:
     """The smallest model inside the bounds, or one that is significantly better, without modes that the data don't show."""
-    around.say("searching for the smallest order")
-    bodies = run.small_model.rigid_body
-    reduction = reduce_within_bounds(result, rigid_body=None if bodies is None else RigidBody(bodies))
+    asked, told = run.small_model, around.begun("searching for the smallest order")
+    bodies = asked.rigid_body
+    body = None if bodies is None else RigidBody(bodies)
+    reduction = reduce_within_bounds(result, rigid_body=body, time_limit=asked.time_limit, progress=told)
     worth = None
     if bodies is None and left.measured and isinstance(left.measured[0], FrequencyResponse):
-        words = "comparing it with the best fits"
-        around.say(words)
-        worth = model_worth_having(
-            result, reduction, left.measured[0], progress=lambda done, count: around.say(words, done, count)
-        )
+        told = around.begun("comparing it with the best fits")
+        worth = model_worth_having(result, reduction, left.measured[0], progress=told)
         reduction = reduction if worth is None else worth.reduction
     model, doubtful = without_doubtful_modes(result, reduction.model, left.points)
     if model is not reduction.model:
@@ -207,8 +214,8 @@ def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Id
     if before is not None:
         around.say("margin and model: taken from the unfinished run")
         return before
-    around.say(f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples")
-    result = identify(problem, **run.identify.arguments)
+    words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
+    result = identify(problem, **run.identify.arguments, progress=around.begun(words))
     result = dataclasses.replace(result, notes=(*result.notes, *run.choices))
     around.folder.identified(result)
     return result

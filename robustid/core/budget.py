@@ -35,6 +35,11 @@ class Budget:
         """True if the time is up."""
         return self.left <= 0
 
+    def share(self, part: float) -> Budget:
+        """The budget of a first stage: a part of what is left, and the same receiver."""
+        limit = None if math.isinf(self.left) else max(part * self.left, 1e-9)
+        return Budget(limit, self._progress)
+
     def tell(self, done: int, count: int) -> None:
         """Tell how far it is."""
         if self._progress is not None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_positive, threads_for
+from robustid.core import Budget, Progress, as_positive, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
@@ -25,6 +25,7 @@ from robustid.identification.verification import verify
 _log = logging.getLogger("robustid")
 
 OBJECTIVES = ("center", "margin", "gain", "order")
+_PROOF = 0.6  # part of a time limit after which the margin must do; the rest is for the model
 
 
 def identify(
@@ -34,6 +35,8 @@ def identify(
     solver: str = "auto",
     accuracy: float = 1e-4,
     form: str = "auto",
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> Identification:
     """Decide whether the data fit the class, with a proof either way, and return a model.
 
@@ -63,6 +66,12 @@ def identify(
         of the delay, chosen so that the tails are small at the frequency points: several times fewer coefficients where these
         fill a part of the circle only (oversampled data, rho near 1); with time samples that are not periodic it is "taylor".
         "auto": exact up to 100 coefficients, then the one with the least work.
+    time_limit : float, optional
+        Seconds. When they are over the step at hand is finished, and what is proved by then is returned, verified, with the width
+        of the interval as its `accuracy` and a note; so it is on Ctrl-C. A margin of at most 1 decides by itself, however wide
+        the interval; the model keeps it, if it isn't the centre.
+    progress : callable (done, all), optional
+        Parts of the proof of the margin.
 
     Returns
     -------
@@ -92,23 +101,23 @@ def identify(
     (True, 1)
     """
     _check_arguments(problem, objective, form)
-    accuracy = as_positive("accuracy", accuracy)
+    accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress)
     formulation = formulate(problem, form, accuracy)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
-        return _identify(formulation, objective, solver, accuracy)
+        return _identify(formulation, objective, solver, accuracy, budget)
 
 
-def _identify(formulation: Formulation, objective: str, solver: str, accuracy: float) -> Identification:
+def _identify(formulation: Formulation, objective: str, solver: str, accuracy: float, budget: Budget) -> Identification:
     clock, data = _Clock(), formulation.data
     if objective == "order":
         check_conic_size(max(data.sarason.blocks))
     clock.lap("assembly")
-    claim, passed = prove_margin(data, solver, accuracy)
+    claim, passed = prove_margin(data, solver, accuracy, budget.share(_PROOF))
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
-    level = level_of(objective, claim.margin, accuracy)
+    level = level_of(objective, claim.margin, claim.accuracy)
     try:
-        point, used, notes = _choose_point(formulation, level, objective, solver, passed)
+        point, used, notes = _choose_point(formulation, level, objective, solver, passed, budget)
     except KeyboardInterrupt:
         inside = [point for point in passed if data.margin(point.x, point.p) <= level]
         if not inside:
@@ -130,7 +139,7 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
         model=nominal.model,
         verification=checks,
         timing=clock.laps,
-        notes=notes,
+        notes=((claim.stopped,) if claim.stopped else ()) + notes,
     )
 
 
@@ -144,21 +153,24 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
 
 
 def _choose_point(
-    formulation: Formulation, level: float, objective: str, solver: str, passed: list[Candidate]
+    formulation: Formulation, level: float, objective: str, solver: str, passed: list[Candidate], budget: Budget
 ) -> tuple[Candidate, Formulation, tuple[str, ...]]:
     """The point that the objective asks for, the formulation it belongs to, and what should be said about it."""
     data = formulation.data
-    center = analytic_center(data, level, passed)
+    center = analytic_center(data, level, passed, budget)
+    if budget.over:
+        note = f"stopped at the time limit: the model is consistent with the margin, but not that of objective {objective!r}"
+        return center, formulation, (note,)
     if objective in ("center", "margin") or not data.sarason.pair.order:
         return center, formulation, ()
     if objective == "order":
         try:
-            found = solve_conic(data, "order", solver=solver, factor=level)
+            found = solve_conic(data, "order", solver=solver, factor=level, seconds=budget.left)
         except SolverError as problem:
             return center, formulation, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
         return _step_inside(found, center, data, level), formulation, ()
     K = formulation.problem.prior.gain_bound
-    gain, growth = _smallest_gain(data, center, level, solver), 1e-3
+    gain, growth = _smallest_gain(data, center, level, solver, budget), 1e-3
     while gain < 1:
         smaller = formulation.with_prior(gain_bound=K * gain)
         try:
@@ -168,17 +180,17 @@ def _choose_point(
     return center, formulation, ()
 
 
-def _smallest_gain(data: ConvexData, center: Candidate, level: float, solver: str) -> float:
+def _smallest_gain(data: ConvexData, center: Candidate, level: float, solver: str, budget: Budget) -> float:
     """Smallest kappa for which gain kappa K is consistent at `level`, from above, to 1e-4."""
     if wants_conic(data.sarason, solver):
         try:
-            found = solve_conic(data, "gain", solver=solver, factor=level)
+            found = solve_conic(data, "gain", solver=solver, factor=level, seconds=budget.left)
             return data.sarason.norm(found.x) * (1 + 1e-4) + 1e-9
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
     kappa = 1.0
     for _, kappa, gap in gain_path(data, center, level):
-        if gap <= 1e-4 * kappa or kappa < 1e-9:
+        if gap <= 1e-4 * kappa or kappa < 1e-9 or budget.over:
             break
     return kappa + 1e-9
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Budget, Real
 from robustid.errors import SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -22,18 +22,24 @@ _log = logging.getLogger("robustid")
 # A general semidefinite solver needs n^4 memory and n^6 work: "auto" asks it while it is quick, and never above the last.
 QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
+_STEPS = 100  # of the progress
 
 
-def prove_margin(data: ConvexData, solver: str, accuracy: float) -> tuple[Claim, list[Candidate]]:
+def prove_margin(
+    data: ConvexData, solver: str, accuracy: float, budget: Budget | None = None
+) -> tuple[Claim, list[Candidate]]:
     """The proven interval, and the points of our own path, where that was asked, without their multipliers.
 
-    The path takes over where a solver's numbers don't hold. Ctrl-C on the way ends with the best interval proved so far.
+    The path takes over where a solver's numbers don't hold. The end of the budget, or Ctrl-C, on the way ends with the best
+    interval proved so far, and the claim says so.
     """
+    budget = Budget() if budget is None else budget
     passed: list[Candidate] = []
     best: MarginCertificate | None = None
-    reached, point = np.inf, None
+    reached, point, stopped = np.inf, None, ""
     try:
-        for candidate, near in _candidates(data, solver, _SPARE * accuracy):
+        for candidate, near, done in _candidates(data, solver, _SPARE * accuracy):
+            budget.tell(done, _STEPS)
             upper = data.margin(candidate.x, candidate.p)
             if candidate.solver == "structured":
                 passed.append(dataclasses.replace(candidate, ball=np.zeros((0, 0))))
@@ -42,7 +48,7 @@ def prove_margin(data: ConvexData, solver: str, accuracy: float) -> tuple[Claim,
                 upper = data.margin(candidate.x, candidate.p)
             if upper < reached:
                 reached, point = upper, candidate
-            if not near:
+            if not near and not budget.over:
                 continue
             certificate = certify_margin(candidate.samples, candidate.ball, reached, data.rows, data.sarason)
             if best is None or certificate.value > best.value:
@@ -50,33 +56,46 @@ def prove_margin(data: ConvexData, solver: str, accuracy: float) -> tuple[Claim,
             tails = float(data.rows.tail.max(initial=0.0))
             if reached - best.value <= 2 * tails + _SPARE * accuracy * max(1.0, reached):
                 break
+            if budget.over:
+                stopped = "stopped at the time limit"
+                break
     except KeyboardInterrupt:
         if point is None:
             raise
+        stopped = "interrupted"
         _log.warning("interrupted; the best point found so far is verified")
         if best is None:
             best = certify_margin(point.samples, point.ball, reached, data.rows, data.sarason)
     if best is None or point is None:
         raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
-    return Claim(reached, accuracy, point.x, point.p, best, point.solver), passed
+    claim = Claim(reached, accuracy, point.x, point.p, best, point.solver)
+    if stopped and claim.width > accuracy:
+        words = f"{stopped}: the margin is proved to lie between {best.value:.6g} and {reached:.6g} only"
+        claim = dataclasses.replace(claim, accuracy=claim.width, stopped=words)
+    return claim, passed
 
 
-def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool]]:
-    """The point of a conic solver, then our own path; and whether the optimum is so near that a certificate is worth its time."""
+def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool, int]]:
+    """The point of a conic solver, then our own path; whether the optimum is so near that a certificate is worth its time.
+
+    And how far it is: the gap falls by about the same factor at every step of the path.
+    """
     if wants_conic(data.sarason, solver):
         try:
-            yield solve_conic(data, "margin", solver=solver), True
+            yield solve_conic(data, "margin", solver=solver), True, _STEPS
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
-    nearest, least = None, np.inf
+    nearest, least, first = None, np.inf, 0.0
     for candidate, margin, gap in margin_path(data):
-        near = gap <= accuracy * max(1.0, margin)
+        aim = accuracy * max(1.0, margin)
+        near, first = gap <= aim, first or gap
         if gap < least:
             nearest, least = None if near else candidate, gap
-        yield candidate, near
+        left = np.log(max(least / aim, 1.0)) / max(np.log(first / aim), 1.0)
+        yield candidate, near, round(_STEPS * (1 - min(left, 1.0)))
     # At the limit of precision multipliers get worse again.
     if nearest is not None:
-        yield nearest, True
+        yield nearest, True, _STEPS
 
 
 def _into_ball(x: Real, sarason: SarasonMap) -> Real:

@@ -21,7 +21,10 @@ from robustid.identification.residuals import Residual, largest, model_residuals
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Claim:
-    """The margin as it is claimed: reached by the point (x, p), proved from below by the certificate, to an accuracy."""
+    """The margin as it is claimed: reached by the point (x, p), proved from below by the certificate, to an accuracy.
+
+    Where the time ended before the accuracy that was asked for, `stopped` says so, and `accuracy` is what was reached.
+    """
 
     margin: float
     accuracy: float
@@ -29,6 +32,7 @@ class Claim:
     p: NDArray[np.float64]
     certificate: MarginCertificate
     solver: str
+    stopped: str = ""
 
     @property
     def width(self) -> float:

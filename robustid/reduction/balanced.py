@@ -75,6 +75,8 @@ class Reduction(Frozen, Drawable):
         Largest residual over bound, where the reduction had data to respect.
     tried : tuple
         Orders tried, with their margins, where there was a search.
+    stopped : str
+        Why a search ended before it was done, in words; else empty.
     """
 
     model: control.StateSpace
@@ -86,6 +88,7 @@ class Reduction(Frozen, Drawable):
     status: enum.Enum = ReductionStatus.REDUCED
     margin: float | None = None
     tried: tuple[tuple[int, float], ...] = ()
+    stopped: str = ""
 
     def __post_init__(self) -> None:
         self._set(hankel=freeze(self.hankel), bounds=freeze(self.bounds))

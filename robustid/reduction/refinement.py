@@ -20,7 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import Sections
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Real
 from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.minimax import orthonormal_columns, smallest_maximum
 from robustid.reduction.sample_map import SampleMap, Signals
@@ -29,6 +29,7 @@ Poles = NDArray[Any]  # complex, or real where all of them are
 
 _STEPS = 40  # of one descent
 _NONE = np.zeros(0, complex)
+_UNLIMITED = Budget()
 _FLAT = 1e-3  # relative gain of a step below which a descent ends
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-4  # of the trust region, in units of a pole's distance to the circle
 
@@ -250,11 +251,20 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
     return Moves(columns, np.concatenate([np.outer(samples.weights, size).ravel(), turned_size]), turned_and_moved)
 
 
-def descended(samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: Poles = _NONE) -> Fit:
+def descended(
+    samples: SampleMap,
+    fit: Fit,
+    radius: float,
+    steps: int = _STEPS,
+    held: Poles = _NONE,
+    budget: Budget = _UNLIMITED,
+) -> Fit:
     """Levenberg-Marquardt over the functions, the numerators at their best for all (variable projection)."""
     damping = 0.1
     y = samples.real(samples.y)
     for _ in range(steps):
+        if budget.over:
+            return fit
         ways = moves(samples, fit, radius, held)
         if not ways.size.size:
             return fit
@@ -286,7 +296,15 @@ def apart(poles: Poles, held: Poles) -> Poles:
     return poles
 
 
-def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: int, held: Poles = _NONE) -> Fit:
+def levelled(
+    samples: SampleMap,
+    fit: Fit,
+    radius: float,
+    limit: float,
+    steps: int,
+    held: Poles = _NONE,
+    budget: Budget = _UNLIMITED,
+) -> Fit:
     """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay.
 
     Ends where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
@@ -296,7 +314,7 @@ def levelled(samples: SampleMap, fit: Fit, radius: float, limit: float, steps: i
     for step in range(steps):
         worst = fit.worst
         ways = moves(samples, fit, radius, held)
-        if not ways.size.size or worst < 0.5 * limit:
+        if not ways.size.size or worst < 0.5 * limit or budget.over:
             return fit
         pair = normal_functions(fit.pair, samples.weights)
         linear = numerators(samples, pair)

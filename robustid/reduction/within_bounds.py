@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 import logging
 from collections.abc import Callable, Iterable, Iterator
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import as_kind, one_thread
+from robustid.core import Budget, Progress, as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification, largest_ratio
@@ -34,7 +35,7 @@ _log = logging.getLogger("robustid")
 
 _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
 _REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
-_QUICK, _KEPT = 6, 3  # steps of the first look at every start; starts that are followed to their end
+_QUICK, _ALL, _KEPT = 6, 40, 3  # steps of the first look at every start and to the end; starts that are followed to it
 _NEAR = 1.5  # times the limit: where further starts are followed too
 _EXCHANGES = 6  # times that points where nothing was measured are added at one order
 _STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
@@ -55,7 +56,13 @@ class SearchStatus(enum.Enum):
 
 
 @one_thread()
-def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBody | None = None) -> Reduction:
+def reduce_within_bounds(
+    identification: Identification,
+    *,
+    rigid_body: RigidBody | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+) -> Reduction:
     r"""The smallest order r for which a stable model with every \|residual\| within its bound was found.
 
     .. math:: \min_{\deg G = r} \; \max_k |y_k - (G u)_k| / \epsilon_k \le 1
@@ -80,6 +87,11 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     rigid_body : RigidBody, optional
         ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact; of a MIMO model ``RigidBody(min(ny, nu))``,
         one for each on the side with fewer. Integrators of the parametric part are always kept.
+    time_limit : float, optional
+        Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
+        says so.
+    progress : callable (done, all), optional
+        Orders on the way up to that of the identified model; most searches end long before it.
 
     Returns
     -------
@@ -116,7 +128,8 @@ def reduce_within_bounds(identification: Identification, *, rigid_body: RigidBod
     (4, True)
     """
     as_kind("identification", identification, Identification, "the result of identify()")
-    return _Search(identification, _integrators(identification, rigid_body)).reduction()
+    budget = Budget(time_limit, progress)
+    return _Search(identification, _integrators(identification, rigid_body), budget).reduction()
 
 
 def near_fit(identification: Identification, model: Any) -> Any:
@@ -163,11 +176,15 @@ class _Found(NamedTuple):
     model: Any
 
 
+class _TimeIsOver(Exception):
+    """Ends a search."""
+
+
 class _Search:
     """Orders tried, with the best fit of each."""
 
-    def __init__(self, identification: Identification, integrators: int):
-        self.identification = identification
+    def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
+        self.identification, self.budget = identification, Budget() if budget is None else budget
         self.samples: SampleMap = sample_map(identification.problem, integrators)
         self.chains = integrators * self.samples.heads
         self.guard = Guard(identification, integrators, max(1.0, identification.margin))
@@ -184,16 +201,66 @@ class _Search:
 
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
+        try:
+            return self._result(self._searched())
+        except _TimeIsOver:
+            stopped = "stopped at the time limit"
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+            _log.warning("interrupted; the smallest order found so far is returned")
+        return dataclasses.replace(self._result(self._so_far()), stopped=f"{stopped}: a smaller order may suffice")
+
+    def _searched(self) -> int:
         if not self.identification.consistent:
-            last = min(self.identification.order, _ONE_BY_ONE + self.chains)
-            first = next((k for k in range(self.chains, last) if self.suffices(k)), None)
+            few = [order for order in self._ladder() if order < _ONE_BY_ONE + self.chains]
+            first = self._first(few)
             if first is not None:
-                return self._result(self._downwards(first))
-            self.limit = self.identification.margin * (1 + _ROUNDING)
-            self.guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
-            # What missed the narrower one wasn't compared with the identified model.
-            self.found = {k: f for k, f in self.found.items() if f.margin > self.limit or self._stays(f.model)}
-        return self._result(self._smallest())
+                return self._downwards(first)
+            self._widen()
+        return self._smallest()
+
+    def _first(self, orders: list[int]) -> int | None:
+        """The first of these orders that suffices."""
+        for done, order in enumerate(orders):
+            self.budget.tell(done, len(orders))
+            if self.suffices(order):
+                self.budget.tell(len(orders), len(orders))
+                return order
+        return None
+
+    def _widen(self) -> None:
+        """From now on within the bounds times the margin of the data."""
+        self.limit = self.identification.margin * (1 + _ROUNDING)
+        self.guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
+        # What missed the narrower one wasn't compared with the identified model.
+        self.found = {k: f for k, f in self.found.items() if f.margin > self.limit or self._stays(f.model)}
+
+    def _so_far(self) -> int:
+        """The smallest order found within the limit; where there is none, the first of some truncations with new numerators."""
+        for widen in (False, True):
+            if widen and not self.identification.consistent and self.limit == 1:
+                self._widen()
+            within = [k for k, found in self.found.items() if found.judged <= self.limit]
+            if within:
+                return min(within)
+        low, high = max(self.found, default=self.chains), self.identification.order
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self._truncation_suffices(middle) else (middle, high)
+        return high
+
+    def _truncation_suffices(self, order: int) -> bool:
+        """Tell whether the balanced truncation of an order, with the numerators of least squares, keeps the limit."""
+        pair = self.families[0](order - self.chains)
+        fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self.radius)))
+        if fit is None:
+            return False
+        model = starts.statespace(self.samples, fit, self.identification.model)
+        margin = largest_ratio(self.identification.problem, model)
+        if margin > self.limit or not self._stays(model):
+            return False
+        self.found[order] = _Found(margin, margin, model)
+        return True
 
     def _stays(self, model: Any) -> bool:
         """Tell whether a model stays near the identified one."""
@@ -201,14 +268,22 @@ class _Search:
 
     def _smallest(self) -> int:
         """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap; then down."""
-        full, low, high = self.identification.order, self.chains - 1, self.chains
-        while high < full and not self.suffices(high):
-            low, high = high, high + max(1, (high - _ONE_BY_ONE) // 6)
-        high = min(high, full)
+        full, ladder = self.identification.order, self._ladder()
+        first = self._first(ladder)
+        high = full if first is None else first
+        low = max((order for order in ladder if order < high), default=self.chains - 1)
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if self.suffices(middle) else (middle, high)
         return self._downwards(high)
+
+    def _ladder(self) -> list[int]:
+        """Orders on the way up, with gaps from some order on."""
+        orders, order = list[int](), self.chains
+        while order < self.identification.order:
+            orders.append(order)
+            order += max(1, (order - _ONE_BY_ONE) // 6)
+        return orders
 
     def _downwards(self, order: int) -> int:
         """The lowest order that truncation leads to, from a model to one of the order below, and so on."""
@@ -222,6 +297,8 @@ class _Search:
 
     def suffices(self, order: int) -> bool:
         """Tell whether a model of this order was found that keeps the limit."""
+        if self.budget.over:
+            raise _TimeIsOver
         if order not in self.found:
             self._try(order, self._starts(order - self.chains))
         return order in self.found and self.found[order].judged <= self.limit
@@ -294,9 +371,9 @@ class _Search:
 
     def _rest_refined(self, pair: Pair) -> Fit:
         samples, radius, held = self.samples, self.radius, self.held
-        fit = descended(samples, least_squares(samples, pair), radius, held=held)
+        fit = descended(samples, least_squares(samples, pair), radius, held=held, budget=self.budget)
         steps = _STEPS if fit.cost <= self.limit else 0
-        return levelled(samples, fit, radius, self.limit, steps, held)
+        return levelled(samples, fit, radius, self.limit, steps, held, self.budget)
 
     def _target(self) -> Fit:
         """A rich model in the coordinates of the samples."""
@@ -322,7 +399,7 @@ class _Search:
         usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
         fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= _REFINED:
-            fits = [_quiet(lambda f=f: descended(samples, f, radius, _QUICK)) for f in fits if f is not None]
+            fits = [self._descended(f, _QUICK) for f in fits if f is not None]
         ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
         best = None
         for group in (ranked[:_KEPT], ranked[_KEPT:]):
@@ -332,17 +409,21 @@ class _Search:
                 break
         return best
 
+    def _descended(self, fit: Fit, steps: int) -> Fit | None:
+        """The fit at its least squares, or so many steps nearer."""
+        return _quiet(lambda: descended(self.samples, fit, self.radius, steps, budget=self.budget))
+
     def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
         """These fits at their least squares, then minimax, the first that is within the limit last."""
         samples, radius = self.samples, self.radius
         if n <= _REFINED:
-            ends = [_quiet(lambda f=f: descended(samples, f, radius)) for f in fits]
+            ends = [self._descended(f, _ALL) for f in fits]
             fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
         for fit in fits:
             # No model with the largest ratio s has a root mean square above s: no hope near this one.
             hopeful = fit.cost <= self.limit and n <= _REFINED
             steps = _STEPS if hopeful else _FEW * (n <= _REFINED)
-            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s))
+            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s, budget=self.budget))
             if found is not None:
                 yield found
             if not hopeful or (found is not None and found.worst <= self.limit):

@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
 def unreduced(monkeypatch):
     """For tests of other steps: the identified model in place of a search for a smaller one."""
 
-    def whole(identification, rigid_body):
+    def whole(identification, rigid_body, **_):
         return rid.balanced_truncation(identification.model, order=identification.order)
 
     monkeypatch.setattr(sequence, "reduce_within_bounds", whole)

@@ -177,7 +177,7 @@ def test_a_delay_is_found_taken_out_and_said(folder):
 def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
     asked = []
 
-    def whole(identification, rigid_body):
+    def whole(identification, rigid_body, **_):
         asked.append(rigid_body.count)
         return rid.balanced_truncation(identification.model, order=identification.order)
 

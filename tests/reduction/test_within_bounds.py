@@ -234,3 +234,45 @@ def test_a_start_on_the_circle_is_drawn_inside():
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.0375))
     small = rid.reduce_within_bounds(rid.identify(problem))
     assert np.all(np.abs(small.model.poles()) < 1)
+
+
+# --- time -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=[True, False])
+def searched(request):
+    """A problem whose bounds hold, or are too narrow, its identification, and the whole search."""
+    problem = structure(1, parametric=False)
+    if not request.param:
+        problem = dataclasses.replace(problem, prior=rid.Prior(gain_bound=problem.prior.gain_bound / 6, decay_rate=1.1))
+    result = rid.identify(problem)
+    assert result.consistent == request.param
+    return problem, result, rid.reduce_within_bounds(result)
+
+
+def test_without_time_a_truncated_model_is_inside(searched):
+    problem, result, whole = searched
+    found = rid.reduce_within_bounds(result, time_limit=1e-9)
+    assert found.stopped.startswith("stopped at the time limit")
+    assert whole.stopped == ""
+    assert whole.order <= found.order < result.order
+    assert found.order == found.model.nstates
+    assert found.margin == pytest.approx(judged_again(problem, found.model), rel=1e-6)
+    assert found.margin <= max(1.0, result.margin * (1 + 1e-5))
+
+
+def test_an_interrupted_search_keeps_what_it_found(searched):
+    problem, result, whole = searched
+    told = []
+
+    def interrupt(done, count):
+        told.append((done, count))
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    found = rid.reduce_within_bounds(result, progress=interrupt)
+    assert found.stopped.startswith("interrupted")
+    assert len(told) == 3
+    assert found.status is (SearchStatus.WITHIN if result.consistent else SearchStatus.INFLATED)
+    assert whole.order <= found.order or not result.consistent
+    assert judged_again(problem, found.model) <= max(1.0, result.margin * (1 + 1e-5))

@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
-from robustid.app.cli.terminal import step
+from robustid.app.cli.terminal import counted, shown, step
 from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice, RecordSource, ResponseSource
 from robustid.errors import InputError, SizeError
 
@@ -113,15 +113,16 @@ def identified(console: Any, how: Identify, **data: Any) -> Any:
         with step(console, "choosing modes and prior from the data"):
             proposal = propose(**data)
         problem = proposal.problem
-        with step(console, f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"):
-            result = solve(problem, **how.arguments)
+        words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
+        with shown(console, words) as show:
+            result = solve(problem, **how.arguments, progress=counted(show, words))
     except SizeError as error:
         count = str(error).split(". ")[0].replace("`problem` has", "the data make")
         raise SizeError(
             f"{count}. Use a part of them: --band LOW:HIGH keeps the frequency points between two frequencies in Hz,"
             " --first N the first N time samples"
         ) from None
-    return dataclasses.replace(result, notes=proposal.choices)
+    return dataclasses.replace(result, notes=(*result.notes, *proposal.choices))
 
 
 def finish(
@@ -135,8 +136,9 @@ def finish(
 
     reduction, diagnosis, page = None, "", ""
     if reduce:
-        with step(console, "searching for the smallest order"):
-            reduction = reduce_within_bounds(result)
+        words = "searching for the smallest order"
+        with shown(console, words) as show:
+            reduction = reduce_within_bounds(result, progress=counted(show, words))
     if not result.consistent:
         with step(console, "what would help: other modes, other priors"):
             diagnosis = diagnose(result).summary()

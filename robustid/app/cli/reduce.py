@@ -10,7 +10,7 @@ import typer
 from robustid.app.checks import low_high
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force, words_of
-from robustid.app.cli.terminal import in_words, step
+from robustid.app.cli.terminal import counted, in_words, shown, step
 
 
 def reduce(
@@ -38,6 +38,10 @@ def reduce(
         bool, typer.Option("--static-gain", help="Keep the gain at frequency zero exactly.")
     ] = False,
     keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(help="Seconds after which the smallest order found so far is taken; so does Ctrl-C."),
+    ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path(
         "reduced.npz"
     ),
@@ -65,7 +69,8 @@ def reduce(
     identification = _load_identification(source)
     asked = {"order": order, "tol": tol, "match": "static gain" if static_gain else None, **limits}
     if identification is not None and all(value is None for value in asked.values()):
-        reduction = _within_bounds(console, identification)
+        with in_words(words_of(reduce)):
+            reduction = _within_bounds(console, identification, time_limit)
     else:
         model = load_model(source) if identification is None else identification.model
         asked["unstable"] = "keep" if keep_unstable or identification is not None else "refuse"
@@ -78,14 +83,17 @@ def reduce(
     raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
 
 
-def _within_bounds(console: Any, identification: Any) -> Any:
+def _within_bounds(console: Any, identification: Any, time_limit: float | None) -> Any:
     from robustid.reduction import reduce_within_bounds
 
-    with step(console, "searching for the smallest order"):
-        reduction = reduce_within_bounds(identification)
+    words = "searching for the smallest order"
+    with shown(console, words) as show:
+        reduction = reduce_within_bounds(identification, time_limit=time_limit, progress=counted(show, words))
     for tried, margin in reduction.tried:
         terminal.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
     terminal.say(console, f"order {reduction.order}: {reduction.status.value}")
+    if reduction.stopped:
+        terminal.warn(console, reduction.stopped)
     return reduction
 
 

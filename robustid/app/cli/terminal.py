@@ -70,14 +70,15 @@ def shown(out: Any, text: str) -> Iterator[Callable[[str], None]]:
 
 
 def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
-    """Progress in at most ten steps, with an estimate of the rest."""
+    """Progress in at most ten steps, with an estimate of the rest, where there is one that is worth saying."""
     last, began = -1, time.monotonic()
 
     def progress(done: int, count: int) -> None:
         nonlocal last
-        if 10 * done // count != last:
+        taken = time.monotonic() - began
+        if 10 * done // count != last and taken > _WORTH_SAYING:
             last = 10 * done // count
-            rest = (time.monotonic() - began) * (count - done) / max(done, 1)
+            rest = taken * (count - done) / max(done, 1)
             show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
 
     return progress

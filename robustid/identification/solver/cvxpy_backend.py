@@ -28,6 +28,7 @@ _SETTINGS: dict[str, list[dict[str, Any]]] = {
     "CVXOPT": [{"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}, {}],
     "SCS": [{"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 50000}],
 }
+_LIMITS = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}
 _SEMIDEFINITE = ("CLARABEL", "SCS", "CVXOPT", "MOSEK", "SDPA", "COPT")
 _NAMES = {"auto": "CLARABEL", "cvxpy": "CLARABEL"}
 
@@ -60,14 +61,17 @@ def solver_name(solver: Any) -> str:
     return name
 
 
-def solve_conic(data: ConvexData, objective: str, *, solver: str, factor: float = 1.0) -> Candidate:
+def solve_conic(
+    data: ConvexData, objective: str, *, solver: str, factor: float = 1.0, seconds: float = np.inf
+) -> Candidate:
     """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
 
     All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
     |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the
     off-diagonal block of X, a Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
 
-    The status of the solver is not looked at: the caller evaluates the numbers.
+    The status of the solver is not looked at: the caller evaluates the numbers. Clarabel and SCS return what they have after some
+    seconds.
     """
     cp = _cvxpy()
 
@@ -99,7 +103,7 @@ def solve_conic(data: ConvexData, objective: str, *, solver: str, factor: float 
             cp.normNuc(cp.reshape(block.reshape(n, -1).T @ x, block.shape[1:], order="C")) if half else cp.Constant(0.0)
         )
     program = cp.Problem(cp.Minimize(cost), [*itertools.chain(*limits), *cones, *inside])
-    _run(program, name)
+    _run(program, name, seconds)
     if unknown.value is None and level.value is None:
         raise SolverError(
             f"{name} returned no numbers ({program.status}); try another `solver`, or rescale the problem"
@@ -110,13 +114,14 @@ def solve_conic(data: ConvexData, objective: str, *, solver: str, factor: float 
     return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, condition, data), name)
 
 
-def _run(program: Any, name: str) -> None:
+def _run(program: Any, name: str, seconds: float) -> None:
     failure: BaseException | None = None
+    limit = {_LIMITS[name]: max(seconds, 1e-3)} if name in _LIMITS and np.isfinite(seconds) else {}
     for settings in _SETTINGS.get(name, [{}]):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # its doubts do not matter: the numbers are checked
-                program.solve(solver=name, **settings)
+                program.solve(solver=name, **settings, **limit)
         except (KeyboardInterrupt, SystemExit):
             raise
         except BaseException as error:  # a panic of a compiled solver is no Exception

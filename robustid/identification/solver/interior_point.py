@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.sparse
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Budget, Real
 from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
@@ -292,14 +292,16 @@ def _state(program: Program, at: Iterate) -> State | None:
         return None
 
 
-def center(program: Program, v: Real) -> Iterate:
-    """The analytic centre of a program without objective, from a strictly feasible v.
+def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
+    """The analytic centre of a program without objective, from a strictly feasible v; a point on the way where time is over.
 
     Newton's method on the barrier of `start`, whose Hessian is the condensed matrix at multipliers slack^-1.
     """
     state, last = State(program, start(program, v, 0.0)), np.inf
     for _ in range(_SYSTEMS):
         at = state.at
+        if budget is not None and budget.over:
+            break
         try:
             state.factorise()
             step = state.direction([0 * Z for Z in at.Z], (0 * at.z[0], 0 * at.z[1]))

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Budget, Real
 from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -84,11 +84,13 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
             return
 
 
-def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] = ()) -> Candidate:
+def analytic_center(
+    data: ConvexData, level: float, passed: Sequence[Candidate] = (), budget: Budget | None = None
+) -> Candidate:
     """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
 
     From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the borders;
-    else goes that way again. `level` must exceed the smallest margin strictly.
+    else goes that way again. `level` must exceed the smallest margin strictly. Where the time is over: a point inside on the way.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def analytic_center(data: ConvexData, level: float, passed: Sequence[Candidate] 
         if worst >= level:
             continue
         try:
-            at = center(program, _unknowns(data, point))
+            at = center(program, _unknowns(data, point), budget)
         except np.linalg.LinAlgError:
             continue  # on the border of the ball, to working precision
         return dataclasses.replace(_candidate(data, program, at), solver="analytic centre")

@@ -36,9 +36,10 @@ def reduction_words(identification: Identification, reduction: Reduction) -> str
     size = in_unit(number(reduction.bound, 3), identification)
     norm = "" if siso(identification) else " (largest singular value)"
     near = f" The frequency responses differ by at most {size}{norm}." if np.isfinite(reduction.bound) else ""
+    early = f"; {reduction.stopped}" if reduction.stopped else ""
     return (
         f"Order {reduction.order} instead of {identification.order}.{near} Samples:"
-        f" {kept} (largest |residual|/bound {number(ratio)}). Status: {reduction.status.value}."
+        f" {kept} (largest |residual|/bound {number(ratio)}). Status: {reduction.status.value}{early}."
     )
 
 
