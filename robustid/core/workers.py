@@ -8,13 +8,15 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from typing import Any
+from typing import Any, TypeVar
 
 from robustid.errors import InputTypeError, RobustIdError, SolverError
 
 _log = logging.getLogger("robustid")
+
+Item = TypeVar("Item")
 
 _ATTEMPTS = 3
 _KEPT: list[Any] = []  # limits of threads end when their object does
@@ -78,9 +80,11 @@ class Workers:
             self._own.__exit__(*exception)
 
     def run(
-        self, function: Callable[..., Any], shared: tuple[Any, ...], items: list[float]
-    ) -> Iterator[tuple[float, Any]]:
-        """(item, function(*shared, item)) as they end; an item whose worker fails is tried again, three times in all.
+        self, function: Callable[..., Any], shared: tuple[Any, ...], items: Sequence[Item], name: Callable[[Item], str]
+    ) -> Iterator[tuple[Item, Any]]:
+        """(item, function(*shared, item)) as they end; one whose worker fails is tried again, three times in all.
+
+        `name` says in messages which one it is.
 
         One that failed runs alone when it is tried again, so that none is blamed for what another one does to a pool.
 
@@ -90,14 +94,14 @@ class Workers:
             An item failed every time.
         """
         waiting = deque((item, 0) for item in items)
-        running: dict[Future[Any], tuple[float, int]] = {}
+        running: dict[Future[Any], tuple[Item, int]] = {}
         try:
             while waiting or running:
                 while waiting and self._room(waiting[0][1], running):
                     item, failures = waiting.popleft()
                     running[self._submit(function, *shared, item)] = item, failures
                 done, _ = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
-                failed: list[tuple[float, int, BaseException]] = []
+                failed: list[tuple[Item, int, BaseException]] = []
                 for future in done:
                     item, failures = running.pop(future)
                     error = _error(future)
@@ -105,14 +109,14 @@ class Workers:
                         yield item, future.result()
                     else:
                         failed.append((item, failures + 1, error))
-                waiting += [_again(*entry) for entry in failed]
+                waiting += [_again(*entry, name(entry[0])) for entry in failed]
                 # Those that failed come last: alone, they keep the others waiting.
                 waiting = deque(sorted(waiting, key=lambda entry: entry[1]))
         finally:
             for future in running:
                 future.cancel()
 
-    def _room(self, failures: int, running: dict[Future[Any], tuple[float, int]]) -> bool:
+    def _room(self, failures: int, running: dict[Future[Any], tuple[Any, int]]) -> bool:
         alone = failures or any(f for _, f in running.values())
         return len(running) < (1 if alone else self._most)
 
@@ -144,12 +148,12 @@ def _error(future: Future[Any]) -> BaseException | None:
         return error
 
 
-def _again(item: float, failures: int, error: BaseException) -> tuple[float, int]:
+def _again(item: Item, failures: int, error: BaseException, name: str) -> tuple[Item, int]:
     """An item that failed, with the number of its failures, where one more may follow."""
     if isinstance(error, RobustIdError) or not isinstance(error, Exception):
         raise error
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     if failures >= _ATTEMPTS:
-        raise SolverError(f"{item:.9g} rad/s failed {_ATTEMPTS} times; at last: {what}") from error
-    _log.warning("%.9g rad/s failed and is tried again (%s)", item, what)
+        raise SolverError(f"{name} failed {_ATTEMPTS} times; at last: {what}") from error
+    _log.warning("%s failed and is tried again (%s)", name, what)
     return item, failures

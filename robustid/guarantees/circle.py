@@ -14,8 +14,17 @@ from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze, respo
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.sweep import Folder, Spread, value_sets
-from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, largest_errors, norm_of_bounds, schur_bound
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.value_set import (
+    Errors,
+    ValueSet,
+    by_frequency,
+    directions_at,
+    largest_errors,
+    norm_of_bounds,
+    schur_bound,
+)
 from robustid.identification import Identification
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
@@ -148,7 +157,7 @@ def refine(
     dt, (bottom, top) = error.identification.problem.dt, error.range
     known = by_frequency(before.values if before is not None else ())
     known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= top}
-    fine = {w for w, sets in known.items() if sets[0].directions.size in (2, settings[0])}
+    fine = {w for w, sets in known.items() if np.isin(sets[0].directions, directions_at(w, dt, settings[0])).all()}
     limits: dict[tuple[float, float], Real] = {}
     coarse: list[float] = [w for w in (bottom, top) if w not in known]
     sharp: list[float] = []

@@ -20,13 +20,24 @@ from robustid.identification import (
     SupportCertificate,
     certify_support,
     entry_name,
+    evaluate_support,
     verify_support_exactly,
 )
-from robustid.identification.formulation import Candidate, ConvexData, Entries, Formulation, Rows, SarasonMap
-from robustid.identification.solver import analytic_center, barrier_extents, support_path
+from robustid.identification.formulation import (
+    Candidate,
+    ConvexData,
+    Entries,
+    Formulation,
+    Part,
+    Rows,
+    SarasonMap,
+    parts_of,
+)
+from robustid.identification.solver import Supports, analytic_center, barrier_extents
 
 Entry = tuple[int, int]  # output and input
 
+_HALVINGS = 8  # of the way from the centre to a point that is not inside
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
 )
@@ -51,9 +62,58 @@ class Extreme(Frozen):
     p: Real
     certificate: SupportCertificate
 
+    def proved_by(self, other: Extreme) -> Extreme:
+        """The same attained value with the bound of another extreme of the same functional."""
+        return dataclasses.replace(self, upper=other.upper, certificate=other.certificate)
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ConsistentSet:
+class PartSet:
+    """What extremes over the set of a part are found with."""
+
+    data: ConvexData
+    center: Candidate
+    level: float
+    supports: Supports
+
+
+def part_set(data: ConvexData, level: float, x: Real, p: Real) -> PartSet:
+    """The set of a part, from a point inside."""
+    none = np.zeros(0)
+    center = analytic_center(data, level, [Candidate(x, p, none, none, "")])
+    return PartSet(data, center, level, Supports(data, center, level))
+
+
+def largest(
+    data: ConvexData, supports: Supports, center: Candidate, level: float, functional: Functional, gap: float
+) -> Extreme:
+    """Largest value of a functional over the set of some data; `attained` is not verified to be that of a member."""
+    inside = functional(center.x, center.p)
+    best, reached = None, (-np.inf, center)
+    direction = np.array(functional.x), np.array(functional.p)
+    for point, value, estimate in supports.path(direction):
+        allowed = gap * max(value - inside, 0.0) + functional.tail
+        if value > reached[0]:
+            reached = value, point
+        if estimate > 0.9 * allowed:
+            continue
+        certificate = certify_support(functional, point.samples, point.ball, level, data.rows, data.sarason)
+        best = certificate if best is None or certificate.value < best.value else best
+        if best.value - functional.tail - reached[0] <= allowed:
+            break
+    if best is None:  # the path ended early, or the functional is zero
+        point = reached[1]
+        if point is center:
+            point = dataclasses.replace(
+                point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros(data.sarason.shape)
+            )
+        best = certify_support(functional, point.samples, point.ball, level, data.rows, data.sarason)
+    x, p = reached[1].x, reached[1].p
+    return Extreme(best.value, functional(x, p) - functional.tail, x, p, best)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ConsistentSet(Frozen):
     """All (x, p) with ||X(x)|| <= 1 and every |residual| <= level * bound, and a point well inside.
 
     Attributes
@@ -74,31 +134,74 @@ class ConsistentSet:
         """Its arrays."""
         return self.posed.data
 
-    def extreme(self, functional: Functional, gap: float) -> Extreme:
-        """Largest value, to a part `gap` of how far it is from the value at the centre."""
-        data, inside = self.data, functional(self.center.x, self.center.p)
-        best, reached = None, (-np.inf, self.center)
-        direction = np.array(functional.x), np.array(functional.p)
-        for point, value, estimate in support_path(data, self.center, self.level, direction):
-            allowed = gap * max(value - inside, 0.0) + functional.tail
-            if value > reached[0]:
-                reached = value, point
-            if estimate > 0.9 * allowed:
-                continue
-            certificate = certify_support(functional, point.samples, point.ball, self.level, data.rows, data.sarason)
-            best = certificate if best is None or certificate.value < best.value else best
-            if best.value - functional.tail - reached[0] <= allowed:
-                break
-        if best is None:  # the path ended early, or the functional is zero
-            point = reached[1]
-            if point is self.center:
-                point = dataclasses.replace(
-                    point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros(data.sarason.shape)
-                )
-            best = certify_support(functional, point.samples, point.ball, self.level, data.rows, data.sarason)
-        x, p = reached[1].x, reached[1].p
-        attained = functional(x, p) - functional.tail if self.contains(x, p) else -np.inf
-        return Extreme(best.value, attained, x, p, best)
+    def extreme(self, functional: Functional, gap: float, *, reached: bool = True) -> Extreme:
+        """Largest value, to a part `gap` of how far it is from the value at the centre.
+
+        Of entries that no sample sees together with others first from their own problem, which is smaller (`bounded`). From the
+        whole one where the ball ties the entries together, so that no system was found near that bound, if one must be `reached`.
+        """
+        part, inside = self.bounded(functional, gap), functional(self.center.x, self.center.p)
+        if part is None:
+            return self.extreme_of_all(functional, gap)
+        x, p = self.towards(part.x, part.p)
+        value = functional(x, p) - functional.tail
+        near = part.upper - value <= 2 * (gap * max(value + functional.tail - inside, 0.0) + functional.tail)
+        if near or not reached:
+            return dataclasses.replace(part, attained=value if self.contains(x, p) else -np.inf, x=x, p=p)
+        whole = self.extreme_of_all(functional, gap)
+        return whole if whole.upper <= part.upper else whole.proved_by(part)
+
+    def extreme_of_all(self, functional: Functional, gap: float) -> Extreme:
+        """`extreme` from the whole problem."""
+        found = largest(self.data, self._supports, self.center, self.level, functional, gap)
+        return found if self.contains(found.x, found.p) else dataclasses.replace(found, attained=-np.inf)
+
+    def bounded(self, functional: Functional, gap: float) -> Extreme | None:
+        """The extreme over systems that are only asked to have entries that are consistent with their own samples.
+
+        None where samples see these entries together with others. The certificate is one about the consistent systems; the point is
+        outside of their set where the ball ties the entries together.
+        """
+        part, mine = next((one for one in self._parts if one[0].sees(functional.x, functional.p)), (None, None))
+        if part is None or mine is None:
+            return None
+        own = Functional(*part.weights(functional.x, functional.p), functional.tail)
+        found = largest(mine.data, mine.supports, mine.center, mine.level, own, gap)
+        samples, left, right = part.lifted(found.certificate.samples, found.certificate.left, found.certificate.right)
+        rows, sarason = self.data.rows, self.data.sarason
+        value = evaluate_support(functional, samples, left @ right.T, self.level, rows, sarason)
+        proof = SupportCertificate(samples, left, right, self.level, float(value + 1e-12 * abs(value)))
+        return Extreme(
+            proof.value, found.attained, *part.replaced(self.center.x, self.center.p, (found.x, found.p)), proof
+        )
+
+    def towards(self, x: Real, p: Real) -> tuple[Real, Real]:
+        """The point (x, p), or the last one that was found inside on the way there from the centre."""
+        if self.contains(x, p):
+            return x, p
+        center, inside, outside = self.center, 0.0, 1.0
+        for _ in range(_HALVINGS):
+            part = (inside + outside) / 2
+            here = self.contains(center.x + part * (x - center.x), center.p + part * (p - center.p))
+            inside, outside = (part, outside) if here else (inside, part)
+        return center.x + inside * (x - center.x), center.p + inside * (p - center.p)
+
+    @functools.cached_property
+    def _parts(self) -> tuple[tuple[Part, PartSet], ...]:
+        center = self.center
+        return tuple(
+            (part, part_set(part.data, self.level, *part.restricted(center.x, center.p)))
+            for part in parts_of(self.data)
+        )
+
+    @property
+    def separate(self) -> bool:
+        """Whether samples leave some entries to themselves."""
+        return bool(self._parts)
+
+    @functools.cached_property
+    def _supports(self) -> Supports:
+        return Supports(self.data, self.center, self.level)
 
     def contains(self, x: Real, p: Real) -> bool:
         """Return whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""

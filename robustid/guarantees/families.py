@@ -18,8 +18,9 @@ from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.member import Bounded, Member
 from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
-from robustid.guarantees.sweep import Progress, Spread
+from robustid.guarantees.sweep import Progress
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.guarantees.worst_case import WorstCaseError

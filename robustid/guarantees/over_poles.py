@@ -30,7 +30,8 @@ from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_siso
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
-from robustid.guarantees.sweep import Folder, Spread, value_sets
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, value_sets
 from robustid.identification import Identification, MixedProblem, prove_margin
 
 _log = logging.getLogger("robustid")

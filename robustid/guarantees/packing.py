@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.core import Arrays, Real, part
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.value_set import ValueSet, directions_at
+from robustid.guarantees.value_set import ValueSet, closes, directions_at
 from robustid.identification import SupportCertificate
 from robustid.identification.formulation import SINGLE, Entries
 
@@ -65,14 +65,21 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
 def pack_values(values: Sequence[ValueSet]) -> Arrays:
     """Stacked value sets of any frequencies."""
     certificates = pack_certificates(c for v in values for c in v.certificates)
-    return {
-        "omega": np.array([v.omega for v in values], float),
-        "sides": np.array([v.directions.size for v in values], int),
-        "slack": np.array([v.slack for v in values], float),
-        "support": np.concatenate([np.zeros(0), *(v.support for v in values)]),
-        "entry": np.array([v.entry for v in values], int).reshape(-1, 2),
-        "points": np.concatenate([np.zeros(0, complex), *(v.matrices.ravel() for v in values)]),
-    } | {f"certificates/{name}": array for name, array in certificates.items()}
+    angles = np.concatenate([np.zeros(0), *(v.directions for v in values)])
+    # Those of all SISO plants are equally spaced, and known from their number.
+    spaced = all(np.array_equal(v.directions, _equally_spaced(v.directions.size)) for v in values)
+    return (
+        ({} if spaced else {"directions": angles})
+        | {
+            "omega": np.array([v.omega for v in values], float),
+            "sides": np.array([v.directions.size for v in values], int),
+            "slack": np.array([v.slack for v in values], float),
+            "support": np.concatenate([np.zeros(0), *(v.support for v in values)]),
+            "entry": np.array([v.entry for v in values], int).reshape(-1, 2),
+            "points": np.concatenate([np.zeros(0, complex), *(v.matrices.ravel() for v in values)]),
+        }
+        | {f"certificates/{name}": array for name, array in certificates.items()}
+    )
 
 
 def unpack_values(
@@ -87,18 +94,18 @@ def unpack_values(
     """
     if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
         raise ValueError("its frequencies are not between 0 and pi/dt")
-    counts = arrays["sides"] if directions is None else np.full(arrays["omega"].size, directions)
-    counts = np.maximum(counts, 3)  # two sides are closed where the response is real only
-    angles = [directions_at(float(w), dt, int(count)) for w, count in zip(arrays["omega"], counts, strict=True)]
-    if not np.array_equal(arrays["sides"], [a.size for a in angles]) or arrays["slack"].size != len(angles):
+    ends = np.cumsum(arrays["sides"])
+    angles = _directions(arrays, dt, directions)
+    if arrays["slack"].size != len(angles):
         raise ValueError("its polygons do not have the sides of their number of directions")
     certificates = unpack_certificates(part(arrays, "certificates/"))
-    ends = np.cumsum(arrays["sides"])
     shape = entries.outputs, entries.inputs
     points = arrays["points"].reshape(-1, *shape)
-    # MIMO: every polygon comes with one more value than it has sides.
-    more = 0 if entries.single else 1
     total = int(ends[-1]) if ends.size else 0
+    # MIMO: every polygon comes with two more values than it has sides; in old files with one.
+    more = 0 if entries.single else (len(points) - total) // max(ends.size, 1)
+    if more not in ((0,) if entries.single else (1, 2)):
+        raise ValueError("its polygons and values differ in number")
     if (len(certificates), arrays["support"].size, len(points)) != (total, total, total + more * ends.size):
         raise ValueError("its polygons and certificates differ in number")
     expected = independent_entries(entries)
@@ -117,3 +124,28 @@ def unpack_values(
         proved = omega, angles[k], arrays["support"][at], attained, slack, certificates[at]
         found.append(ValueSet(*proved, entry, matrices))
     return found
+
+
+def _equally_spaced(count: int) -> Real:
+    return np.array([0.0, np.pi]) if count == 2 else 2 * np.pi * np.arange(count) / count
+
+
+def _directions(arrays: Arrays, dt: float, most: int | None) -> list[Real]:
+    """The directions of every polygon: stated, or equally spaced."""
+    sides, omega = arrays["sides"], arrays["omega"].tolist()
+    if "directions" not in arrays:
+        counts = np.maximum(
+            sides if most is None else np.full(len(omega), most), 3
+        )  # two where the response is real only
+        angles = [directions_at(w, dt, int(count)) for w, count in zip(omega, counts, strict=True)]
+        if not np.array_equal(sides, [a.size for a in angles]):
+            raise ValueError("its polygons do not have the sides of their number of directions")
+        return angles
+    if sides.size != len(omega) or np.any(sides < 2) or arrays["directions"].size != np.sum(sides):
+        raise ValueError("its directions do not fit to its polygons")
+    angles = np.split(arrays["directions"], np.cumsum(sides)[:-1])
+    for w, one in zip(omega, angles, strict=True):
+        allowed = most is None or np.isin(one, directions_at(w, dt, most)).all()
+        if not (allowed and closes(one, w, dt)):
+            raise ValueError("its polygons do not have sides that close, or not in the directions that were asked for")
+    return angles

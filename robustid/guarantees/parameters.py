@@ -8,8 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Frozen, Real, freeze
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, independent_entries, which
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
+from robustid.guarantees.spread import Spread, spread
 from robustid.identification import Functional, SupportCertificate
+
+_GAP, _LOOSE = 1e-3, 0.02  # of an interval of a SISO plant, and of one of many of a matrix
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,25 +42,35 @@ class ParameterIntervals(Frozen):
         return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
 
 
-def parameter_intervals(consistent: ConsistentSet, gap: float = 1e-3) -> ParameterIntervals:
-    """Smallest and largest value of every parametric coefficient over the set, to a part `gap`."""
-    problem, nothing = consistent.posed.problem, np.zeros(consistent.data.sarason.size)
-    certificates: list[SupportCertificate] = []
+def parameter_intervals(consistent: ConsistentSet, executor: Spread = None) -> ParameterIntervals:
+    """Smallest and largest value of every parametric coefficient over the set, to a thousandth; of matrices to a fiftieth."""
+    problem = consistent.posed.problem
     size = 0 if problem.parametric is None else problem.parametric.size
     # Lower and upper ends, then what is attained of them.
     ends = np.zeros((size, problem.entries.outputs, problem.entries.inputs, 4))
-    for entry in independent_entries(problem.entries):
-        for index in range(size):
-            weights = consistent.parameter_weights(index, entry)
-            for side, sign in enumerate((-1.0, 1.0)):
-                found = consistent.extreme(Functional(nothing, sign * weights), gap)
-                ends[index, *entry, [side, 2 + side]] = sign * found.upper, sign * found.attained
-                certificates.append(found.certificate)
-            if problem.entries.symmetric:
-                ends[index, *entry[::-1]] = ends[index, *entry]
+    wanted = [(entry, index) for entry in independent_entries(problem.entries) for index in range(size)]
+    found = dict(spread(_both_ends, consistent, wanted, executor, "parameter {0[1]} of entry {0[0]}".format))
+    for entry, index in wanted:
+        for side, sign in enumerate((-1.0, 1.0)):
+            one = found[entry, index][side]
+            ends[index, *entry, [side, 2 + side]] = sign * one.upper, sign * one.attained
+        if problem.entries.symmetric:
+            ends[index, *entry[::-1]] = ends[index, *entry]
+    certificates = [one.certificate for each in wanted for one in found[each]]
     if problem.entries.single:
         ends = ends[:, 0, 0]
     return ParameterIntervals(ends[..., 0], ends[..., 1], ends[..., 2:], tuple(certificates))
+
+
+def _both_ends(consistent: ConsistentSet, which: tuple[Entry, int]) -> tuple[Extreme, Extreme]:
+    """The extremes of minus a coefficient of an entry, and of the coefficient."""
+    (entry, index), nothing = which, np.zeros(consistent.data.sarason.size)
+    weights, gap = (
+        consistent.parameter_weights(index, entry),
+        _GAP if consistent.posed.problem.entries.single else _LOOSE,
+    )
+    low, high = (consistent.extreme(Functional(nothing, s * weights), gap, reached=gap == _GAP) for s in (-1.0, 1.0))
+    return low, high
 
 
 def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> Iterator[SupportClaim]:

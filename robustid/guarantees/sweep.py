@@ -7,25 +7,23 @@ import functools
 import logging
 import os
 import pathlib
-import pickle
 import zipfile
-from collections.abc import Generator
-from concurrent.futures import Executor
 
 import numpy as np
 
-from robustid.core import Budget, Progress, Real, Workers, atomic_write, digest, read_arrays, text_array, threads_for
+from robustid.core import Budget, Progress, Real, atomic_write, digest, read_arrays, text_array
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
-from robustid.guarantees.value_set import ValueSet, value_sets_at
+from robustid.guarantees.polygons import value_sets_at
+from robustid.guarantees.spread import Spread, spread
+from robustid.guarantees.value_set import ValueSet
 from robustid.identification import describe_problem
 
 _log = logging.getLogger("robustid")
 
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
-Spread = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
 
 def value_sets(
@@ -52,7 +50,8 @@ def value_sets(
         missing = [missing[k] for k in spread_order(len(missing))]
     try:
         # Closed at once, whatever happens: the processes of our own end with it.
-        with contextlib.closing(_each(consistent, missing, directions, gap, executor)) as each:
+        ask = functools.partial(_one, directions=directions, gap=gap)
+        with contextlib.closing(spread(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
             for w, value in each:
                 if store is not None:
                     store.write(value)
@@ -80,32 +79,8 @@ def spread_order(count: int) -> list[int]:
     return [k for k in turned if k < count]
 
 
-def _each(
-    consistent: ConsistentSet, omega: list[float], directions: int, gap: float, executor: Spread
-) -> Generator[tuple[float, Sets]]:
-    """(frequency, its values) as they are found."""
-    if executor is None or not omega:
-        for w in omega:
-            yield w, _one(consistent, directions, gap, w)
-        return
-    # Packed once, and unpacked once by every worker: what it derives from the arrays serves all its frequencies.
-    packed = pickle.dumps(consistent)
-    with Workers(executor) as workers:
-        yield from workers.run(_packed_one, (packed, directions, gap), omega)
-
-
-def _one(consistent: ConsistentSet, directions: int, gap: float, omega: float) -> Sets:
-    with threads_for(consistent.data.sarason.pair.order):
-        return value_sets_at(consistent, omega, directions, gap)
-
-
-def _packed_one(packed: bytes, directions: int, gap: float, omega: float) -> Sets:
-    return _one(_unpacked(packed), directions, gap, omega)
-
-
-@functools.lru_cache(maxsize=2)
-def _unpacked(packed: bytes) -> ConsistentSet:
-    return pickle.loads(packed)
+def _one(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> Sets:
+    return value_sets_at(consistent, omega, directions, gap)
 
 
 class _Store:

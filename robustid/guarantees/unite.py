@@ -16,7 +16,8 @@ from robustid.guarantees.families import Family
 from robustid.guarantees.member import CONDITIONS, Bounded, Member, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import worst_case_over_poles
-from robustid.guarantees.sweep import Folder, Progress, Spread
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, Progress
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import Identification
 

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, freeze
-from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, SupportClaim, which
 from robustid.identification import Functional, SupportCertificate
 
 
@@ -26,7 +25,7 @@ class ValueSet(Frozen):
     ----------
     omega : float, rad/s
     directions : (m,) array, rad
-        theta_i, equally spaced; 0 and pi where the response is real (omega = 0 and pi/dt).
+        theta_i, rising, less than pi apart; equally spaced for SISO. 0 and pi where the response is real (omega = 0 and pi/dt).
     support : (m,) array
     points : (m,) complex array
         NaN where no member was verified.
@@ -35,8 +34,9 @@ class ValueSet(Frozen):
     certificates : tuple of SupportCertificate
     entry : (int, int)
         Output and input.
-    matrices : (m, ny, nu) complex array; MIMO: (m + 1, ny, nu)
-        The whole values of the systems of `points`, and of one more that is far from the centre in the largest singular value.
+    matrices : (m, ny, nu) complex array; MIMO: (m + 2, ny, nu)
+        The whole values of the systems of `points`, of one that is far from the centre in this entry, and of one far in the largest
+        singular value.
     """
 
     omega: float
@@ -57,10 +57,7 @@ class ValueSet(Frozen):
         """Corners of the outer polygon, between neighbouring directions; the ends of the interval of a real response."""
         if self.directions.size == 2:
             return np.array([self.support[0], -self.support[1]], complex)
-        here, there = self.support, np.roll(self.support, -1)
-        turn = 2 * np.pi / self.directions.size
-        # Where Re(exp(-j theta) v) = here and Re(exp(-j (theta + turn)) v) = there.
-        return np.exp(1j * self.directions) * (here + 1j * (there - here * np.cos(turn)) / np.sin(turn))
+        return corners(self.directions, self.support)
 
     def farthest(self, nominal: complex) -> tuple[float, float]:
         """Largest |F - nominal|: an upper bound, from the polygon, and a lower one, attained."""
@@ -88,53 +85,29 @@ class ValueSet(Frozen):
         return max(0.0, float((np.real(np.exp(-1j * self.directions) * value) - self.support).max()))
 
 
+def corners(directions: Real, support: Real) -> Complex:
+    """Where neighbouring sides Re(exp(-j theta) v) = support of a closed polygon meet."""
+    there, turn = np.roll(support, -1), turns(directions)
+    return np.exp(1j * directions) * (support + 1j * (there - support * np.cos(turn)) / np.sin(turn))
+
+
+def turns(directions: Real) -> Real:
+    """Angles from each direction to the next, around the circle."""
+    return np.diff(np.append(directions, directions[:1] + 2 * np.pi))
+
+
+def closes(directions: Real, omega: float, dt: float) -> bool:
+    """Say whether these directions bound the values at a frequency from all sides; both ends of the interval of a real response."""
+    if directions_at(omega, dt, 3).size == 2:
+        return np.array_equal(directions, [0.0, np.pi])
+    return directions.size >= 3 and bool(np.all((turns(directions) > 0) & (turns(directions) < np.pi)))
+
+
 def directions_at(omega: float, dt: float, count: int) -> Real:
     """The directions of a polygon with `count` sides, rad; 0 and pi where the response is real."""
     if omega == 0 or omega * dt >= np.pi * (1 - 1e-12):
         return np.array([0.0, np.pi])
     return 2 * np.pi * np.arange(count) / count
-
-
-def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> tuple[ValueSet, ...]:
-    """Support function and attained points at one frequency, of every independent entry.
-
-    MIMO: each entry is followed by a step towards the largest singular value of F - C, C the value of the centre:
-    with the singular vectors of the farthest value so far, the largest Re u'(F - C)v over the set is no smaller.
-    """
-    angles = directions_at(omega, consistent.posed.problem.dt, directions)
-    here, entries = consistent.with_node(omega), consistent.posed.problem.entries
-    shape = entries.outputs, entries.inputs
-    parts = [here.value_weights(omega, entry) for entry in np.ndindex(*shape)]
-    x, p, tail = (np.stack(part) for part in zip(*parts, strict=True))
-
-    def value(found: Extreme) -> NDArray[Any]:
-        return (x @ found.x + p @ found.p if np.isfinite(found.attained) else np.full(tail.size, np.nan)).reshape(shape)
-
-    sets: list[ValueSet] = []
-    nothing = np.full(shape, np.nan)
-    centre, farthest = (x @ here.center.x + p @ here.center.p).reshape(shape), nothing
-    for entry in independent_entries(entries):
-        k = int(np.ravel_multi_index(entry, shape))
-        found = [here.extreme(_along(angle, x[k], p[k], tail[k]), gap) for angle in angles]
-        matrices = [value(one) for one in found]
-        if not entries.single:
-            farthest = max([farthest, *matrices], key=lambda one: np.nan_to_num(np.linalg.norm(one - centre)))
-            farthest = (
-                nothing
-                if np.isnan(farthest).any()
-                else value(here.extreme(_outwards(farthest - centre, x, p, tail), gap))
-            )
-            matrices.append(farthest)
-        matrices = np.array(matrices)
-        support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
-        points = matrices[: angles.size, *entry]
-        sets.append(ValueSet(omega, angles, support, points, float(tail[k]), proofs, entry, matrices))
-    return tuple(sets)
-
-
-def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
-    """Support function and attained points at one frequency, of the first entry, the only one of a SISO plant."""
-    return value_sets_at(consistent, omega, directions, gap)[0]
 
 
 def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[SupportClaim]:
@@ -143,14 +116,12 @@ def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[Su
     here = dataclasses.replace(consistent, posed=consistent.posed_at(omega))
     for one in found:
         x, p, tail = here.value_weights(omega, one.entry)
-        # Two sides close no polygon in the plane.
-        angles = directions_at(omega, problem.dt, max(one.directions.size, 3))
-        # Else the corners of the polygon are not where they are said to be.
-        even = one.omega == omega and np.array_equal(angles, one.directions)
-        for k, (angle, support, proof) in enumerate(zip(angles, one.support, one.certificates, strict=even)):
-            name = f"{omega:.6g} rad/s{which(problem, one.entry)}, direction {k + 1} of {angles.size}"
-            stated = float(support) if even else -np.inf
-            yield SupportClaim(name, _along(angle, x, p, tail), stated, proof, here.data.rows, here.data.sarason)
+        # Else there are no corners of a polygon around all values.
+        closed = one.omega == omega and closes(one.directions, omega, problem.dt)
+        for k, (angle, support, proof) in enumerate(zip(one.directions, one.support, one.certificates, strict=closed)):
+            name = f"{omega:.6g} rad/s{which(problem, one.entry)}, direction {k + 1} of {one.directions.size}"
+            stated = float(support) if closed else -np.inf
+            yield SupportClaim(name, along(angle, x, p, tail), stated, proof, here.data.rows, here.data.sarason)
 
 
 def by_frequency(values: Iterable[ValueSet]) -> dict[float, tuple[ValueSet, ...]]:
@@ -179,7 +150,10 @@ def largest_errors(found: Sequence[ValueSet], nominal: Complex, limit: float) ->
         return Errors(upper, lower, float(upper[0, 0]), float(lower[0, 0]))
     sigma = min(float(norm_of_bounds(upper)), limit)
     matrices = np.concatenate([one.matrices for one in found])
-    reached = np.linalg.norm(matrices[~np.isnan(matrices).any(axis=(1, 2))] - nominal, 2, axis=(1, 2))
+    matrices = matrices[~np.isnan(matrices).any(axis=(1, 2))]
+    # A system that is far in one entry may be far in another.
+    lower = np.clip(np.abs(matrices - nominal).max(axis=0, initial=0.0) - slack, lower, upper)
+    reached = np.linalg.norm(matrices - nominal, 2, axis=(1, 2))
     attained = max(float(reached.max(initial=0.0)) - schur_bound(slack), float(lower.max()))
     return Errors(upper, lower, sigma, min(attained, sigma))
 
@@ -206,14 +180,7 @@ def schur_bound(scales: Real) -> float:
     return float(size @ largest) * (1 + 1e-12)
 
 
-def _along(angle: float, x: Complex, p: Complex, tail: float) -> Functional:
+def along(angle: float, x: Complex, p: Complex, tail: float) -> Functional:
     """Re(exp(-j angle) F)."""
     turn = np.exp(-1j * angle)
     return Functional(np.real(turn * x), np.real(turn * p), tail)
-
-
-def _outwards(error: NDArray[Any], x: Complex, p: Complex, tail: Real) -> Functional:
-    """Re u'Fv with the first singular vectors of an error."""
-    left, _, right = np.linalg.svd(error)
-    weights = np.outer(left[:, 0].conj(), right[0].conj()).ravel()
-    return Functional(np.real(weights @ x), np.real(weights @ p), float(np.abs(weights) @ tail))

@@ -32,7 +32,8 @@ from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refi
 from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.sweep import Folder, Spread, value_sets
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, value_sets
 from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification
@@ -430,10 +431,11 @@ def worst_case_error(
     model = as_nominal(model, identification)
     grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
-    gap = min(rtol / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    gap = rtol / 5
+    if identification.problem.entries.single:  # of matrices the sides follow the gap
+        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     values = value_sets(consistent, grid, directions, gap, executor, progress, resume, Budget(time_limit))
-    with threads_for(consistent.data.sarason.pair.order):
-        intervals = parameter_intervals(consistent)
+    intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor)
     return WorstCaseError(
         identification=identification,
         model=model,

@@ -1,6 +1,12 @@
 """The convex question and its answer: the problem, identify(), its result and its proofs."""
 
-from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, certify_support
+from robustid.identification.certificate import (
+    Functional,
+    MarginCertificate,
+    SupportCertificate,
+    certify_support,
+    evaluate_support,
+)
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
@@ -32,6 +38,7 @@ __all__ = [
     "describe_poles",
     "describe_problem",
     "entry_name",
+    "evaluate_support",
     "excited_lines",
     "identify",
     "largest_ratio",

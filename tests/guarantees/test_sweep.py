@@ -156,7 +156,7 @@ def test_a_cancelled_item_is_tried_again(result):
             return future
 
     with Workers(Cancelling()) as workers:
-        assert dict(workers.run(lambda a, b: a + b, (1.0,), [2.0, 3.0])) == {2.0: 3.0, 3.0: 4.0}
+        assert dict(workers.run(lambda a, b: a + b, (1.0,), [2.0, 3.0], str)) == {2.0: 3.0, 3.0: 4.0}
 
 
 @pytest.mark.parametrize("executor", [0, -1, 2.0, "all", True])

@@ -11,7 +11,8 @@ import robustid as rid
 from robustid.core import response
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.curvature import second_derivative
-from robustid.guarantees.value_set import ValueSet, value_set, value_set_claims
+from robustid.guarantees.polygons import value_set
+from robustid.guarantees.value_set import ValueSet, value_set_claims
 from robustid.identification.certificate import Functional, certify_support, evaluate_support
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.model import nominal_model

@@ -12,7 +12,7 @@ from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.solver.cvxpy_backend import solve_conic
 from robustid.identification.solver.interior_point import Limits, State, center, path, start
-from robustid.identification.solver.paths import analytic_center, barrier_program, gain_path, margin_path, support_path
+from robustid.identification.solver.paths import Supports, analytic_center, barrier_program, gain_path, margin_path
 from support.paths import arrow, dense_scaling, times, triple
 from support.problems import CASES, random_problem
 
@@ -274,7 +274,7 @@ def check_problem(seed, case, form, coefficients, count):
     rng = np.random.default_rng(seed)
     direction = rng.standard_normal(n), rng.standard_normal(data.rows.P.shape[1])
     for outer in (False, True):
-        values = list(support_path(data, inside, level, direction, outer))
+        values = list(Supports(data, inside, level, outer).path(direction))
         count.take()
         theirs = conic_support(data, level, direction, outer)
         name = "outer" if outer else "inner"

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.identification.certificate import certify_margin, evaluate_certificate
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.cvxpy_backend import solve_conic
-from robustid.identification.solver.paths import analytic_center, gain_path, margin_path, support_path
+from robustid.identification.solver.paths import Supports, analytic_center, gain_path, margin_path
 from support.intervals import FREE, KINDS, bounded, inside, intervals, tight
 from support.problems import judge_margin, random_problem
 
@@ -75,7 +75,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
             sign = 2 * k - 1
             along = sign * np.eye(2)[i] / data.rows.column_scale  # of the coefficient in its own unit
             values = [
-                value for _, value, _ in support_path(data, center, 1.0, (np.zeros(data.sarason.pair.order), along))
+                value for _, value, _ in Supports(data, center, 1.0).path((np.zeros(data.sarason.pair.order), along))
             ]
             found = values[-1] if values else float(along @ center.p)
             assert sign * found == pytest.approx(bounds[i, k], rel=1e-7, abs=1e-7)

@@ -9,6 +9,7 @@ from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.exact import QUICK_EXACT, ExactFormulation
+from robustid.identification.formulation.parts import Part, parts_of
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.sections import SectionsFormulation
@@ -26,6 +27,7 @@ __all__ = [
     "Entries",
     "ExactFormulation",
     "Formulation",
+    "Part",
     "Rows",
     "SarasonMap",
     "SectionsFormulation",
@@ -36,4 +38,5 @@ __all__ = [
     "formulate_over",
     "initial_state",
     "measured_entries",
+    "parts_of",
 ]

@@ -97,6 +97,10 @@ class SarasonMap(Frozen, abc.ABC):
         H = self.symmetry @ self.basis
         return freeze((H + H.transpose(0, 2, 1)) / 2)
 
+    def of(self, entries: Entries) -> SarasonMap:
+        """The same map for matrices of another shape."""
+        return dataclasses.replace(self, entries=entries)  # type: ignore[type-var]
+
     def turned(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
         """T M, for MIMO (T (x) I) M; T is symmetric and orthogonal, its own inverse."""
         return self._turned(M.reshape(self.pair.order, M.size // max(self.pair.order, 1))).reshape(M.shape)

@@ -3,12 +3,13 @@
 from robustid.identification.solver.cones import Cones
 from robustid.identification.solver.cvxpy_backend import solver_name
 from robustid.identification.solver.interior_point import Limits, Program, path, start
-from robustid.identification.solver.paths import analytic_center, barrier_extents, gain_path, margin_path, support_path
+from robustid.identification.solver.paths import Supports, analytic_center, barrier_extents, gain_path, margin_path
 
 __all__ = [
     "Cones",
     "Limits",
     "Program",
+    "Supports",
     "analytic_center",
     "barrier_extents",
     "gain_path",
@@ -16,5 +17,4 @@ __all__ = [
     "path",
     "solver_name",
     "start",
-    "support_path",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 import logging
@@ -24,6 +25,7 @@ _SYSTEMS = 60  # Newton systems per problem: 15 to 30 are usual
 _PATIENCE, _SLOW = 8, 0.95  # so many iterates in which the gap falls by less than 5 %: the limit of precision is met
 _CENTERED = 1e-16  # squared Newton decrement at which a centre is accepted
 _NEAR = 1e-2  # squared decrement of quadratic convergence
+_FULL = 1.2  # longer steps are cut to one, whatever part of them is taken
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,6 +90,9 @@ class Iterate:
 class State:
     """All that one Newton system needs at an iterate; raises LinAlgError where an iterate has left its cone."""
 
+    matrix: Real
+    _factored = False
+
     def __init__(self, program: Program, at: Iterate):
         self.program, self.at = program, at
         cones = program.cones
@@ -122,6 +127,8 @@ class State:
         Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is
         as symmetric.
         """
+        if self._factored:
+            return
         program, n = self.program, self.program.ball.size
         a, b, c = self.scaling.curvature
         inside = program.design.gram(a, b)
@@ -134,6 +141,15 @@ class State:
         self.matrix = inside
         self.scale = 1 / np.sqrt(np.diag(inside))
         self._solve = _solver(inside * self.scale * self.scale[:, None])
+        self._factored = True
+
+    def towards(self, linear: Real) -> State:
+        """The same state of a program with another linear objective: the Newton matrix is the same one."""
+        other = copy.copy(self)
+        other.program, other.at = dataclasses.replace(self.program, linear=linear), dataclasses.replace(self.at)
+        other.residual = self._dual_residual(self.at.Z, self.at.z, linear, self.program.cost)
+        other.at.dual = float(np.linalg.norm(other.residual))
+        return other
 
     def _bordered(self, inside: Real) -> Real:
         """With the row of t."""
@@ -187,10 +203,14 @@ class State:
         return self.direction(target, self.scaling.solve(cones.divide(point, (first, second))))
 
     def longest_steps(self, d: _Direction) -> tuple[float, float]:
-        """Steps of the primal and of the dual part to the border of the cones."""
+        """Steps of the primal and of the dual part to the border of the cones; 1.2 where they are longer."""
         cones = self.program.cones
-        primal = min(cones.longest_step(self.s, d.ds), *map(longest_step, self.root_S, d.dS))
-        dual = min(cones.longest_step(self.at.z, d.dz), *map(longest_step, self.root_Z, d.dZ))
+
+        def blocks(roots: list[Real], directions: list[Real], whole: list[Real]) -> list[float]:
+            return [longest_step(root, d, _FULL, M) for root, d, M in zip(roots, directions, whole, strict=True)]
+
+        primal = min(cones.longest_step(self.s, d.ds), *blocks(self.root_S, d.dS, self.S), _FULL)
+        dual = min(cones.longest_step(self.at.z, d.dz), *blocks(self.root_Z, d.dZ, self.at.Z), _FULL)
         return primal, dual
 
     def gap_after(self, d: _Direction, primal: float, dual: float) -> float:
@@ -254,11 +274,16 @@ def _slacks(program: Program, v: Real, t: float) -> tuple[list[Real], Pair]:
 
 def path(program: Program, at: Iterate) -> Iterator[Iterate]:
     """Iterates of the predictor-corrector method of `mehrotra1992`, primal feasible; ends at the limit of precision."""
-    best, waited, state = np.inf, 0, _state(program, at)
+    return path_from(_state(program, at))
+
+
+def path_from(state: State | None) -> Iterator[Iterate]:
+    """The iterates of `path` from a state, which may have its Newton matrix."""
+    best, waited = np.inf, 0
     for _ in range(_SYSTEMS):
         if state is None:
             return
-        at = state.at
+        at, program = state.at, state.program
         yield at
         waited = 0 if at.estimate < _SLOW * best else waited + 1
         best = min(best, at.estimate)
@@ -325,18 +350,11 @@ def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
     return state.at
 
 
-def extent(program: Program, v: Real, w: Real) -> float:
-    """Largest w'dv over the ellipsoid dv'F dv <= 1, F the Hessian of the barrier at v: (w'F^-1 w)^(1/2)."""
+def factored(program: Program, v: Real) -> State:
+    """The state at v with multipliers slack^-1, with its Newton matrix: the Hessian F of the barrier."""
     state = State(program, start(program, v, 0.0))
     state.factorise()
-    return float(np.sqrt(max(w @ state.solve(w), 0.0)))
-
-
-def extents(program: Program, v: Real, W: Real) -> Real:
-    """The matrix W'F^-1 W of directions W (n, k), F the Hessian of the barrier at v: what they do in its ellipsoid."""
-    state = State(program, start(program, v, 0.0))
-    state.factorise()
-    return W.T @ np.column_stack([state.solve(w) for w in W.T])
+    return state
 
 
 def _on_barrier(program: Program, v: Real) -> State | None:

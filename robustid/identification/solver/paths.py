@@ -15,7 +15,16 @@ from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.solver.cones import Cones
-from robustid.identification.solver.interior_point import Iterate, Limits, Program, center, extent, extents, path, start
+from robustid.identification.solver.interior_point import (
+    Iterate,
+    Limits,
+    Program,
+    center,
+    factored,
+    path,
+    path_from,
+    start,
+)
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
@@ -112,33 +121,36 @@ def analytic_center(
     raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {best:.9g}")
 
 
-def support_path(
-    data: ConvexData, inside: Candidate, level: float, direction: tuple[Real, Real], outer: bool = False
-) -> Iterator[tuple[Candidate, float, float]]:
-    """Points on the way to max <direction, (x, p)> over {||X|| <= 1, |e_k| <= level -+ tail}: (candidate, value, gap).
+class Supports:
+    """Extremes of linear functionals over {||X|| <= 1, |e_k| <= level -+ tail}: paths from one point, with one Newton matrix.
 
-    With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), approximately.
     The set is the inner one, with "-", or the outer one, which contains the coefficients of every consistent system.
     """
-    count = data.rows.cones
-    reach = level + data.rows.tail if outer else level - data.rows.tail
-    direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
-    w, limits = (
-        np.concatenate([direct, data.direction(direction[1])]),
-        Limits((1.0, 0.0), (reach, np.zeros(count))),
-    )
-    offset = float(direction[1] @ data.origin)
-    v = _unknowns(data, inside)
-    # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
-    size = extent(barrier_program(data, limits, None), v, w)
-    if size == 0:
-        return
-    program = barrier_program(data, limits, None, -w / size)
-    for at in path(program, start(program, v, 0.0)):
-        value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, program, at)
-        yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
-        if gap < _LAST * max(abs(value), size):
+
+    def __init__(self, data: ConvexData, inside: Candidate, level: float, outer: bool = False):
+        reach = level + data.rows.tail if outer else level - data.rows.tail
+        limits = Limits((1.0, 0.0), (reach, np.zeros(data.rows.cones)))
+        self._data = data
+        self._first = factored(barrier_program(data, limits, None), _unknowns(data, inside))
+
+    def path(self, direction: tuple[Real, Real]) -> Iterator[tuple[Candidate, float, float]]:
+        """Points on the way to max <direction, (x, p)>: (candidate, value, gap).
+
+        With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), approximately.
+        """
+        data = self._data
+        direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
+        w, offset = np.concatenate([direct, data.direction(direction[1])]), float(direction[1] @ data.origin)
+        # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
+        size = float(np.sqrt(max(w @ self._first.solve(w), 0.0)))
+        if size == 0:
             return
+        first = self._first.towards(-w / size)
+        for at in path_from(first):
+            value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, first.program, at)
+            yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
+            if gap < _LAST * max(abs(value), size):
+                return
 
 
 def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, P: Real) -> Real:
@@ -150,4 +162,5 @@ def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, 
     along = X if data.axes is None else data.axes.T @ X
     W = np.vstack([along, np.column_stack([data.direction(p) for p in P.T])])
     program = barrier_program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones))), None)
-    return extents(program, _unknowns(data, inside), W)
+    state = factored(program, _unknowns(data, inside))
+    return W.T @ np.column_stack([state.solve(w) for w in W.T])

@@ -1,0 +1,276 @@
+"""Finding the values of all consistent systems at one frequency: few directions, more where the farthest corner asks for them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
+from robustid.guarantees.value_set import ValueSet, along, corners, directions_at
+from robustid.identification import Functional
+
+_FIRST = 4  # directions of an entry of a matrix to begin with
+_WITHIN, _ALL, _SHARP = (
+    2.5,
+    5.0,
+    1.0,
+)  # gaps from corners to what is reached: in a part, by consistent systems, for singular values
+_STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
+
+
+def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> tuple[ValueSet, ...]:
+    """Support function and attained points at one frequency, of every independent entry.
+
+    SISO: in all directions. MIMO: in as many as the farthest corner of every polygon asks for.
+    """
+    here = consistent.with_node(omega)
+    search = _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap)
+    return (search.siso(),) if here.posed.problem.entries.single else search.mimo()
+
+
+def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
+    """Support function and attained points at one frequency, of the first entry, the only one of a SISO plant."""
+    return value_sets_at(consistent, omega, directions, gap)[0]
+
+
+@dataclasses.dataclass
+class _Polygon:
+    """The sides found so far around the values of one entry, by the numbers of their directions.
+
+    `reached` are values that the bounds of the sides are near to; of `whole` sides they are those of consistent systems.
+    """
+
+    entry: Entry
+    angles: Real
+    centre: complex
+    sides: dict[int, Extreme] = dataclasses.field(default_factory=dict[int, Extreme])
+    reached: dict[int, complex] = dataclasses.field(default_factory=dict[int, complex])
+    whole: set[int] = dataclasses.field(default_factory=set[int])
+
+    @property
+    def order(self) -> list[int]:
+        """Numbers of the directions, rising."""
+        return sorted(self.sides)
+
+    @property
+    def support(self) -> Real:
+        return np.array([self.sides[k].upper for k in self.order])
+
+    @property
+    def _distances(self) -> Real:
+        """Of the corners from the centre; corner k lies between directions k and k + 1."""
+        if self.angles.size == 2:
+            return np.abs(np.array([self.support[0], -self.support[1]]) - self.centre)
+        return np.abs(corners(self.angles[self.order], self.support) - self.centre)
+
+    @property
+    def radius(self) -> float:
+        """Largest distance of a corner from the centre."""
+        return float(self._distances.max())
+
+    @property
+    def farthest(self) -> int:
+        """The direction whose reached value is farthest from the centre."""
+        return max(self.order, key=lambda k: abs(self.reached[k] - self.centre))
+
+    @property
+    def extent(self) -> float:
+        """That distance."""
+        return abs(self.reached[self.farthest] - self.centre)
+
+    @property
+    def beside(self) -> tuple[int, int]:
+        """The directions on both sides of the farthest corner."""
+        order, worst = self.order, int(np.argmax(self._distances))
+        if self.angles.size == 2:
+            return order[worst], order[worst]
+        return order[worst], order[(worst + 1) % len(order)]
+
+    @property
+    def between(self) -> int | None:
+        """A direction that cuts off the farthest corner; None where there is none left."""
+        first, second = self.beside
+        steps = (second - first) % self.angles.size
+        return (first + steps // 2) % self.angles.size if steps > 1 else None
+
+
+class _Search:
+    """The values of all entries at one frequency."""
+
+    def __init__(self, here: ConsistentSet, omega: float, angles: Real, gap: float):
+        self._here, self._omega, self._angles, self._gap = here, omega, angles, gap
+        entries = here.posed.problem.entries
+        self._entries, self._shape = entries, entries.shape
+        parts = [here.value_weights(omega, entry) for entry in np.ndindex(*self._shape)]
+        self._x, self._p, self._tail = (np.stack(part) for part in zip(*parts, strict=True))
+        self._members: list[Complex] = []
+
+    def siso(self) -> ValueSet:
+        """The only entry, in all directions."""
+        x, p, tail = self._x[0], self._p[0], self._tail[0]
+        found = [self._here.extreme(along(angle, x, p, tail), self._gap) for angle in self._angles]
+        points = np.array([self._value(one)[0, 0] for one in found])
+        support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
+        return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
+
+    def mimo(self) -> tuple[ValueSet, ...]:
+        """All entries: bounds first, then systems that come near to them.
+
+        One system far in the largest singular value and one far in all entries do for most; else each entry's own, and where these
+        stay away from a bound that was found in a part of the problem, bounds from all of it.
+        """
+        polygons = [self._polygon(entry) for entry in independent_entries(self._entries)]
+        self._climb(self._largest_reached(polygons), polygons)
+        if missing := [one for one in polygons if not self._met(one)]:
+            self._take(self._here.extreme_of_all(self._together(missing), self._gap))
+        for one in polygons:
+            self._close(one)
+        if not self._near(polygons):
+            for one in polygons:
+                self._sharpen(one, _SHARP)
+        return tuple(self._value_set(one) for one in polygons)
+
+    def _climb(self, error: Complex, polygons: list[_Polygon]) -> None:
+        """Consistent systems with ever larger singular values: each is extreme along the singular vectors of the one before."""
+        for _ in range(_STEPS):
+            before, found = self._sigma, self._here.extreme_of_all(self._along_vectors(error), self._gap)
+            self._take(found)
+            if self._near(polygons) or self._sigma <= (1 + self._gap / 4) * before or not np.isfinite(found.attained):
+                return
+            error = self._value(found) - self._centre
+
+    def _near(self, polygons: list[_Polygon]) -> bool:
+        """Say whether a consistent system is near to the bound of the largest singular value."""
+        return self._sigma >= (1 - _ALL * self._gap) * self._norm(polygons)
+
+    @property
+    def _sigma(self) -> float:
+        """Largest singular value that was found of the difference from the centre."""
+        return max((float(np.linalg.norm(one - self._centre, 2)) for one in self._members), default=0.0)
+
+    def _norm(self, polygons: list[_Polygon]) -> float:
+        """Its bound from those of the entries."""
+        return float(np.linalg.norm(self._matrix({one.entry: one.radius for one in polygons}), 2))
+
+    @functools.cached_property
+    def _centre(self) -> Complex:
+        center = self._here.center
+        return np.asarray(self._x @ center.x + self._p @ center.p, dtype=complex).reshape(self._shape)
+
+    def _value(self, found: Extreme) -> Complex:
+        """The whole value of the system that attains an extreme; NaN where there is none."""
+        if not np.isfinite(found.attained):
+            return np.full(self._shape, np.nan, complex)
+        return np.asarray(self._x @ found.x + self._p @ found.p, dtype=complex).reshape(self._shape)
+
+    def _take(self, found: Extreme) -> None:
+        if np.isfinite(found.attained):
+            self._members.append(self._value(found))
+
+    def _functional(self, entry: Entry, direction: int) -> Functional:
+        k = int(np.ravel_multi_index(entry, self._shape))
+        return along(self._angles[direction], self._x[k], self._p[k], self._tail[k])
+
+    def _polygon(self, entry: Entry) -> _Polygon:
+        """A few sides, and more until the farthest corner is near to a value that is reached."""
+        polygon, count = _Polygon(entry, self._angles, complex(self._centre[entry])), self._angles.size
+        for direction in {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count):
+            self._side(polygon, direction)
+        self._sharpen(polygon, _WITHIN)
+        return polygon
+
+    def _sharpen(self, polygon: _Polygon, within: float) -> None:
+        """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
+        while polygon.extent < (1 - within * self._gap) * polygon.radius and polygon.between is not None:
+            self._side(polygon, polygon.between)
+
+    def _side(self, polygon: _Polygon, direction: int, whole: bool = False) -> None:
+        """Add a side, or the bound and the system from the whole problem to one that is there."""
+        functional, before = self._functional(polygon.entry, direction), polygon.sides.get(direction)
+        found = None if whole else self._here.bounded(functional, self._gap)
+        if found is None:
+            found = self._here.extreme_of_all(functional, self._gap)
+            self._take(found)
+            polygon.whole.add(direction)
+        reached = complex(self._value(found)[polygon.entry])
+        polygon.reached[direction] = polygon.centre if np.isnan(reached) else reached
+        polygon.sides[direction] = found if before is None or found.upper <= before.upper else found.proved_by(before)
+
+    def _met(self, polygon: _Polygon) -> bool:
+        """Say whether a consistent system is near to the farthest corner."""
+        errors = [abs(member[polygon.entry] - polygon.centre) for member in self._members]
+        return max(errors, default=0.0) >= (1 - _ALL * self._gap) * polygon.radius
+
+    def _close(self, polygon: _Polygon) -> None:
+        """Bounds and systems from the whole problem, where they are farthest apart."""
+        while not self._met(polygon):
+            left = [
+                k
+                for k in (polygon.farthest, *polygon.beside, polygon.between)
+                if k is not None and k not in polygon.whole
+            ]
+            if not left:
+                return
+            self._side(polygon, left[0], whole=True)
+
+    def _largest_reached(self, polygons: list[_Polygon]) -> Complex:
+        """An error with a large singular value that reached values of the entries make together.
+
+        Of every entry the value that is farthest in the direction of the singular vectors, whose vectors again: each step is
+        upwards. From errors of one phase, and from several of random ones.
+        """
+        rng = np.random.default_rng(0)
+        values = {one.entry: np.array([one.reached[k] - one.centre for k in one.order]) for one in polygons}
+        best = np.zeros(self._shape, complex)
+        for start in range(_STARTS):
+            left, right = (np.exp(2j * np.pi * rng.random(size) * (start > 0)) for size in self._shape)
+            error, size = best * 0, -1.0
+            while (larger := float(np.linalg.norm(error, 2))) > size * (1 + 1e-9):
+                size = larger
+                wanted = np.outer(left, right).conj()
+                error = self._matrix({at: v[np.argmax(np.real(complex(wanted[at]) * v))] for at, v in values.items()})
+                U, _, V = np.linalg.svd(error)
+                left, right = U[:, 0], V[0]
+            best = error if size > np.linalg.norm(best, 2) else best
+        return best
+
+    def _along_vectors(self, error: Complex) -> Functional:
+        """Re u'Fv with the first singular vectors of an error."""
+        left, _, right = np.linalg.svd(error)
+        weights = np.outer(left[:, 0].conj(), right[0].conj()).ravel()
+        tail = float(np.abs(weights) @ self._tail)
+        return Functional(np.real(weights @ self._x), np.real(weights @ self._p), tail)
+
+    def _matrix(self, values: dict[Entry, complex]) -> Complex:
+        """The matrix of values of the independent entries."""
+        out = np.zeros(self._shape, complex)
+        for (i, j), value in values.items():
+            out[i, j] = value
+            if self._entries.symmetric:
+                out[j, i] = value
+        return out
+
+    def _together(self, polygons: list[_Polygon]) -> Functional:
+        """The sum over entries of Re(exp(-j theta) F), each in the direction of its farthest value and in its units."""
+        parts = [self._functional(one.entry, one.farthest) for one in polygons]
+        size = [1 / max(one.extent, np.finfo(float).tiny) for one in polygons]
+        x, p = (sum(s * getattr(part, name) for s, part in zip(size, parts, strict=True)) for name in ("x", "p"))
+        return Functional(
+            np.asarray(x), np.asarray(p), float(sum(s * part.tail for s, part in zip(size, parts, strict=True)))
+        )
+
+    def _value_set(self, polygon: _Polygon) -> ValueSet:
+        order, nothing = polygon.order, np.full(self._shape, np.nan, complex)
+        values = {k: self._value(polygon.sides[k]) if k in polygon.whole else nothing for k in order}
+        # The system that is farthest from the centre in this entry, and one in the largest singular value.
+        far = max(self._members, key=lambda one: abs(one[polygon.entry] - polygon.centre), default=nothing)
+        apart = max(self._members, key=lambda one: float(np.linalg.norm(one - self._centre, 2)), default=nothing)
+        matrices = np.array([*(values[k] for k in order), far, apart])
+        points = matrices[: len(order), *polygon.entry]
+        k = int(np.ravel_multi_index(polygon.entry, self._shape))
+        proofs = tuple(polygon.sides[k].certificate for k in order)
+        sides = polygon.angles[order], polygon.support, points, float(self._tail[k]), proofs
+        return ValueSet(self._omega, *sides, polygon.entry, matrices)
