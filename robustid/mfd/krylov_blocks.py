@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg
 
 from robustid.errors import InputError
+from robustid.mfd.householder import triangle_inverse
 
 gemm, syrk = scipy.linalg.get_blas_funcs(("gemm", "syrk"), dtype=np.float64)  # in place, unlike @
-(_trtri,) = scipy.linalg.get_lapack_funcs(("trtri",), dtype=np.float64)
 # A column that loses this much of its length when the earlier ones are taken out is a combination of them.
 NULL = 1e-10
 # Cholesky QR squares the condition number; below this pivot Householder takes over.
@@ -105,8 +105,3 @@ def orthonormal_columns(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             R = normalised * length
             return gemm(1.0, block, triangle_inverse(R)), R
     return scipy.linalg.qr(block, mode="economic", check_finite=False)  # type: ignore[return-value]
-
-
-def triangle_inverse(triangle: np.ndarray) -> np.ndarray:
-    """Inverse of a small upper triangle. OpenBLAS spreads a triangular solve over threads at any size: milliseconds each."""
-    return _trtri(triangle)[0]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robustid.core import StateMatrices
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.criterion import Weight
+from robustid.mfd.householder import orthonormal, triangle_inverse
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.real_modes import RealModes
 from robustid.mfd.response_conditions import ResponseCondition, equations, wanted
@@ -339,16 +340,14 @@ class Outputs:
 
 def _orthonormal(design: Real) -> tuple[Real, Real]:
     """An orthonormal basis (G, rows, columns) of the columns, and the matrices that bring its coordinates back to theirs."""
-    Q, R = np.linalg.qr(design)
+    Q, R = orthonormal(design)
     size = np.linalg.norm(R, axis=1, keepdims=True)
     size[size == 0] = 1.0
     scaled = R / size
     if R.shape[1] == R.shape[2]:
         with np.errstate(all="ignore"):
-            try:
-                inverse: Real = np.asarray(np.linalg.inv(scaled), dtype=float)
-            except np.linalg.LinAlgError:
-                inverse = np.full(R.shape, np.inf)
+            regular = np.all(np.diagonal(R, axis1=1, axis2=2))
+            inverse = np.array([triangle_inverse(upper) for upper in scaled]) if regular else np.full(R.shape, np.inf)
             # |R| |R^-1| in the norm of Frobenius: no more than that many columns away from the condition number
             conditions = np.linalg.norm(scaled, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))
         if np.all(conditions < 1 / _RANK):

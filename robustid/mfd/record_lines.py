@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from robustid.data import TimeRecord
 from robustid.mfd.criterion import Weight
+from robustid.mfd.householder import triangle
 from robustid.mfd.outputs import Block, Criterion, Fitted, Outputs
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.state_fit import output_rows, real_rows, solution_in_units, triangle
+from robustid.mfd.state_fit import output_rows, real_rows, solution_in_units
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

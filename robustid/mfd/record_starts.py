@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from robustid.core import StateMatrices, balancing, points_of
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
-from robustid.mfd.state_fit import reflected, triangle
+from robustid.mfd.householder import triangle
+from robustid.mfd.state_fit import reflected
 from robustid.mfd.subspace import subspace_estimate
 
 Real = NDArray[np.float64]

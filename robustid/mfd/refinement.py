@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.mfd.block_model import RESOLVED
+from robustid.mfd.householder import triangle
 from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
-from robustid.mfd.state_fit import triangle
 
 Real = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.linalg
 
 from robustid.core import response_at
+from robustid.mfd.householder import triangle
 
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
 _BOUNDARY = 1e-9
-_CHUNK = 1000  # rows of a QR factorisation that stay in the cache
 
 
 class Samples(NamedTuple):
@@ -92,16 +92,6 @@ def band(points: np.ndarray, domain: str) -> np.ndarray:
     """The frequencies of the points, rad/s or rad/sample, without zero and Nyquist."""
     frequency = np.abs(np.imag(points)) if domain == "s" else np.abs(np.angle(points))
     return frequency[(frequency > 0) & ((domain == "s") | (frequency < np.pi * (1 - 1e-9)))]
-
-
-def triangle(matrix: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation, by chunks of rows that stay in the cache."""
-    rows, columns = matrix.shape
-    size = max(_CHUNK, 2 * columns)
-    if rows <= 2 * size:
-        return np.asarray(np.linalg.qr(matrix, mode="r"))
-    parts = [np.linalg.qr(matrix[k : k + size], mode="r") for k in range(0, rows, size)]
-    return triangle(np.concatenate(parts))
 
 
 def solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import scipy.linalg
 
 from robustid.core import Frozen, as_array, freeze
 from robustid.errors import InputError
+from robustid.mfd.householder import triangle_inverse
 from robustid.mfd.krylov_blocks import (
     NULL,
     Block,
@@ -21,7 +22,6 @@ from robustid.mfd.krylov_blocks import (
     stacked,
     syrk,
     times_xi,
-    triangle_inverse,
     without,
 )
 
