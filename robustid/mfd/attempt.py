@@ -17,7 +17,7 @@ from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.chains import input_priority
 from robustid.mfd.exchange import PER_ROUND, exchange
 from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, fit_fraction
-from robustid.mfd.left_out import EVERY, left_out_cost, withheld, withheld_residual
+from robustid.mfd.left_out import left_out_cost, withheld_residuals
 from robustid.mfd.model import FractionModel, realise
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.noise_level import white
@@ -206,11 +206,8 @@ def _descended(
     """End of the refinement; number and cost of the unstable poles of a better fit without stability."""
     if flipped(problem):
         problem, data, model = problem.transposed(), data.transposed(), model.transposed()
-    start = blocks_of(problem, model)
+    start = start_of(problem, model, stable=settings.stable)
     budget = Budget(settings.deadline, settings.progress)
-    if settings.stable:
-        inside, outputs = start.reflected(), Outputs(problem)
-        start = min(inside, inside.resolved(problem.xi), key=lambda model: outputs.fitted(model).cost)
     found = _searched(problem, data, start, settings, budget, RESOLVED)
     if settings.stable and found.status is not FitStatus.INTERRUPTED and not budget.spent:
         found, resolved = _seen_by_several(problem, data, start, settings, budget, found)
@@ -263,24 +260,26 @@ def _seen_by_several(
     wide = _searched(problem, data, start.resolved(problem.xi, SEVERAL), settings, budget, SEVERAL)
     if budget.spent or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
         return found, RESOLVED
-    left = {RESOLVED: found, SEVERAL: wide}
-    costs = {part: _withheld_cost(problem, one.fitted.model, part, budget) for part, one in left.items()}
-    if costs[RESOLVED] <= costs[SEVERAL]:
+    quiet = budget._replace(report=None)
+    costs: list[float] = []
+    try:
+        for part, one in ((RESOLVED, found), (SEVERAL, wide)):
+            left = withheld_residuals(problem, one.fitted.model, stable=True, resolved=part, budget=quiet)
+            costs.append(float(np.linalg.norm(problem.weight.apply(left))))
+    except KeyboardInterrupt:
+        return found._replace(status=FitStatus.INTERRUPTED), RESOLVED
+    if costs[0] <= costs[1]:
         return found, RESOLVED
     return wide._replace(history=found.history + wide.history), SEVERAL
 
 
-def _withheld_cost(problem: FractionProblem, model: BlockModel, resolved: float, budget: Budget) -> float:
-    """Criterion at every frequency point but the last, each withheld once."""
-    masks = [withheld(problem, first) for first in range(EVERY)]
-    quiet = budget._replace(report=None)
-    return sum(
-        float(
-            np.sum(np.abs(withheld_residual(problem, model, mask, stable=True, resolved=resolved, budget=quiet)) ** 2)
-        )
-        for mask in masks
-        if np.any(mask)
-    )
+def start_of(problem: FractionProblem, model: StateMatrices, *, stable: bool) -> BlockModel:
+    """A realisation as blocks; stable, the better one of its reflected poles as they are and with all modes resolved."""
+    start = blocks_of(problem, model)
+    if not stable:
+        return start
+    inside, outputs = start.reflected(), Outputs(problem)
+    return min(inside, inside.resolved(problem.xi), key=lambda model: outputs.fitted(model).cost)
 
 
 def blocks_of(problem: FractionProblem, model: StateMatrices) -> BlockModel:

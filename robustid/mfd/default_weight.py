@@ -20,6 +20,7 @@ _OCTAVE = 2**0.5  # the level of the response is taken over an octave, half of i
 _MISSED = 0.1
 _TOWARDS_OCTAVE = 1 / 8
 _KNOWN = 1000.0  # degrees of freedom from which on a covariance is taken at its word
+_SHRUNK = "the covariance of the data, shrunk as it is known from {:.4g} degrees of freedom"
 
 
 def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_], *, correlated: bool = True) -> Weight:
@@ -60,17 +61,34 @@ def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_], *, corre
         covariance, note = frf.covariance, "the covariance of the data, taken as exact"
     else:
         dof = _freedom(frf)
-        covariance = _shrunk(frf, measured, dof)
+        covariance = _shrunk(frf, measured, dof, _missed(dof))
         missed = 100 * np.sqrt(_missed(dof))
-        note = (
-            f"the covariance of the data, shrunk as it is known from {dof:.4g} degrees of freedom, with {missed:.2g} % of the"
-            " response's level beside it for what the model misses"
-        )
+        note = f"{_SHRUNK.format(dof)}, with {missed:.2g} % of the response's level beside it for what the model misses"
     if correlated or ny * nu == 1:
         full = Weight.from_covariance(covariance, ny, nu)
         return dataclasses.replace(full, entries=full.entries * measured, note=note)
     variances = np.einsum("kaa->ka", covariance).real.reshape(-1, nu, ny).transpose(0, 2, 1)
     return Weight(measured / np.sqrt(variances), note=f"{note}; the variances alone, as poles are shared")
+
+
+def other_weights(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> tuple[Weight, ...]:
+    """Weights that may predict better than the default where the covariance was estimated from few degrees of freedom.
+
+    The level of every entry alone, as if the noise were nothing beside what the model misses, and the noise alone (m = 0). None
+    where the covariance is known well, or missing, or where every entry has a number of its own.
+    """
+    if frf.covariance is None or exact_covariance(frf) or (dof := _freedom(frf)) >= _KNOWN:
+        return ()
+    ny, nu = frf.values.shape[1:]
+    found: list[Weight] = []
+    power = np.sum(np.where(measured, np.abs(frf.values) ** 2, 0.0), axis=0) / np.maximum(measured.sum(axis=0), 1)
+    if np.all(power > 0):
+        found.append(Weight(measured / np.sqrt(power), note="one number an entry, the inverse of its level"))
+    covariance = _shrunk(frf, measured, dof, 0.0)
+    if np.all(np.einsum("kaa->ka", covariance).real > 0):
+        noise = Weight.from_covariance(covariance, ny, nu)
+        found.append(dataclasses.replace(noise, entries=noise.entries * measured, note=_SHRUNK.format(dof)))
+    return tuple(found)
 
 
 def exact_covariance(frf: FrequencyResponse) -> bool:
@@ -98,8 +116,8 @@ def _missed(dof: float) -> float:
     return _MISSED**2 * _KNOWN / (_KNOWN + dof)
 
 
-def _shrunk(frf: FrequencyResponse, measured: NDArray[np.bool_], dof: float) -> NDArray[np.complex128]:
-    """C of `default_weight`, (F, n, n)."""
+def _shrunk(frf: FrequencyResponse, measured: NDArray[np.bool_], dof: float, missed: float) -> NDArray[np.complex128]:
+    """C of `default_weight`, (F, n, n), with the square m^2 of what the model misses."""
     points, count = frf.covariance.shape[:2]
     known = measured.transpose(0, 2, 1).reshape(points, count)
     own = np.where(known, np.maximum(np.einsum("fii->fi", frf.covariance).real, 0.0), 0.0)
@@ -112,7 +130,7 @@ def _shrunk(frf: FrequencyResponse, measured: NDArray[np.bool_], dof: float) -> 
     intensity = np.clip(spread / np.where(total > 0, total, np.inf), count / (count + dof), 1.0)[:, None, None]
     scale = np.sqrt(variances)
     shrunk = ((1 - intensity) * R + intensity * identity) * (scale[:, :, None] * scale[:, None, :])
-    C = shrunk + (_missed(dof) * np.where(known, _level(frf, known), 0.0))[:, :, None] * identity
+    C = shrunk + (missed * np.where(known, _level(frf, known), 0.0))[:, :, None] * identity
     # An entry that is zero without any scatter, everywhere: as sure as the least sure one beside it.
     diagonal = np.einsum("fii->fi", C).real
     silent = np.where(diagonal > 0, 0.0, diagonal.max(axis=1, keepdims=True))

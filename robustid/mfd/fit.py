@@ -30,6 +30,7 @@ from robustid.mfd.rigid_body import RigidBody, as_rigid_body
 from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.statement import stated
+from robustid.mfd.weight_choice import chosen
 
 _SEARCHING = 0.7  # part of a time limit; in the rest the last step ends and the fraction is formed
 _REWEIGHTED = 4  # fits in a weight that residuals ask for, each by those of the last one
@@ -190,7 +191,8 @@ def fit_mfd(
     weight : Weight or (F, ny, nu) array, optional
         Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood);
         one that was estimated, as its `dof` says, or that is singular, is shrunk first, and a tenth of the response's level is
-        added for what the model misses; else relative, 1/|P| per entry, but where that leaves noise of a level, which the fit
+        added for what the model misses; the level alone, or the shrunk covariance alone, where a short fit with it predicts
+        withheld points better; else relative, 1/|P| per entry, but where that leaves noise of a level, which the fit
         finds in its residuals, a level and a relative part for every entry. See `MatrixFraction.weight_choice`.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
@@ -247,7 +249,7 @@ def fit_mfd(
     stable, restart = as_flag("stable", stable), as_flag("restart", restart)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
     through = as_flag("feedthrough", feedthrough) or (structure is not None and structure.power == 2)
-    problem, data, form, shape, relative = stated(frf, order, domain, form, weight, through, rigid_body)
+    problem, data, form, shape, relative, others = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(
         phases_of(method), rigid_body, form, stable, as_function("progress", progress), rounds, deadline
@@ -257,8 +259,14 @@ def fit_mfd(
     for constraint in as_constraints(constraints):
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
-        problem = constraint_of(constraint, form, shape).apply(problem)
-    first = first_model(problem, data, start, form, rigid_body, deadline)
+        held = constraint_of(constraint, form, shape)
+        problem, others = held.apply(problem), tuple((held.apply(other), samples) for other, samples in others)
+    begin = functools.partial(first_model, start=start, form=form, body=rigid_body, deadline=deadline)
+    try:
+        problem, data = chosen([(problem, data), *others], begin, settings)
+    except KeyboardInterrupt:
+        settings = dataclasses.replace(settings, deadline=-math.inf)  # the start is what there is so far
+    first = begin(problem, data)
     search: Callable[..., Attempt] = attempt
     if structure is not None:
         search = functools.partial(modal_attempt, modal=structure, given=start is not None)

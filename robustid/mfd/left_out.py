@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Complex, Real
 from robustid.mfd.block_model import RESOLVED, BlockModel
+from robustid.mfd.householder import triangle
+from robustid.mfd.iteration import FitStatus
 from robustid.mfd.outputs import Fitted, Outputs
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import UNLIMITED, Budget, refine
@@ -26,8 +29,7 @@ def left_out_cost(outputs: Outputs, fitted: Fitted) -> float:
     H_ii has an eigenvalue near one, and the sum grows without bound, however small the criterion itself is.
     """
     lines = outputs.criterion.xi.size
-    R = np.linalg.qr(columns := outputs.directions(fitted), mode="r")
-    _, sizes, Vt = np.linalg.svd(R, full_matrices=False)
+    _, sizes, Vt = np.linalg.svd(triangle(columns := outputs.directions(fitted)), full_matrices=False)
     kept = sizes > _SEEN * sizes[:1]
     Q = _by_line(columns @ (Vt[kept].T / sizes[kept]), len(fitted.residual), lines)
     groups, size = len(fitted.residual), Q.shape[1] // len(fitted.residual)
@@ -64,12 +66,31 @@ def withheld_residual(
     *,
     stable: bool,
     resolved: float = RESOLVED,
+    steps: int = _STEPS,
     budget: Budget = UNLIMITED,
-) -> Real:
-    """Weighted residual at the withheld points of the model refined on the others."""
+) -> Complex:
+    """Residual (m, ny, nu), without its weight, at the withheld points of the model refined on the others.
+
+    Ctrl-C is not kept back here: without the points a fit is of no use.
+    """
     others = dataclasses.replace(
         problem, omega=problem.omega[~mask], values=problem.values[~mask], weight=problem.weight.select(~mask)
     )
-    found = refine(others, model, stable=stable, limit=_STEPS, resolved=resolved, budget=budget).fitted
-    response = found.C @ found.model.states(problem.xi[mask]) + found.D
-    return problem.weight.select(mask).apply(problem.values[mask] - response)
+    end = refine(others, model, stable=stable, limit=steps, resolved=resolved, budget=budget)
+    if end.status is FitStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    found = end.fitted
+    return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
+
+
+def withheld_residuals(problem: FractionProblem, model: BlockModel, **options: Any) -> Complex:
+    """Residual (F, ny, nu), without its weight, at every frequency point but the last, each withheld once; 0 at the last.
+
+    Options are those of `withheld_residual`.
+    """
+    out = np.zeros(problem.values.shape, dtype=complex)
+    for first in range(EVERY):
+        mask = withheld(problem, first)
+        if np.any(mask):
+            out[mask] = withheld_residual(problem, model, mask, **options)
+    return out

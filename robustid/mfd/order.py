@@ -19,11 +19,11 @@ from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.mfd.constraints import RollOff, as_constraints
 from robustid.mfd.criterion import Weight
-from robustid.mfd.default_weight import default_weight, exact_covariance
+from robustid.mfd.default_weight import exact_covariance
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.order_sweep import OrderSweep
-from robustid.mfd.statement import stated
+from robustid.mfd.statement import one_weight, stated
 from robustid.mfd.subspace import subspace_estimate
 from robustid.mfd.withheld import outside_bound, unresolved_poles, withheld_error
 
@@ -76,8 +76,8 @@ def suggest_order(
         Default: a dozen around the number of singular values of the subspace estimate that lie above the noise, and a
         ladder below; they end where larger ones don't predict better.
     weight, domain
-        As in `fit_mfd`, but relative for every order where the data have no covariance, so that costs can be compared. The noise
-        counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no other weight is given.
+        As in `fit_mfd`, but one for all orders, so that costs can be compared: relative where the data have no covariance. The
+        noise counts as known where the data have a covariance that counts as exact (no `dof` is stated) and no weight is given.
     time_limit : float, optional
         Seconds after which no further orders are tried; None: no limit.
     executor : concurrent.futures.Executor, optional
@@ -132,8 +132,8 @@ def suggest_order(
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
     noise_known = weight is None and exact_covariance(frf)
-    if weight is None and frf.covariance is None:  # one for all orders, so that their costs can be compared
-        weight = default_weight(frf, ~frf.missing)
+    if weight is None and not noise_known:
+        weight = one_weight(frf, options.get("form"))
     singular_values, edge = subspace_singular_values(
         frf, weight, domain, noise_known, options.get("feedthrough", False), options.get("form")
     )

@@ -11,7 +11,7 @@ from robustid.core import as_array, as_count
 from robustid.data import FrequencyResponse, as_frequency_response, stacked
 from robustid.errors import InputError
 from robustid.mfd.criterion import Weight
-from robustid.mfd.default_weight import default_weight, exact_covariance
+from robustid.mfd.default_weight import default_weight, exact_covariance, other_weights
 from robustid.mfd.form import checked, fitted, problem_of
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.state_fit import Samples
@@ -25,6 +25,7 @@ class Statement(NamedTuple):
     form: str  # "left": problem and data are those of the transposed response; "shared": of its entries as one column
     shape: tuple[int, int]  # (ny, nu) of the response
     relative: bool  # whether the weight is relative as nothing is known of the noise
+    others: tuple[tuple[FractionProblem, Samples], ...] = ()  # the same in other weights that may predict better
 
 
 def stated(
@@ -71,7 +72,17 @@ def stated(
     data = _samples(problem, frf, form)
     if not given and data.noise is not None and exact_covariance(frf):
         data = data._replace(weight=data.noise)
-    return Statement(problem, data, form, frf.values.shape[1:], not given and frf.covariance is None)
+    others: list[tuple[FractionProblem, Samples]] = []
+    if not given and form != "shared":
+        for other in other_weights(frf, measured):
+            same = dataclasses.replace(problem, weight=other.transposed() if form == "left" else other)
+            others.append((same, _samples(same, frf, form)))
+    return Statement(problem, data, form, frf.values.shape[1:], not given and frf.covariance is None, tuple(others))
+
+
+def one_weight(frf: FrequencyResponse, form: str | None) -> Weight:
+    """The default weight by itself, as it is for fits of all orders, so that their costs can be compared."""
+    return default_weight(_filled(frf), ~frf.missing, correlated=form != "shared")
 
 
 def _check_entries(frf: FrequencyResponse, weight: Weight) -> None:
@@ -97,7 +108,9 @@ def _only(weight: Weight, measured: np.ndarray) -> Weight:
     """A weight of the user's without the entries that are missing."""
     if np.all(measured):
         return weight
-    if not (weight.output is None and weight.input is None and weight.matrix is None):
+    if not weight.entries_only:
+        if weight.shape == measured.shape and not np.any(weight.entries[~measured]):
+            return weight
         raise InputError(
             "`weight` mixes the entries of a frequency point, and `frf` misses some: give a weight per entry, or the covariance"
         )

@@ -35,7 +35,8 @@ def withheld_error(fit: MatrixFraction) -> float:
     size = float(np.linalg.norm(problem.weight.select(mask).apply(problem.values[mask])))
     if not size > 0:
         return math.nan
-    return float(np.linalg.norm(withheld_residual(problem, blocks_of(problem, model), mask, stable=fit.stable))) / size
+    residual = withheld_residual(problem, blocks_of(problem, model), mask, stable=fit.stable)
+    return float(np.linalg.norm(problem.weight.select(mask).apply(residual))) / size
 
 
 def unresolved_poles(fit: MatrixFraction) -> int:
