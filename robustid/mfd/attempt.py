@@ -49,6 +49,7 @@ class Attempt(NamedTuple):
     reflected: int
     unstable_cost: float
     refined: bool = False  # in state-space coordinates
+    early: bool = False  # ended by `Settings.enough`
 
     @property
     def start_cost(self) -> float:
@@ -68,6 +69,8 @@ class Settings:
     progress: Callable[[FitStep], None] | None
     rounds: int = 0  # of the way out of local minima
     deadline: float = math.inf
+    # Whether a refined model is enough: no mode is exchanged then, and nothing is tried beyond the stability boundary.
+    enough: Callable[[FractionProblem, Complex], bool] | None = None
 
 
 def attempt(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
@@ -118,6 +121,7 @@ class Descent(NamedTuple):
     start: Complex  # response of the start
     reflected: int
     unstable_cost: float
+    early: bool
 
 
 def with_rigid_modes(
@@ -140,7 +144,7 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
         model = realise(form, first).matrices
     if problem.response_conditions:  # which the start need not meet
         start = _best_response(problem, model)
-    refined, count, free_cost = _descended(problem, data, model, settings)
+    refined, count, free_cost, early = _descended(problem, data, model, settings)
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
     end = end.transposed() if flipped(problem) else end
@@ -148,7 +152,7 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
         problem = dataclasses.replace(
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
-    return Descent(problem, end, refined, start, count, free_cost)
+    return Descent(problem, end, refined, start, count, free_cost, early)
 
 
 def formed(
@@ -163,7 +167,7 @@ def formed(
 
 def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> Attempt:
     """The attempt in state-space coordinates; the fraction is formed of its end."""
-    problem, end, refined, start, count, free_cost = descended(problem, data, model, settings)
+    problem, end, refined, start, count, free_cost, early = descended(problem, data, model, settings)
     enough = max((1 + FORMED) * refined.fitted.cost, problem.rounding)
     problem, nodes = formed(problem, data, end, enough)
     fit = FractionFit(problem, nodes, problem.cost(nodes), refined.status, refined.history)
@@ -179,7 +183,7 @@ def _refined(problem: FractionProblem, data: Samples, model: StateMatrices, sett
             fit = dataclasses.replace(fit, fraction=inside, cost=problem.cost(inside))
             found = realise(problem, inside, form=settings.form)
     _check_conditions(problem, found)
-    return Attempt(fit, found, start, count, free_cost, True)
+    return Attempt(fit, found, start, count, free_cost, True, early)
 
 
 def _best_response(problem: FractionProblem, model: StateMatrices) -> Complex:
@@ -202,31 +206,35 @@ def flipped(problem: FractionProblem) -> bool:
 
 def _descended(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings
-) -> tuple[Refined, int, float]:
-    """End of the refinement; number and cost of the unstable poles of a better fit without stability."""
+) -> tuple[Refined, int, float, bool]:
+    """End of the refinement; number and cost of the unstable poles of a better fit without stability; whether it ended early."""
     if flipped(problem):
         problem, data, model = problem.transposed(), data.transposed(), model.transposed()
     start = start_of(problem, model, stable=settings.stable)
     budget = Budget(settings.deadline, settings.progress)
-    found = _searched(problem, data, start, settings, budget, RESOLVED)
+    found = _first(problem, start, settings, budget, RESOLVED)
+    ended = found.status is FitStatus.INTERRUPTED or budget.spent
+    if settings.enough is not None and not ended and settings.enough(problem, found.fitted.response):
+        return found, 0, np.nan, True
+    found = _further(problem, data, found, settings, budget, RESOLVED)
     if settings.stable and found.status is not FitStatus.INTERRUPTED and not budget.spent:
         found, resolved = _seen_by_several(problem, data, start, settings, budget, found)
         if found.bound and not budget.spent:
-            return _beyond(problem, found, resolved, budget)
-    return found, 0, np.nan
+            return *_beyond(problem, found, resolved, budget), False
+    return found, 0, np.nan, False
 
 
-def _searched(
-    problem: FractionProblem,
-    data: Samples,
-    start: BlockModel,
-    settings: Settings,
-    budget: Budget,
-    resolved: float,
+def _first(problem: FractionProblem, start: BlockModel, settings: Settings, budget: Budget, resolved: float) -> Refined:
+    """End of the refinement from the start."""
+    steps = min(_STEPS, _allowance(problem))
+    return refine(problem, start, stable=settings.stable, limit=steps, resolved=resolved, budget=budget)
+
+
+def _further(
+    problem: FractionProblem, data: Samples, found: Refined, settings: Settings, budget: Budget, resolved: float
 ) -> Refined:
-    """End of the refinement, of the exchange of modes, and of the steps that are left."""
+    """End of the exchange of modes, and of the steps that are left."""
     steps, stable = _allowance(problem), settings.stable
-    found = refine(problem, start, stable=stable, limit=min(_STEPS, steps), resolved=resolved, budget=budget)
     rounds = min(settings.rounds, (steps - len(found.history)) // PER_ROUND)
     if rounds > 0 and suspicious(problem, found.fitted.response, found.status):
         found = exchange(problem, data, found, stable=stable, rounds=rounds, resolved=resolved, budget=budget)
@@ -257,7 +265,8 @@ def _seen_by_several(
     narrow = model.distances < SEVERAL * model.spacing(problem.xi)
     if not np.any(narrow) or left_out_cost(outputs, found.fitted) <= _BY_ITSELF * found.fitted.cost:
         return found, RESOLVED
-    wide = _searched(problem, data, start.resolved(problem.xi, SEVERAL), settings, budget, SEVERAL)
+    wide = _first(problem, start.resolved(problem.xi, SEVERAL), settings, budget, SEVERAL)
+    wide = _further(problem, data, wide, settings, budget, SEVERAL)
     if budget.spent or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
         return found, RESOLVED
     quiet = budget._replace(report=None)
@@ -310,6 +319,11 @@ def _completed(problem: FractionProblem, data: Samples, model: StateMatrices) ->
         return model
     A, B = diagonal_blocks(model.A, more.A), np.vstack([model.B, more.B])
     return StateMatrices(A, B, np.hstack([model.C, more.C]), model.D)
+
+
+def dear(problem: FractionProblem) -> bool:
+    """Tell whether the number of steps is limited by what one costs."""
+    return _allowance(problem) < _MANY
 
 
 def _allowance(problem: FractionProblem) -> int:

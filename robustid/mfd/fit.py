@@ -14,18 +14,18 @@ import numpy as np
 from robustid.core import Frozen, Savable, as_flag, as_function, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.mfd.attempt import Attempt, Settings, attempt, suspicious, unstable_poles
+from robustid.mfd.attempt import Attempt, Settings, attempt, dear, suspicious, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
 from robustid.mfd.form import constraint_of
-from robustid.mfd.iteration import FitStatus, FitStep, former, former_weight, phases_of
+from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.modal_fit import modal_attempt
 from robustid.mfd.modal_structure import Modal, as_modal
 from robustid.mfd.model import FractionModel
 from robustid.mfd.node_fraction import NodeFraction
-from robustid.mfd.noise_level import gaussian, level_weight, white
 from robustid.mfd.problem import FractionProblem
+from robustid.mfd.reweighting import asks_for_level, levelled
 from robustid.mfd.rigid_body import RigidBody, as_rigid_body
 from robustid.mfd.starts import EXTRA, first_model, strongest
 from robustid.mfd.state_fit import Samples
@@ -33,7 +33,6 @@ from robustid.mfd.statement import stated
 from robustid.mfd.weight_choice import chosen
 
 _SEARCHING = 0.7  # part of a time limit; in the rest the last step ends and the fraction is formed
-_REWEIGHTED = 4  # fits in a weight that residuals ask for, each by those of the last one
 _ROUNDS = 3  # of adding a mode and taking the least important one away, where a fit may have missed one
 
 
@@ -270,7 +269,10 @@ def fit_mfd(
     search: Callable[..., Attempt] = attempt
     if structure is not None:
         search = functools.partial(modal_attempt, modal=structure, given=start is not None)
-    best = search(problem, data, first, settings)
+    quick = settings
+    if relative and structure is None and dear(problem):
+        quick = dataclasses.replace(settings, enough=asks_for_level)
+    best = search(problem, data, first, quick)
     if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
         other = _second(problem, data, settings)
         if (
@@ -280,7 +282,11 @@ def fit_mfd(
         ):
             best = other
     if relative:
-        best = _levelled(best, problem, data, start, settings, search)
+        level = levelled(best, problem, data, start, settings, search)
+        if level is not None:
+            best = level
+        elif best.early:
+            best = min(best, search(problem, data, first, settings), key=lambda end: end.fit.cost)
     fit = best.fit
     return MatrixFraction(
         fit.problem,
@@ -307,37 +313,6 @@ def _check_modal(
         raise InputError(f'`modal` goes with method "lm" only; got {"+".join(settings.phases)!r}')
     if as_constraints(constraints):
         raise InputError("`modal` and `constraints` exclude each other; leave one of them out")
-
-
-def _levelled(
-    best: Attempt,
-    problem: FractionProblem,
-    data: Samples,
-    start: Any,
-    settings: Settings,
-    search: Callable[..., Attempt],
-) -> Attempt:
-    """The fit in the weight that the residuals of a relative fit ask for, where noise of a level is all that is left then.
-
-    From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask for.
-    """
-    level = best
-    history: tuple[FitStep, ...] = ()
-    for again in range(_REWEIGHTED):
-        weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
-        if weight is None or time.monotonic() > settings.deadline:
-            break
-        history += former(level.fit.history, former_weight(again + 1))
-        problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
-        model = level.found.matrices
-        if not again and start is None:
-            model = first_model(problem, data, None, settings.form, settings.body, settings.deadline)
-        level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
-        if not white(level.fit.problem.residual(level.fit.fraction.response)):
-            return best
-    if level is best or not gaussian(level.fit.problem.residual(level.fit.fraction.response)):
-        return best
-    return level._replace(fit=dataclasses.replace(level.fit, history=history + level.fit.history), start=best.start)
 
 
 def _second(problem: FractionProblem, data: Samples, settings: Settings) -> Attempt | None:
