@@ -57,7 +57,7 @@ def stated(
         weight = Weight(as_array("weight", weight, ndim=3))
     weight = _only(weight, measured) if given else weight
     dt = frf.dt if domain == "z" else None
-    problem = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=feedthrough)
+    plain = FractionProblem(frf.omega, frf.values, order, weight, dt=dt, feedthrough=feedthrough)
     for names, axis in ((frf.outputs, 2), (frf.inputs, 1)):
         for name, known in zip(names, np.any(weight.entries, axis=(0, axis)), strict=True):
             if not known:
@@ -66,16 +66,16 @@ def stated(
         raise InputError("`frf` is zero wherever it has weight; there is nothing to fit")
     if form == "shared":
         _check_entries(frf, weight)
-    problem = problem_of(problem, form)
+    problem = problem_of(plain, form)
     if body is not None:
         body.check(problem.values, order, problem.omega)
     data = _samples(problem, frf, form)
     if not given and data.noise is not None and exact_covariance(frf):
         data = data._replace(weight=data.noise)
     others: list[tuple[FractionProblem, Samples]] = []
-    if not given and form != "shared":
+    if not given and (form != "shared" or frf.values[0].size == 1):
         for other in other_weights(frf, measured):
-            same = dataclasses.replace(problem, weight=other.transposed() if form == "left" else other)
+            same = problem_of(dataclasses.replace(plain, weight=other), form)
             others.append((same, _samples(same, frf, form)))
     return Statement(problem, data, form, frf.values.shape[1:], not given and frf.covariance is None, tuple(others))
 
