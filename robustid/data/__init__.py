@@ -16,7 +16,7 @@ from robustid.data.prepare import decimate, detrend, sample_time
 from robustid.data.problems import record_problems
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
-from robustid.data.time_record import INITIAL, PAST, TimeRecord
+from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
 
 __all__ = [
     "INITIAL",
@@ -32,6 +32,7 @@ __all__ = [
     "TangentialResponse",
     "TimeRecord",
     "as_frequency_response",
+    "as_records",
     "bound_ratio",
     "bounds_from_noise_floor",
     "datasets",

@@ -201,7 +201,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     @property
     def whitening(self) -> NDArray[np.complex128]:
         """L^-1 with ellipsoid = LL', (F, ny*nu, ny*nu): the norm of L^-1 vec(e) is at most 1 where e is inside."""
-        return np.linalg.inv(np.linalg.cholesky(self.ellipsoid))
+        return np.asarray(np.linalg.inv(np.asarray(np.linalg.cholesky(self.ellipsoid), dtype=complex)), dtype=complex)
 
     def ratio(self, error: Any) -> NDArray[np.float64]:
         """Size of an error in units of the bound, at most 1 inside: as the bound means it; what is missing counts as 0.

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import as_array
+from robustid.core import Complex, Real, as_array
 from robustid.errors import InputError
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _HERMITIAN = 1e-9  # asymmetry of a matrix with ones on its diagonal
 _ROUND = 1e-14  # an eigenvalue below this part of the largest one is rounding
@@ -123,4 +119,4 @@ def joint_radius(
     else:
         # expm1 keeps the digits where alpha**(-1/dof) is close to 1.
         radius, student = np.sqrt(dof * np.expm1(-np.log(alpha) / dof)), stdtrit(dof, 1 - alpha / 2)
-    return radius if real is None else np.where(real, student, radius)[:, None, None]
+    return radius if real is None else np.asarray(np.where(real, student, radius), dtype=float)[:, None, None]

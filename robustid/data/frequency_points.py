@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from typing import Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,12 @@ class FrequencyPoints(Frozen, Savable):
     @property
     def missing(self) -> NDArray[np.bool_]:
         """True where a value was not measured, which an infinite bound says; shaped as `values`."""
-        return np.zeros(self.values.shape, dtype=bool) if self.bound is None else self.bound.missing
+        return np.zeros_like(self.values, dtype=bool) if self.bound is None else self.bound.missing
 
     def select(self, points: Any) -> Self:
         """Keep some frequency points: a boolean mask, indices or a slice along the frequency axis."""
         try:
-            index = np.atleast_1d(np.arange(self.omega.size)[points])
+            index: NDArray[np.intp] = np.atleast_1d(np.asarray(np.arange(self.omega.size)[points], dtype=np.intp))
         except IndexError as error:
             raise InputError(f"`points` doesn't select from {self.omega.size} frequency points: {error}") from None
         if index.size == 0:
@@ -147,9 +148,10 @@ def check_measured(values: NDArray[np.complex128], bound: Bound | None) -> None:
 
 def as_sentences(name: str, value: Any) -> tuple[str, ...]:
     """Sentences, checked."""
-    if not isinstance(value, list | tuple) or not all(isinstance(words, str) for words in value):
+    sentences: list[Any] | None = list(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else None
+    if sentences is None or not all(isinstance(words, str) for words in sentences):
         raise InputTypeError(f"`{name}` must be a sequence of sentences; got {value!r}")
-    return tuple(value)
+    return tuple(sentences)
 
 
 def as_note(note: Any) -> str:

@@ -103,6 +103,7 @@ def low_crest_phases(
     """
     schroeder = schroeder_phases(amplitude)
     goal = _peak(schroeder, amplitude, lines, period, rotations)
+    phases = schroeder
     for start in (*(random_phases(rng, lines.size) for _ in range(_STARTS)), schroeder):
         phases = _descend(start, amplitude, lines, period, rotations)
         if _peak(phases, amplitude, lines, period, rotations) <= goal:

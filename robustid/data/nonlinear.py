@@ -131,7 +131,7 @@ def nonlinear_records(
     y = _steady(_PLANTS[kind], u)
     rng = np.random.default_rng([seed, 1])
     names: Any = {"inputs": ["force"], "outputs": [_PLANTS[kind].what]}
-    records = []
+    records: list[TimeRecord] = []
     for one, answer in zip(u, y, strict=True):
         measured = np.tile(answer, periods)
         measured += noise * answer.std() * rng.standard_normal(measured.size)

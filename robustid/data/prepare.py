@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_array, as_count, as_float
-from robustid.data.io.roles import _uniform_step
+from robustid.data.io.roles import uniform_step
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -31,7 +31,7 @@ def sample_time(time: Any) -> float:
     0.5
     """
     time = as_array("time", time, ndim=1)
-    return _uniform_step(time, time.size)
+    return uniform_step(time, time.size)
 
 
 def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = None) -> TimeRecord:

@@ -8,8 +8,7 @@ import numpy as np
 
 from robustid.core import Real, as_count
 from robustid.data.estimate.drift import without_drift
-from robustid.data.time_record import TimeRecord
-from robustid.errors import InputTypeError
+from robustid.data.time_record import TimeRecord, as_records
 
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
 # has 2.4 times as many in its top step as in the next.
@@ -57,12 +56,9 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     >>> print(*rid.record_problems(rid.TimeRecord(u, 2 * u, dt=1.0)))
     the input repeats every 50 samples (4 periods), and nothing says so: give period = 50
     """
-    given = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
-    records: list[TimeRecord] = [one for one in given if isinstance(one, TimeRecord)]
-    if not records or len(records) < len(given):
-        raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")
+    records = as_records("record", record)
     period = None if period is None else as_count("period", period, least=2)
-    found = []
+    found: list[str] = []
     for k, one in enumerate(records):
         of = f"record {k + 1}: " if len(records) > 1 else ""
         found += [of + words for words in _alone(one, [r.u for r in records], period)]
@@ -75,7 +71,7 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
 
 
 def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[str]:
-    found = []
+    found: list[str] = []
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
@@ -133,7 +129,7 @@ def _repeating(record: TimeRecord, period: int | None) -> list[str]:
     """Sentence on a period that isn't stated, or is wrong."""
     drive = record.u if record.reference is None else record.reference
     drive = drive - drive.mean(axis=0)
-    power = float(np.mean(drive**2))
+    power = float(np.mean(np.asarray(drive, dtype=float) ** 2))
     if power == 0:
         return []
     if period is not None:
@@ -203,7 +199,8 @@ def _periodic(records: list[TimeRecord], period: int) -> list[str]:
     kept = slice(min(periods // 2, periods - 2) * period, periods * period)
     y, drift = without_drift(np.stack([r.y[kept] for r in records]), period)
     u, _ = without_drift(np.stack([r.u[kept] for r in records]), period)
-    found, several = [], len(records) > 1
+    several = len(records) > 1
+    found: list[str] = []
     size = drift / np.maximum(y.std(axis=1), np.finfo(float).tiny)
     for k, i in np.argwhere(size > _DRIFTS):
         of = f"record {k + 1}: " if several else ""
@@ -233,13 +230,14 @@ def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
     """Noise of a measured input at the lines that carry it: it makes the response too small."""
     spectra = np.fft.rfft(u.reshape(len(u), -1, period, u.shape[2]), axis=2)
     size, noise = np.abs(spectra.mean(axis=1)), spectra.std(axis=1, ddof=1)
-    found = []
+    found: list[str] = []
     for j, channel in enumerate(records[0].inputs):
-        level = size[:, 1:, j]
+        level: Real = size[:, 1:, j]
         carrying = level >= _CARRYING * level.max()
         if level.max() == 0:
             continue
-        share = float(np.sqrt(np.mean(noise[:, 1:, j][carrying] ** 2) / np.mean(level[carrying] ** 2)))
+        own: Real = noise[:, 1:, j]
+        share = float(np.sqrt(np.mean(own[carrying] ** 2) / np.mean(level[carrying] ** 2)))
         if share > _INPUT_NOISE:
             one = share**2 / (len(records[0].u) // period)
             found.append(
@@ -252,7 +250,7 @@ def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
 
 def _levels(records: list[TimeRecord]) -> list[str]:
     """Excitation or answer of a record unlike that of the others."""
-    found = []
+    found: list[str] = []
     for side in ("input", "output"):
         signals = np.stack([(r.u if side == "input" else r.y).std(axis=0) for r in records])
         for i, level in enumerate(signals.T):

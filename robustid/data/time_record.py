@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from robustid.core import Frozen, Savable, as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
 from robustid.data.frequency_points import as_note, signal_index
-from robustid.errors import InputError
+from robustid.errors import InputError, InputTypeError
 
 INITIAL = ("rest", "free", "periodic")
 _WHOLE = 1e-6  # part of a sample, or of a spectrum, that is rounding
@@ -105,7 +106,7 @@ class TimeRecord(Frozen, Savable):
     @property
     def time(self) -> np.ndarray:
         """Sample instants in s, (T,), from 0."""
-        return self.dt * np.arange(self.u.shape[0])
+        return self.dt * np.arange(len(self.u))
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -291,3 +292,14 @@ def _signal(name: str, value: Any) -> np.ndarray:
             f"`{name}` has shape {array.shape}: fewer samples than signals. Time is the first axis; transpose it"
         )
     return array
+
+
+def as_records(name: str, value: Any) -> list[TimeRecord]:
+    """A record, or a sequence of them, as a list that is not empty; else a sentence."""
+    several: Any = [value] if isinstance(value, TimeRecord) else value
+    records: list[Any] = list(cast("Sequence[Any]", several)) if isinstance(several, Sequence) else []
+    wrong = next((k for k, record in enumerate(records) if not isinstance(record, TimeRecord)), None)
+    if not records or isinstance(value, str) or wrong is not None:
+        got = type(value).__name__ + (f" with {type(records[wrong]).__name__} at position {wrong}" if wrong else "")
+        raise InputTypeError(f"`{name}` must be a TimeRecord or a sequence of them; got {got}")
+    return records

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import as_array
-from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response
-from robustid.errors import InputError, InputTypeError
+from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response, as_records
+from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import exact_covariance
@@ -25,13 +24,8 @@ _SAME_DT = 1e-9
 
 def checked_records(records: Any) -> tuple[TimeRecord, ...]:
     """The records, if they belong together and every sample of them counts."""
-    several: Any = (records,) if isinstance(records, TimeRecord) else records
-    if not isinstance(several, list | tuple) or not several:
-        raise InputTypeError(f"`records` must be a TimeRecord or a sequence of them; got {type(records).__name__}")
-    given: tuple[Any, ...] = tuple(cast("Sequence[Any]", several))
+    given = tuple(as_records("records", records))
     for number, record in enumerate(given):
-        if not isinstance(record, TimeRecord):
-            raise InputTypeError(f"`records` must hold TimeRecords; got {type(record).__name__} at position {number}")
         if abs(record.dt - given[0].dt) > _SAME_DT * given[0].dt:
             raise InputError(
                 f"`records` must have one sample time; got dt = {given[0].dt:g} s, and {record.dt:g} s at position {number}"

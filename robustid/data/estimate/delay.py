@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_kind, as_positive, freeze
 from robustid.data.estimate.pole_fit import PoleFit, Refined
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
@@ -110,9 +110,8 @@ def estimate_delay(
     >>> round(delay.seconds, 6), delay.order
     (0.03, 4)
     """
-    if not isinstance(frf, FrequencyResponse):
-        hint = "; call estimate_frf first" if type(frf).__name__ == "TimeRecord" else ""
-        raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}{hint}")
+    hint = "; call estimate_frf first" if type(frf).__name__ == "TimeRecord" else ""
+    as_kind("frf", frf, FrequencyResponse, f"a FrequencyResponse{hint}")
     frf.require_complete("`estimate_delay`")
     searched = _search_grid(frf, longest)
     fit = PoleFit(frf, feedthrough=as_flag("feedthrough", feedthrough))
@@ -157,7 +156,7 @@ def _at_order(fit: PoleFit, order: int, searched: np.ndarray) -> tuple[Refined, 
     around = np.concatenate([[np.inf], costs, [np.inf]])
     lowest = np.flatnonzero((costs <= around[:-2]) & (costs <= around[2:]))
     starts = lowest[np.argsort(costs[lowest])][:_REFINED]
-    found = min((fit.refine(float(searched[k]), poles[k]) for k in starts), key=lambda minimum: minimum.cost)
+    found = min((fit.refine(float(searched[k]), poles[int(k)]) for k in starts), key=lambda minimum: minimum.cost)
     return found, searched, costs
 
 
@@ -184,12 +183,13 @@ class DelayedModel(NamedTuple):
 
     def error(self, omega: Any) -> np.ndarray:
         """|all-pass - exp(-1j omega seconds)|: the error relative to the delayed response at frequencies in rad/s."""
-        omega, dt = as_array("omega", omega), self.model.dt
+        omega, dt = as_array("omega", omega), float(self.model.dt)
         if not self.all_pass:
-            return np.zeros(omega.shape)
+            return np.zeros_like(omega)
         part = self.seconds / dt - _register(self.seconds / dt, self.all_pass)
         a, z = _thiran(part, self.all_pass), np.exp(1j * omega * dt)
-        return np.abs(np.polyval(a[::-1], z) / np.polyval(a, z) - z**-part)
+        late = np.asarray(np.polyval(a[::-1], z) / np.polyval(a, z), dtype=complex)
+        return np.abs(late - z**-part)
 
 
 def with_delay(model: Any, seconds: float) -> DelayedModel:

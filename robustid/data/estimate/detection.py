@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Complex, Real
 from robustid.data.estimate.pooling import exceeds
 
 # Levels at excited lines over those of unexcited ones, where several realisations show both: in the band 0.5 to 1 in the median
@@ -34,7 +34,7 @@ class Distortion(NamedTuple):
 class _Lines(NamedTuple):
     """Unexcited lines: what is left there after the linear response, and how large the response would be."""
 
-    index: np.ndarray  # (D,)
+    index: np.ndarray  # type: ignore[assignment] # (D,)
     power: Real  # (D, ny) mean over the experiments
     noise: Real  # (D, ny) of it, what varies from period to period
     size: Real  # (D, ny) of the linear response to an input as at the excited lines
@@ -132,9 +132,11 @@ def _left(
 def _continued(lines: np.ndarray, index: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The response between the excited lines, interpolated, and beyond them, by powers of the frequency."""
     flat: Any = values.reshape(len(index), -1)
-    found = np.stack(
-        [np.interp(lines, index, part.real) + 1j * np.interp(lines, index, part.imag) for part in flat.T], 1
-    )
+    columns: list[Complex] = [
+        np.asarray(np.interp(lines, index, part.real) + 1j * np.interp(lines, index, part.imag), dtype=complex)
+        for part in flat.T
+    ]
+    found = np.stack(columns, 1)
     known = np.flatnonzero(index > 0)
     for ends, there in ((known[:_EDGE], lines < index[0]), (known[-_EDGE:], lines > index[-1])):
         if ends.size < 2 or not np.any(there):
@@ -145,7 +147,7 @@ def _continued(lines: np.ndarray, index: np.ndarray, values: np.ndarray) -> np.n
         size = np.abs(part)
         log = np.log(np.where(size > 0, size, 1)) + 1j * np.unwrap(np.angle(part), axis=0)
         design, wanted = (np.stack([np.ones(k.size), np.log(k)], axis=1) for k in (index[ends], lines[there]))
-        found[there] = scale * np.exp(wanted @ np.linalg.lstsq(design, log)[0])
+        found[there] = scale * np.exp(wanted @ np.asarray(np.linalg.lstsq(design, log)[0], dtype=complex))
     return found.reshape(len(lines), *values.shape[1:])
 
 

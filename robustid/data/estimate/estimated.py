@@ -18,7 +18,7 @@ ABOUT = {"mean": "confidence", "next record": "tolerance"}
 class Estimate(NamedTuple):
     """Result of a method from the records, before any bound."""
 
-    index: np.ndarray  # (F,) spectral line of the transform
+    index: np.ndarray  # type: ignore[assignment] # (F,) spectral line of the transform
     step: float  # distance of the lines of the transform, rad/s
     values: np.ndarray  # (F, ny, nu)
     covariance: np.ndarray  # (F, ny nu, ny nu) of the values about the mean response

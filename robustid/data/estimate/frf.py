@@ -17,8 +17,8 @@ from robustid.data.estimate.periodic import periodic
 from robustid.data.estimate.welch import welch
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.problems import record_problems
-from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.data.time_record import TimeRecord, as_records
+from robustid.errors import InputError
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
@@ -180,9 +180,7 @@ def _refuse_dead(records: list[TimeRecord]) -> None:
 
 def checked_records(record: Any) -> list[TimeRecord]:
     """Experiments with the same signals, sample time and length."""
-    records = [record] if isinstance(record, TimeRecord) else list(record) if isinstance(record, Sequence) else []
-    if not records or not all(isinstance(r, TimeRecord) for r in records):
-        raise InputTypeError(f"`record` must be a TimeRecord or a sequence of them; got {type(record).__name__}")
+    records = as_records("record", record)
     first = records[0]
     for k, other in enumerate(records):
         for what, a, b in (

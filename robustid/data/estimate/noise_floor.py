@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Frozen, Signal, as_array, as_count, as_float, freeze
+from robustid.core import Frozen, Signal, as_array, as_count, as_float, as_kind, freeze
 from robustid.data.bound import Bound
 from robustid.data.estimate.frf import checked_records
 from robustid.data.estimate.periodic import by_block, dft, inverse_spectra
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 
 # Lines around the one in question, and windows, whose largest noise is taken: with the factor 1.5 one line of normal noise
 # goes beyond it with probability 8e-5.
@@ -153,8 +153,7 @@ class NoiseFloor(Frozen):
         return self.deviation[: len(self.deviation) // window * window]
 
     def _lines(self, frf: FrequencyResponse, samples: int, period: int) -> np.ndarray:
-        if not isinstance(frf, FrequencyResponse):
-            raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(frf).__name__}")
+        as_kind("frf", frf, FrequencyResponse, "a FrequencyResponse")
         if samples % period:
             raise InputError(f"`period` = {period} must divide the {samples} samples of `record`")
         exact = frf.omega * (period * self.dt) / (2 * np.pi)
@@ -168,8 +167,7 @@ class NoiseFloor(Frozen):
         return index
 
     def _check(self, record: TimeRecord) -> None:
-        if not isinstance(record, TimeRecord):
-            raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
+        as_kind("record", record, TimeRecord, "a TimeRecord")
         if abs(record.dt - self.dt) > 1e-9 * self.dt:
             raise InputError(
                 f"`record` has dt = {record.dt:g} s, the noise-floor record {self.dt:g} s; they must agree"
@@ -229,8 +227,7 @@ def bounds_from_noise_floor(record: TimeRecord, *, factor: float = 1.5) -> Noise
     >>> frf.bound.kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     ('noise_floor', True)
     """
-    if not isinstance(record, TimeRecord):
-        raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
+    as_kind("record", record, TimeRecord, "a TimeRecord")
     factor = as_float("factor", factor)
     if factor < 1:
         raise InputError(f"`factor` must be at least 1, which is the largest noise that was seen; got {factor:g}")

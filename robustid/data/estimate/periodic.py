@@ -181,7 +181,7 @@ def inverse_spectra(u: np.ndarray, index: np.ndarray, period: int, dt: float, na
     if np.all(size > 0) and np.all(np.abs(u).max(axis=(2, 3)) > 0):
         condition = np.linalg.cond(u / size).max(axis=1)
         if condition.max() < _MAX_CONDITION:
-            return np.linalg.inv(u / size) / size.swapaxes(-1, -2)
+            return np.asarray(np.linalg.inv(u / size), dtype=complex) / size.swapaxes(-1, -2)
         worst = index[np.argmax(condition)] / (period * dt)
         raise InputError(
             f"`record`: the {what} of the experiments are not independent at {worst:g} Hz (condition"

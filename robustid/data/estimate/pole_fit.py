@@ -63,7 +63,8 @@ class PoleFit:
 
     def search(self, order: int, delays: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Sum of squares and poles at each delay, by relocating poles."""
-        costs, found = [], []
+        costs: list[float] = []
+        found: list[np.ndarray] = []
         for delay in delays:
             ahead, poles, best = self._ahead(delay), self._first(order), (np.inf, np.zeros(0, complex))
             for _ in range(_RELOCATIONS):
@@ -96,7 +97,7 @@ class PoleFit:
         def slopes(z: np.ndarray) -> np.ndarray:
             ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in _STEP * np.eye(z.size)]
             changes = [(up - down) / (2 * _STEP) for up, down in ends]
-            rows = []
+            rows: list[np.ndarray] = []
             entries = self._entries(self.values, self._functions(*unpack(z)))
             for weight, (Q, c, _) in zip(self.weight.T, entries, strict=True):
                 change = _real(weight[:, None] * np.stack([each @ c for each in changes], axis=1))
@@ -159,7 +160,8 @@ class PoleFit:
     def _relocated(self, values: np.ndarray, poles: np.ndarray) -> np.ndarray:
         """The zeros of sigma in values*sigma = N, sigma = 1 + sum c_i/(x - a_i) and N of the same poles (`gustavsen2006`)."""
         functions = _fractions(self.x, poles)
-        rows, rights = [], []
+        rows: list[np.ndarray] = []
+        rights: list[np.ndarray] = []
         entries = self._entries(values, self._functions(0.0, poles))
         for weight, value, (Q, _, rest) in zip(self.weight.T, values.T, entries, strict=True):
             columns = _real((weight * value)[:, None] * functions)
@@ -168,7 +170,7 @@ class PoleFit:
         stacked = np.vstack(rows)
         scale = np.linalg.norm(stacked, axis=0)
         scale[scale == 0] = 1.0
-        c = np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0] / scale
+        c = np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0], dtype=float) / scale
         zeros = np.linalg.eigvals(_companion(poles, c))
         if self.dt is None:
             zeros = -np.abs(np.real(zeros)) + 1j * np.imag(zeros)
@@ -179,7 +181,7 @@ class PoleFit:
 
     def _first(self, order: int) -> np.ndarray:
         """Lightly damped pairs over the band, and a real pole where the order is odd."""
-        low, high = max(self.omega[0], self.omega[-1] / 50), self.omega[-1]
+        low, high = max(float(self.omega[0]), float(self.omega[-1]) / 50), float(self.omega[-1])
         pairs = np.linspace(low, high, order // 2 + 2)[1:-1] * (1j - _DAMPING)
         s = np.concatenate([pairs, [complex(-np.sqrt(low * high))] * (order % 2)])
         return s / self.omega[-1] if self.dt is None else np.exp(s * self.dt)

@@ -38,7 +38,7 @@ class Pool(NamedTuple):
 class Neighbours(NamedTuple):
     """The lines around every line."""
 
-    index: np.ndarray  # (F, n)
+    index: np.ndarray  # type: ignore[assignment] # (F, n)
     near: np.ndarray  # (F, n) bool: near enough to count
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -124,13 +124,13 @@ class _Smooth:
         """Coefficients (F, q, 3): Fisher's scoring from a constant level relative to the response."""
         middle, penalty = np.array([0.0, 2.0, 0.0]), np.diag([0.0, *_FREE])
         share = self.weight / self.weight.sum(axis=1, keepdims=True)
-        found = np.broadcast_to(middle, (*self.gram.shape[:2], 3)).copy()
+        found: Real = np.broadcast_to(middle, (*self.gram.shape[:2], 3)).copy()
         found[..., 0] = np.log(np.einsum("fn,fnq->fq", share, own * np.exp(-self.x @ middle)))
         for _ in range(_ROUNDS):
             expected = np.einsum("fnqa,fqa->fnq", self.x, found)
             ratio = np.minimum(own * np.exp(-expected), _LARGEST) - 1
             score = np.einsum("fn,fnqa,fnq->fqa", self.weight, self.x, ratio) - (found - middle) @ penalty
-            found += np.linalg.solve(self.gram + penalty, score[..., None])[..., 0]
+            found += np.asarray(np.linalg.solve(self.gram + penalty, score[..., None]), dtype=float)[..., 0]
         return found
 
     @property
@@ -141,7 +141,7 @@ class _Smooth:
     def degrees(self, worth: Real) -> Real:
         """Degrees of freedom of the variance of every line, (F,), where `worth` lines count as one."""
         information = self.gram / worth[:, None, None, None] + np.diag([0.0, *_FREE])
-        return 1 / np.linalg.inv(information)[..., 0, 0].mean(axis=1)
+        return 1 / np.asarray(np.linalg.inv(information), dtype=float)[..., 0, 0].mean(axis=1)
 
 
 def _together(residuals: np.ndarray, variance: Real, dof: float, count: int) -> Real:
@@ -188,7 +188,7 @@ def _shaped(matrix: np.ndarray, variance: Real, around: Neighbours) -> np.ndarra
     diagonal = np.where(diagonal > 0, diagonal, 1)
     wanted = np.sqrt(variance) / diagonal
     shaped = mean * (wanted[:, :, None] * wanted[:, None, :])
-    q = np.arange(variance.shape[1])
+    q = np.arange(int(variance.shape[1]))
     shaped[:, q, q] = variance
     return shaped
 

@@ -144,7 +144,8 @@ def _changing(shared: Pool, noise: Pool | None, blocks: int, single: _Residuals,
         known = np.clip(1 / np.maximum((spread / wanted**2).mean(axis=1), np.finfo(float).tiny), 1, dof)
         radius = [joint_radius(_USUAL, own.size, part) ** 2 for part in (known, dof)]
         better = radius[0] * wanted.mean(axis=1) < radius[1] * ((1 + 1 / blocks) * own).mean(axis=1)
-        own, dof = np.where(better[:, None], less, own), np.where(better, known, dof)
+        own = np.asarray(np.where(better[:, None], less, own), dtype=float)
+        dof = np.asarray(np.where(better, known, dof), dtype=float)
     return Changing(_diagonal(single, own, shape), dof)
 
 

@@ -17,7 +17,7 @@ class Dataset:
     licence: str
     citation: str
     sha256: str
-    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    options: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
 
     @property
     def url(self) -> str:

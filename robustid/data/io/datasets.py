@@ -238,7 +238,7 @@ def _no_options(files: list[str], options: dict[str, Any]) -> None:
         raise InputError(f"{files[0]} is read in one way; leave out {', '.join(sorted(options))}")
 
 
-_SETS: dict[str, tuple[tuple[str, ...], Callable]] = {
+_SETS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "two_mass": ((TWO_MASS,), _record),
     "beam_ring": (BEAM_RING, _records),
     "fsm": (FSM["fsm/train"], _mirror),

@@ -65,17 +65,14 @@ def read_universal(path: Path) -> Table:
 def _abscissa(path: Path, sets: list[dict[str, Any]], kind: int) -> np.ndarray:
     """The common axis in Hz or s."""
     expected, units, standard = _ABSCISSA[kind]
-    x = np.asarray(sets[0]["x"])
+    x, unit = np.asarray(sets[0]["x"]), _unit(sets[0]["abscissa_axis_units_lab"])
     for s in sets:
         if len(s["data"]) != s["num_pts"] or len(s["x"]) != s["num_pts"]:
             raise FileFormatError(
                 f"{path.name}: {_name(s)} declares {s['num_pts']} points and has {len(s['data'])}; is the file cut off?"
             )
-        unit = _unit(s["abscissa_axis_units_lab"])
-        if (unit, s["abscissa_spec_data_type"]) != (
-            _unit(sets[0]["abscissa_axis_units_lab"]),
-            sets[0]["abscissa_spec_data_type"],
-        ):
+        here = _unit(s["abscissa_axis_units_lab"]), s["abscissa_spec_data_type"]
+        if here != (unit, sets[0]["abscissa_spec_data_type"]):
             raise FileFormatError(
                 f"{path.name}: the functions have axes of different units; store them in different files"
             )
@@ -148,7 +145,7 @@ def _histories(table: Table, sets: list[dict[str, Any]], time: np.ndarray) -> No
 
 def _dof(s: dict[str, Any], side: str) -> str:
     """Node and direction, such as 12Z+."""
-    direction = s[f"{side}_dir"]
+    direction = int(s[f"{side}_dir"])
     axis = ["", "X", "Y", "Z", "RX", "RY", "RZ"][abs(direction)] if abs(direction) <= 6 else f"D{abs(direction)}"
     return f"{s[f'{side}_node']}{axis}{'' if direction == 0 else '+' if direction > 0 else '-'}"
 

@@ -20,7 +20,7 @@ _MARK = "# robustid.excitation "
 _FACTS = ("dt", "periods", "seed")
 
 
-def write(path: str | os.PathLike, excitation: Excitation) -> None:
+def write(path: str | os.PathLike[str], excitation: Excitation) -> None:
     """`Excitation.save`: whole or not at all."""
     facts: dict[str, Any] = {name: getattr(excitation, name) for name in _FACTS}
     suffix = Path(path).suffix.lower()
@@ -41,7 +41,7 @@ def write(path: str | os.PathLike, excitation: Excitation) -> None:
         raise InputError(f"`path` must end in .csv or .npz; got {str(path)!r}")
 
 
-def load_excitation(path: str | os.PathLike) -> Excitation:
+def load_excitation(path: str | os.PathLike[str]) -> Excitation:
     """Read an excitation that `Excitation.save` wrote, exactly as it was.
 
     ``.csv`` holds all periods in columns ``time, u1_exp1, u2_exp1, ...`` (input 1 of experiment 1, ...) behind a first

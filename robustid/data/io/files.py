@@ -6,7 +6,7 @@ import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from robustid.core import written_by
 from robustid.data.frequency_response import FrequencyResponse
@@ -22,7 +22,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
 def load(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     kind: str | None = None,
     fields: Mapping[str, Any] | None = None,
@@ -64,7 +64,7 @@ def load(
         raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
     if frequency_unit is not None and str(frequency_unit).lower() not in ("rad/s", "hz"):
         raise InputError(f'`frequency_unit` must be "rad/s" or "Hz"; got {frequency_unit!r}')
-    if fields is not None and not isinstance(fields, Mapping):
+    if fields is not None and not isinstance(cast("object", fields), Mapping):
         raise InputTypeError(f'`fields` must map roles to names, such as {{"u": "current"}}; got {fields!r}')
     if unknown := set(fields or {}) - set(NAMES):
         raise InputError(f"`fields` knows the roles {sorted(NAMES)}; got {sorted(map(str, unknown))}")
@@ -114,7 +114,7 @@ class Origin(NamedTuple):
     dt_from: str
 
 
-def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None) -> Origin:
+def origin(path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | None) -> Origin:
     """The `Origin` of a file, whatever `dt` and unit `load` is given."""
     table = read_table(path)
     if table.meta is not None and not fields:
@@ -135,7 +135,7 @@ def origin(path: str | os.PathLike, kind: str, fields: Mapping[str, Any] | None)
     return Origin(None if fields else lookup.looks(), unit_known, step, source)
 
 
-def _write(path: str | os.PathLike, data: Any) -> None:
+def _write(path: str | os.PathLike[str], data: Any) -> None:
     """Write measurements in the format that the ending of the path names."""
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:

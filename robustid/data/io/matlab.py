@@ -22,7 +22,11 @@ def read_hdf5(path: Path) -> Table:
         # visititems follows no soft and no external links: a file from a stranger opens no other file.
         with h5py.File(path, "r") as file:
             found: list[tuple[str, Any]] = []
-            file.visititems(lambda name, item: found.append((name, item)))
+
+            def keep(name: str, item: Any) -> None:
+                found.append((name, item))
+
+            file.visititems(keep)
             matlab = any("MATLAB_class" in item.attrs for _, item in found)
             if not matlab:
                 _attributes("", file, table)
@@ -98,5 +102,6 @@ def _characters(codes: np.ndarray) -> str:
 
 
 def _word(value: Any) -> str:
-    value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value if isinstance(value, str) else ""
+    array: Any = value
+    one: Any = array.item() if isinstance(value, np.ndarray) and array.size == 1 else array
+    return one.decode("utf-8", "replace") if isinstance(one, bytes) else one if isinstance(one, str) else ""

@@ -43,7 +43,7 @@ def _matrix(path: Path, content: bytes, at: int) -> tuple[str, NDArray[np.generi
     if not known or min(rows, columns) < 0 or not 0 < length <= _LONGEST_NAME:
         raise _broken(path, "a header is none of MATLAB's")
     start = at + _HEADER + length
-    form = np.dtype(order + _FORMATS[number])
+    form = np.dtype(f"{order}{_FORMATS[number]}")
     count = rows * columns
     end = start + count * form.itemsize * (1 + imaginary)
     if end > len(content):

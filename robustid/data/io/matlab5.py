@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -138,7 +138,7 @@ def _matrix(parts: _Elements) -> tuple[str, Any]:
         return name, ["".join(letters[k::rows]) for k in range(rows)]  # stored by columns
     if kind == _CELL:
         items = [parts.matrix() for _ in range(count)]
-        single = all(isinstance(item, list) and len(item) == 1 for item in items)
+        single = all(isinstance(item, list) and len(cast("list[Any]", item)) == 1 for item in items)
         return name, [item[0] for item in items] if single else None
     if kind == _OBJECT:
         return name, _Unreadable(parts.text())
@@ -180,7 +180,7 @@ def _sparse(parts: _Elements, shape: tuple[int, int], is_complex: bool) -> np.nd
 
 def _store(name: str, value: Any, table: Table) -> None:
     if isinstance(value, dict):
-        for field, item in value.items():
+        for field, item in cast("dict[str, Any]", value).items():
             _store(f"{name}.{field}", item, table)
     elif isinstance(value, _Unreadable):
         table.objects[name] = str(value)

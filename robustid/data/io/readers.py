@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -111,7 +111,8 @@ def _read_npz(path: Path) -> Table:
             ) from None
         raise FileFormatError(f"{path.name} can't be read as .npz ({said(error)}); is the file cut off?") from None
     meta = arrays.pop("robustid", None)
-    numeric: dict[str, Any] = {k: v for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"}
+    plain = {k: cast("np.ndarray", v) for k, v in arrays.items() if isinstance(v, np.ndarray)}
+    numeric: dict[str, Any] = {k: v for k, v in plain.items() if v.dtype.kind in "biufc"}
     return Table(path, numeric, None if meta is None else str(meta))
 
 
@@ -129,12 +130,12 @@ def _check_shape(path: Path, archive: Any, info: Any) -> None:
 
 def _checked(path: Path, meta: str) -> dict[str, Any]:
     try:
-        meta = json.loads(meta)
-        version, kind = meta["robustid"], meta["kind"]  # type: ignore[index]
+        said: dict[str, Any] = json.loads(meta)
+        version, kind = said["robustid"], said["kind"]
     except (ValueError, KeyError, TypeError, RecursionError):
         raise FileFormatError(f"{path.name}: the description that robustid.save wrote is damaged; save again") from None
     if version != FORMAT or kind not in ("frequency", "tangential", "time"):
         raise FileFormatError(
             f"{path.name} was written in format {version!r} ({kind!r}), unknown here; use a newer robustid"
         )
-    return meta  # type: ignore[return-value]
+    return said

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -183,14 +184,17 @@ class Lookup:
             return self.column(role, name)
         if not isinstance(name, list | tuple) or not name:
             raise InputTypeError(f"`fields[{role!r}]` must be a name or a list of names; got {name!r}")
-        return np.column_stack(_equal(role, [self.column(role, item) for item in name]))
+        names: list[Any] = list(cast("Sequence[Any]", name))
+        return np.column_stack(_equal(role, [self.column(role, item) for item in names]))
 
     def matrix(self, role: str, name: Any) -> np.ndarray:
         """A frequency-dependent (F,) or (F, ny, nu)."""
         if isinstance(name, str):
             return self.column(role, name)
-        rows = list(name) if isinstance(name, list | tuple) else []
-        if not rows or not all(isinstance(row, list | tuple) and len(row) == len(rows[0]) > 0 for row in rows):
+        rows: list[Any] = list(cast("Sequence[Any]", name)) if isinstance(name, list | tuple) else []
+        if not rows or not all(
+            isinstance(row, list | tuple) and len(cast("Any", row)) == len(rows[0]) > 0 for row in rows
+        ):
             raise InputError(
                 f"`fields[{role!r}]` must be a name or a list of equally long rows of names, one row an"
                 " output;"
@@ -286,7 +290,8 @@ def _same_unit(lookup: Lookup, bound: Any, signals: list[Any]) -> None:
 
 
 def _flat(names: Any) -> list[str]:
-    return [names] if isinstance(names, str) else [n for part in names or [] for n in _flat(part)]
+    parts = cast("Iterable[Any]", names or [])
+    return [names] if isinstance(names, str) else [name for part in parts for name in _flat(part)]
 
 
 def _values(lookup: Lookup) -> np.ndarray:
@@ -355,7 +360,7 @@ def time_step(lookup: Lookup, samples: int) -> float:
     # A scalar T is found as "t" too.
     if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
         column = lookup.column("time", time)
-        return _uniform_step(column, samples) * _seconds(lookup, time)
+        return uniform_step(column, samples) * _seconds(lookup, time)
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         _seconds(lookup, unsure)
     if (step := lookup.sample_time()) is None:
@@ -373,7 +378,8 @@ def _seconds(lookup: Lookup, name: str) -> float:
     return scale or 1.0
 
 
-def _uniform_step(time: np.ndarray, samples: int) -> float:
+def uniform_step(time: np.ndarray, samples: int) -> float:
+    """The sample time of instants that are uniform; else a sentence."""
     if time.shape != (samples,):
         raise InputError(f"the time has shape {time.shape} where `u` has {samples} samples; give `dt` instead")
     if samples < 2:

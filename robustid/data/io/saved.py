@@ -95,13 +95,13 @@ def _described(data: Any, kind: str, layout: str) -> tuple[dict[str, np.ndarray]
     return arrays, meta | {"robustid": FORMAT, "kind": kind, "samples": samples, "layout": layout}
 
 
-def _write_npz(path: str | os.PathLike, data: Any, kind: str) -> None:
+def _write_npz(path: str | os.PathLike[str], data: Any, kind: str) -> None:
     arrays, meta = _described(data, kind, ".npz")
     with atomic_write(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays, robustid=np.array(json.dumps(meta)))
 
 
-def _write_csv(path: str | os.PathLike, data: Any, kind: str) -> None:
+def _write_csv(path: str | os.PathLike[str], data: Any, kind: str) -> None:
     arrays, meta = _described(data, kind, ".csv")
     columns = {"time": data.time} if isinstance(data, TimeRecord) else {}
     for name, array in arrays.items():
@@ -118,7 +118,7 @@ def _write_csv(path: str | os.PathLike, data: Any, kind: str) -> None:
             writer.writerows(table[start : start + _ROWS].tolist())
 
 
-def _write_mat(path: str | os.PathLike, data: Any, kind: str) -> None:
+def _write_mat(path: str | os.PathLike[str], data: Any, kind: str) -> None:
     import scipy.io
 
     arrays, meta = _described(data, kind, ".mat")

@@ -26,11 +26,12 @@ class Table:
     path: Path
     columns: dict[str, np.ndarray | FileFormatError]
     meta: Any = None  # the description that `save` leaves
-    texts: dict[str, list[str]] = dataclasses.field(default_factory=dict)
-    objects: dict[str, str] = dataclasses.field(default_factory=dict)  # name and class of what can't be read
+    texts: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
+    objects: dict[str, str] = dataclasses.field(default_factory=dict[str, str])  # name and class of what can't be read
     # Arguments that the file states, by kind.
-    facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
-    empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # arrays without entries, of their shape
+    facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict[str, dict[str, Any]])
+    # Arrays without entries, of their shape.
+    empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict[str, np.ndarray])
 
 
 def check_growth(path: Path, name: str, declared: int, stored: int) -> None:

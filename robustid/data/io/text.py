@@ -13,6 +13,8 @@ import numpy as np
 from robustid.data.io.table import Table
 from robustid.errors import FileFormatError
 
+Column = np.ndarray | FileFormatError  # the error is raised where somebody asks for the column
+
 _MARK = "# robustid "
 _LONGEST = 2**24  # characters in a line: the header of a covariance of a 10 x 10 response has 2e6
 _BLOCK = 20_000  # lines
@@ -58,19 +60,19 @@ def _columns(path: Path, rows: Iterator[tuple[int, str]]) -> dict[str, np.ndarra
         raise FileFormatError(
             f"{path.name}: the column names are not all different: {equal} several times; rename them"
         )
-    parts: list[list] = [[] for _ in names]
+    parts: list[list[Column]] = [[] for _ in names]
     for block in itertools.chain([first], blocks):
         for part, values in zip(parts, _parsed(path, block, names, delimiter), strict=True):
             part.append(values)
     return {name: _joined(part) for name, part in zip(names, parts, strict=True)}
 
 
-def _joined(parts: list[np.ndarray | FileFormatError]) -> np.ndarray | FileFormatError:
+def _joined(parts: list[Column]) -> np.ndarray | FileFormatError:
     wrong = next((part for part in parts if isinstance(part, FileFormatError)), None)
     return np.concatenate(parts) if wrong is None else wrong  # type: ignore[arg-type]
 
 
-def _parsed(path: Path, block: list[tuple[int, str]], names: list[str], delimiter: str | None) -> list:
+def _parsed(path: Path, block: list[tuple[int, str]], names: list[str], delimiter: str | None) -> list[Column]:
     """The columns of one block of lines."""
     try:
         numbers = np.loadtxt([line for _, line in block], delimiter=delimiter, comments=None, ndmin=2)
@@ -102,7 +104,7 @@ def _column(path: Path, name: str, cells: tuple[str, ...], lines: list[int]) -> 
         return np.array([float(cell) for cell in cells])
     except ValueError:
         pass
-    values = []
+    values: list[complex] = []
     for cell, line in zip(cells, lines, strict=True):
         try:
             values.append(complex(cell.replace(" ", "").replace("i", "j")))

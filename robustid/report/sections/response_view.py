@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TimeRecord, as_records
 from robustid.data.estimate import variances
 from robustid.errors import InputError, InputTypeError
 
@@ -147,9 +146,7 @@ class ResponseView:
 
 
 def _checked(records: Any, frf: FrequencyResponse) -> tuple[TimeRecord, ...]:
-    listed = [records] if isinstance(records, TimeRecord) else list(records) if isinstance(records, Sequence) else []
-    if records is not None and (not listed or not all(isinstance(record, TimeRecord) for record in listed)):
-        raise InputTypeError(f"`records` must be a TimeRecord or a sequence of them; got {type(records).__name__}")
+    listed = [] if records is None else as_records("records", records)
     for k, record in enumerate(listed):
         shape, wanted = (len(record.outputs), len(record.inputs)), (len(frf.outputs), len(frf.inputs))
         if shape != wanted:

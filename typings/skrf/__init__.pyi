@@ -1,0 +1,1 @@
+"""The modules of scikit-rf whose types are stated beside this file."""
