@@ -14,9 +14,10 @@ from robustid.data import FrequencyResponse
 from robustid.data.io import save_model
 from robustid.errors import InputError, Status
 from robustid.identification import Identification, MixedProblem, describe_problem
+from robustid.mfd import MatrixFraction
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "worst_case", "over_poles", "family")
+_NUMBERS = ("identification", "worst_case", "over_poles", "family", "fit")
 _PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
@@ -88,6 +89,11 @@ class RunFolder:
         for k, frf in enumerate(frfs, start=1):
             if self.folder is not None:
                 save(self.folder / _RESPONSE.format(k), frf)
+
+    def fitted(self, fit: MatrixFraction) -> None:
+        """Keep the matrix fraction that the modes come from."""
+        if self.folder is not None:
+            fit.save(self.folder / "fit")
 
     def identification(self, problem: MixedProblem, objective: str) -> Identification | None:
         """The one that was finished before, of exactly this problem."""

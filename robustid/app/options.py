@@ -261,6 +261,68 @@ class Withheld:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A matrix fraction that is fitted to the response first: its modes become those of the parametric part."""
+
+    order: int | str | None = key(
+        auto_or(whole(1)),
+        help='McMillan degree, with two states for every rigid-body mode, or "auto": as many as the data carry. Default: none is'
+        " fitted.",
+    )
+    rigid_body: int = key(
+        whole(), 0, help="Number of rigid-body modes: undamped, poles at zero exactly.", flag="--rigid-body"
+    )
+    modal: str | None = key(
+        text(_listed("mfd", "DAMPINGS")),
+        help="Keep the structure of a mechanical system: modes of rank one with complex shapes (general), or with real ones"
+        " (proportional damping).",
+        flag="--modal",
+    )
+    symmetric: bool = key(
+        flag,
+        False,
+        help="Of a modal structure: sensors and actuators sit together, so that the response is symmetric.",
+        flag="--symmetric",
+    )
+    quantity: str | None = key(
+        text(_listed("mfd", "QUANTITIES")),
+        help="Of a modal structure: what the outputs measure, of inputs that are forces: position (default), velocity or"
+        " acceleration.",
+        flag="--quantity",
+    )
+    feedthrough: bool = key(
+        flag,
+        False,
+        help="The response may differ from 0 at infinity: accelerometers, no delay.",
+        flag="--feedthrough",
+    )
+    time_limit: float | None = key(
+        _positive,
+        help="Time after which the best model so far is taken, and no further order tried.",
+        unit="s",
+        flag="--time-limit",
+    )
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments of `robustid.fit_mfd` and of `suggest_order`, but for the order."""
+        from robustid.mfd import Modal, RigidBody
+
+        structure: Any = False
+        if self.modal is not None:
+            structure = Modal(self.modal, symmetric=self.symmetric, quantity=self.quantity or "position")
+        elif self.symmetric or self.quantity is not None:
+            name = "symmetric" if self.symmetric else "quantity"
+            raise InputError(f"`{name}` belongs to a structure of the modes: give `modal` too")
+        return {
+            "rigid_body": RigidBody(self.rigid_body) if self.rigid_body else None,
+            "modal": structure,
+            "feedthrough": self.feedthrough,
+            "time_limit": self.time_limit,
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Modes:
     """Poles of the parametric part; without `hz` they are taken from the response."""
 
@@ -443,6 +505,7 @@ PARTS: dict[str, Any] = {
     "[delay]": Delay,
     "[frequency_points]": FrequencyPoints,
     "[withheld]": Withheld,
+    "[fit]": Fit,
     "[modes]": Modes,
     "[prior]": PriorChoice,
     "[identify]": Identify,

@@ -14,6 +14,7 @@ from robustid.app.options import (
     Delay,
     Estimate,
     FamilyChoice,
+    Fit,
     FrequencyPoints,
     General,
     Identify,
@@ -48,6 +49,7 @@ class RunFile(Frozen, General):
     delay: Delay = dataclasses.field(default_factory=Delay)
     frequency_points: FrequencyPoints = dataclasses.field(default_factory=FrequencyPoints)
     withheld: Withheld = dataclasses.field(default_factory=Withheld)
+    fit: Fit = dataclasses.field(default_factory=Fit)
     modes: Modes = dataclasses.field(default_factory=Modes)
     prior: PriorChoice = dataclasses.field(default_factory=PriorChoice)
     identify: Identify = dataclasses.field(default_factory=Identify)
@@ -55,6 +57,7 @@ class RunFile(Frozen, General):
     worst_case: WorstCase = dataclasses.field(default_factory=WorstCase)
 
     def __post_init__(self) -> None:
+        _check_fit(self)
         _check_modes(self)
         _check_notes(self)
         for one, other in (("gain_bound", "decay_rate"), ("decay_rate", "gain_bound")):
@@ -152,6 +155,19 @@ SECTIONS: dict[str, Any] = {
     for field in dataclasses.fields(RunFile)
     if field.default_factory is not dataclasses.MISSING
 }
+
+
+def _check_fit(run: RunFile) -> None:
+    """Refuse options of a fit that isn't asked for, and modes that are stated beside it."""
+    fit, modes = run.fit, run.modes
+    if fit.order is None:
+        if fit != Fit():
+            raise InputError('[fit] needs order = ..., a whole number or "auto"')
+        return
+    if fit.modal is None and (fit.symmetric or fit.quantity is not None):
+        raise InputError("[fit] symmetric and quantity belong to a structure of the modes: give modal too")
+    if modes.count is not None or (modes.hz is not None and not (modes.note or "").startswith(MODES_NOTE)):
+        raise InputError("[fit] takes the modes from a fit, [modes] states them otherwise: give one of them")
 
 
 def _check_modes(run: RunFile) -> None:
@@ -256,6 +272,8 @@ def _check_members(run: RunFile) -> None:
             raise InputError(f"[[members]] {k} needs name = ..., one of its own")
         if not any(source.member == name for _, source in sources):
             raise InputError(f"[[members]] {k}: no [[record]] and no [[frequency]] has member = {name!r}")
+    if run.members and run.fit.order is not None:
+        raise InputError("[fit] is about one plant; leave it out where there are [[members]]")
     if run.members and run.worst_case.over_poles:
         raise InputError("[worst_case] over_poles = true is about one plant; leave it out where there are [[members]]")
     if run.members and not run.worst_case.compute:

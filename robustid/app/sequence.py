@@ -10,6 +10,7 @@ import numpy as np
 
 from robustid.advice import content
 from robustid.app import choices, findings
+from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes, PriorChoice
@@ -73,7 +74,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
             "[worst_case] over_poles = true bounds one entry: add entry = [output, input], by number or name, or leave it out"
         )
     folder.responses(data.responses)
-    run = choices.with_modes(run, data, say)
+    run = choices.with_modes(with_fit(run, data, say, folder), data, say)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
     basis = choices.basis_of(run.modes, dt)
     used = [points for points, _ in parts]

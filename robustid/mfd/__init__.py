@@ -7,7 +7,7 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
 from robustid.mfd.modal import ModalForm, continuous, modal_form
-from robustid.mfd.modal_structure import Modal
+from robustid.mfd.modal_structure import DAMPINGS, QUANTITIES, Modal
 from robustid.mfd.modes import ModeRow, mode_table
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.order import suggest_order
@@ -21,6 +21,8 @@ from robustid.mfd.subspace import subspace_estimate
 from robustid.mfd.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 
 __all__ = [
+    "DAMPINGS",
+    "QUANTITIES",
     "FitCovariance",
     "FitStatus",
     "FitStep",

@@ -16,7 +16,7 @@ from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import UNLIMITED, Budget, refine
 
 EVERY = 4  # points, of which one is withheld
-_STEPS = 10
+STEPS = 10
 _SEEN = 1e-10  # directions that the response sees less than this are no parameters
 _ALONE = 1e-12  # 1 - leverage of a point that alone decides a direction
 
@@ -66,7 +66,7 @@ def withheld_residual(
     *,
     stable: bool,
     resolved: float = RESOLVED,
-    steps: int = _STEPS,
+    steps: int = STEPS,
     budget: Budget = UNLIMITED,
 ) -> Complex:
     """Residual (m, ny, nu), without its weight, at the withheld points of the model refined on the others.

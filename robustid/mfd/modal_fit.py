@@ -25,6 +25,7 @@ from robustid.mfd.attempt import (
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.exchange import exchange
 from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, former
+from robustid.mfd.left_out import STEPS
 from robustid.mfd.modal_structure import Modal
 from robustid.mfd.mode_gains import gains
 from robustid.mfd.model import realise
@@ -107,6 +108,19 @@ def _refined(
         more = descend(found.fitted.model, limit=limit, patient=True)
         found = more._replace(history=found.history + more.history)
     return found
+
+
+def modal_withheld_residual(
+    problem: FractionProblem, model: StateMatrices, modal: Modal, mask: NDArray[np.bool_], *, stable: bool
+) -> Complex:
+    """`withheld_residual` within the structure, from a model that has it."""
+    others = dataclasses.replace(
+        problem, omega=problem.omega[~mask], values=problem.values[~mask], weight=problem.weight.select(~mask)
+    )
+    outputs = TiedOutputs(others) if modal.symmetric else Outputs(others)
+    start = _start(others, model, stable, modal, outputs)
+    found = refine(others, start, stable=stable, limit=STEPS, outputs=outputs).fitted
+    return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
 
 
 def _start(problem: FractionProblem, model: StateMatrices, stable: bool, modal: Modal, outputs: Outputs) -> LocalModel:

@@ -81,6 +81,19 @@ class Modal(Frozen):
         return QUANTITIES.index(self.quantity)
 
     @property
+    def tied(self) -> bool:
+        """True where the response has fewer free numbers than that of any fraction of the order."""
+        return self.real or self.symmetric
+
+    def parameters(self, order: int, shape: tuple[int, int], rigid: int, feedthrough: bool) -> int:
+        """Number of free numbers of a tied structure: poles, shapes but for their scale, rigid body, direct term."""
+        ny, nu = shape
+        own = (ny if self.symmetric else ny + nu - 1) if self.real else 2 * ny
+        body = ny * rigid - rigid * (rigid - 1) // 2 if self.symmetric else rigid * (ny + nu - rigid)
+        through = ny * (ny + 1) // 2 if self.symmetric else ny * nu
+        return (order - 2 * rigid) // 2 * (2 + own) + body + feedthrough * through
+
+    @property
     def words(self) -> str:
         """What is kept, for reports."""
         shapes = "real shapes (proportional damping)" if self.real else "complex shapes (general damping)"

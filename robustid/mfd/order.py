@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Executor, Future, as_completed
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import exact_covariance
 from robustid.mfd.fit import MatrixFraction, fit_mfd
 from robustid.mfd.iteration import FitStatus
+from robustid.mfd.modal_structure import as_modal
 from robustid.mfd.order_sweep import OrderSweep
 from robustid.mfd.statement import one_weight, stated
 from robustid.mfd.subspace import subspace_estimate
@@ -47,6 +48,14 @@ _EXACT = 1e-10
 _SAME_COST = 1e-6
 
 
+class _Found(NamedTuple):
+    """What a sweep has found so far, by order."""
+
+    fits: dict[int, MatrixFraction]
+    failures: dict[int, str]
+    withheld: dict[int, float]
+
+
 @one_thread()
 def suggest_order(
     frf: Any,
@@ -57,6 +66,7 @@ def suggest_order(
     time_limit: float | None = 60.0,
     executor: Executor | None = None,
     progress: Callable[[int, int], Any] | None = None,
+    grown: Callable[[OrderSweep], Any] | None = None,
     **options: Any,
 ) -> OrderSweep:
     """Fit a range of orders and find the one that the data carry.
@@ -84,6 +94,8 @@ def suggest_order(
         Where the orders are fitted; default this process, one after the other. The result is the same.
     progress : callable, optional
         Called with (orders done, orders in all) in this process.
+    grown : callable, optional
+        Called with the sweep so far, after every few orders: to show its suggestion, or the stabilisation diagram as it grows.
     **options
         The other options of `fit_mfd`, for every order; ``restart`` is off unless given, as orders below the right one
         would all try it.
@@ -137,19 +149,38 @@ def suggest_order(
     singular_values, edge = subspace_singular_values(
         frf, weight, domain, noise_known, options.get("feedthrough", False), options.get("form")
     )
-    tried = _orders(orders, int(np.sum(singular_values > edge)), frf)
+    step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
+    tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)
     deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
     settings = options | {"weight": weight, "domain": domain}
-    fits, failures, withheld = _sweep(
-        frf, tried, settings, executor, as_function("progress", progress), orders is None, deadline
-    )
-    equations = fits[min(fits)].problem.equations
+    on_wave, tell = as_function("grown", grown), as_function("progress", progress)
+
+    def assembled(found: _Found) -> OrderSweep:
+        return _assembled(frf, noise_known, singular_values, edge, found)
+
+    def growing(found: _Found) -> None:
+        if on_wave is not None:
+            on_wave(assembled(found))
+
+    sweep = assembled(_sweep(frf, tried, settings, executor, tell, orders is None, deadline, growing))
+    return sweep if time.monotonic() > deadline else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
+
+
+def _assembled(
+    frf: FrequencyResponse,
+    noise_known: bool,
+    singular_values: np.ndarray,
+    edge: float,
+    found: _Found,
+) -> OrderSweep:
+    """The sweep of these fits."""
+    fits, failures, withheld = found
     ordered = [fits[order] for order in sorted(fits)]
-    sweep = OrderSweep(
-        fits,
+    return OrderSweep(
+        dict(fits),
         failures,
         np.array([_parameters(fit) for fit in ordered]),
-        equations,
+        fits[min(fits)].problem.equations,
         noise_known,
         singular_values,
         edge,
@@ -157,7 +188,6 @@ def suggest_order(
         np.array([outside_bound(fit, frf) for fit in ordered]),
         np.array([unresolved_poles(fit) for fit in ordered]),
     )
-    return sweep if time.monotonic() > deadline else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
 
 
 def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]) -> str:
@@ -237,9 +267,10 @@ def _noise_edge(found: np.ndarray, shape: tuple[int, ...], noise_known: bool) ->
     return max(_EDGE_SLACK * level * (1 + math.sqrt(ratio)), _EXACT * float(found[0]))
 
 
-def _orders(orders: Iterable[int] | None, center: int, frf: FrequencyResponse) -> list[int]:
+def _orders(orders: Iterable[int] | None, center: int, frf: FrequencyResponse, step: int) -> list[int]:
+    """The orders to try; those that are chosen here are multiples of `step`."""
     if orders is None:
-        near = {max(center + step, 1) for step in _AROUND}
+        near = {-(-max(center + away, 1) // step) * step for away in _AROUND}
         most = frf.omega.size * frf.values[0].size // sum(frf.values.shape[1:])  # parameters for half the equations
         wanted = sorted(near | {order for order in _BELOW if order < min(near)})
         return [order for order in wanted if order <= most] or wanted[:1]
@@ -265,7 +296,8 @@ def _sweep(
     progress: Callable[[int, int], Any] | None,
     may_stop: bool,
     deadline: float,
-) -> tuple[dict[int, MatrixFraction], dict[int, str], dict[int, float]]:
+    growing: Callable[[_Found], None],
+) -> _Found:
     """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before."""
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
@@ -282,6 +314,8 @@ def _sweep(
             _refit_local_minima(frf, options, fits)
             here = {order: withheld_error(fits[order]) for order in wave if order in fits}
             withheld |= here
+            if fits:
+                growing(_Found(fits, _sentences(errors), withheld))
             reached = min(here.values(), default=math.nan)
             if time.monotonic() > deadline or (may_stop and reached > (1 - _BETTER) * best):
                 break
@@ -292,7 +326,12 @@ def _sweep(
         finished = ", ".join(f"order {order}: cost {fit.cost:.6g}" for order, fit in sorted(fits.items()))
         _log.warning("the sweep over the order ended early; finished: %s", finished or "none")
         raise
-    return fits, {order: f"{type(error).__name__}: {error}" for order, error in errors.items()}, withheld
+    return _Found(fits, _sentences(errors), withheld)
+
+
+def _sentences(errors: Mapping[int, Exception]) -> dict[int, str]:
+    """Failures in words, by order."""
+    return {order: f"{type(error).__name__}: {error}" for order, error in errors.items()}
 
 
 def _wave(
@@ -346,6 +385,10 @@ def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits
 
 
 def _parameters(fit: MatrixFraction) -> int:
+    """Free coefficients."""
     problem = fit.problem
+    if fit.modal is not None and fit.modal.tied:
+        ny, nu = problem.values.shape[1:]
+        return fit.modal.parameters(problem.order, (ny, nu), fit.fraction.rigid_count, problem.feedthrough)
     basis = problem.basis(fit.nodes.denominators, fit.nodes.response)
     return int(np.sum(problem.limits + 1)) - len(problem.forbidden(basis, fit.nodes))

@@ -12,6 +12,7 @@ from robustid.data import FrequencyResponse
 from robustid.mfd.attempt import blocks_of, flipped, refinable
 from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.left_out import withheld, withheld_residual
+from robustid.mfd.modal_fit import modal_withheld_residual
 
 if TYPE_CHECKING:
     from robustid.mfd.fit import MatrixFraction
@@ -29,13 +30,17 @@ def withheld_error(fit: MatrixFraction) -> float:
     unknowns = problem.order * sum(problem.values.shape[1:])
     if not refinable(problem) or unknowns > problem.equations // 2:
         return math.nan
-    if flipped(problem):
+    tied = fit.modal if fit.modal is not None and fit.modal.tied else None
+    if flipped(problem) and not (tied is not None and tied.symmetric):
         problem, model = problem.transposed(), model.transposed()
     mask = withheld(problem, _FIRST)
     size = float(np.linalg.norm(problem.weight.select(mask).apply(problem.values[mask])))
     if not size > 0:
         return math.nan
-    residual = withheld_residual(problem, blocks_of(problem, model), mask, stable=fit.stable)
+    if tied is None:
+        residual = withheld_residual(problem, blocks_of(problem, model), mask, stable=fit.stable)
+    else:
+        residual = modal_withheld_residual(problem, model, tied, mask, stable=fit.stable)
     return float(np.linalg.norm(problem.weight.select(mask).apply(residual))) / size
 
 

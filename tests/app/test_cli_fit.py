@@ -95,6 +95,18 @@ def test_the_covariance_is_the_weight_unless_asked_otherwise(files, run):
     assert costs["--relative"] == pytest.approx(1e-4 * costs[""], rel=0.05)
 
 
+def test_the_structure_of_the_modes_is_asked_for(files, run):
+    code, out, err = run(["known.npz", "--order", "4", "--modal", "general"])
+    assert code == 0, err
+    assert "complex shapes" in out
+    code, _, err = run(["known.npz", "--order", "4", "--symmetric", "--force"])
+    assert code == 2
+    assert "--symmetric belongs to a structure of the modes: give --modal too" in err
+    code, _, err = run(["frf.csv", "--order", "7", "--modal", "proportional", "--force"])
+    assert code == 2
+    assert "--order must be even with --modal" in err
+
+
 def test_rigid_body_and_roll_off(files, run):
     s = 1j * OMEGA[:, None, None]
     rid.save("rigid.npz", rid.FrequencyResponse(OMEGA, FEW + 1e5 * np.array([[1.0], [0.5]]) / s**2))
@@ -121,6 +133,8 @@ def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatc
     code, out, err = run(arguments)
     assert code in (0, 1), err
     assert "fitting a range of orders: 3 of 3" in out
+    assert "poles by order: o as in the order before" in out
+    assert "so far order 2" in out
     assert "has the smallest MDL" in out
     assert "Stabilisation" in (files / "page.html").read_text(encoding="utf-8")
     assert load_model("fit.npz").nstates == 2

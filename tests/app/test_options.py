@@ -10,7 +10,7 @@ from robustid.app.checks import options
 from robustid.app.cli.excite import excite
 from robustid.app.cli.fit import fit
 from robustid.app.cli.reduce import reduce
-from robustid.app.options import PARTS, Identify, Modes, WorstCase
+from robustid.app.options import PARTS, Fit, Identify, Modes, WorstCase
 
 pytestmark = pytest.mark.quick
 
@@ -66,6 +66,11 @@ def test_arguments_of_identify_reduced_are_those_of_the_run_file():
     assert "{options}" not in rid.identify_reduced.__doc__
 
 
+def test_options_of_a_fit_have_the_defaults_of_the_library():
+    theirs = inspect.signature(rid.fit_mfd).parameters
+    assert Fit().arguments == {name: theirs[name].default for name in Fit().arguments}
+
+
 @pytest.mark.parametrize(
     ("stated", "error", "words"),
     [
@@ -90,7 +95,7 @@ def test_wrong_arguments_are_refused_by_their_own_name(stated, error, words):
             rid.multisine,
             "spacing lines_per_decade inputs realisations periods amplitude rms minimise_crest seed",
         ),
-        (fit, rid.fit_mfd, "form domain feedthrough"),
+        (fit, rid.fit_mfd, "form domain"),
         (reduce, rid.balanced_truncation, "order tol horizon weight"),
     ],
 )

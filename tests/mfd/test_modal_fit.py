@@ -7,7 +7,7 @@ import pytest
 import robustid as rid
 from robustid.core import response_at
 from robustid.errors import InputError, InputTypeError
-from robustid.mfd import FitStatus
+from robustid.mfd import FitStatus, fit_covariance
 from support.mechanics import BETWEEN, measured, mechanical
 from support.mfd_systems import relative_error
 
@@ -276,3 +276,44 @@ def test_only_rigid_body_modes():
     found = response_at((fit.model.A, fit.model.B, fit.model.C, fit.model.D), s.ravel())
     assert np.allclose(found, frf.values, rtol=1e-9)
     assert isinstance(fit.to_control(), control.StateSpace)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "proportional",
+        "proportional, more inputs",
+        "proportional, rigid",
+        "symmetric",
+        "symmetric, rigid",
+        "general, symmetric",
+    ],
+)
+def test_sweeps_count_what_a_structure_leaves_free(name):
+    """The rank of the Jacobian, the coefficients that the covariance calls free; orders are even."""
+    system, frf, asked = posed(name, level=0.02)
+    order = asked.pop("order")
+    sweep = rid.suggest_order(frf, orders=[order], **asked)
+    assert sweep.parameters[0] == fit_covariance(sweep.fits[order]).parameters
+    assert sweep.withheld[0] < 0.1
+    assert sweep.fits[order].modal is asked["modal"]
+    assert system.order == order
+
+
+def test_a_sweep_with_structure_finds_the_order_among_even_ones():
+    _, frf, asked = posed("single", level=0.02)
+    sweep = rid.suggest_order(frf, modal=asked["modal"])
+    assert not sweep.failures
+    assert np.all(sweep.orders % 2 == 0)
+    assert sweep.suggested == asked["order"]
+
+
+def test_withheld_points_are_predicted_within_the_structure():
+    """A structure that isn't true predicts badly, though its poles refined freely would not."""
+    _, frf, asked = posed("general", level=0.01)
+    order = asked["order"]
+    true, wrong = (
+        rid.suggest_order(frf, orders=[order], modal=modal).withheld[0] for modal in (True, rid.Modal("proportional"))
+    )
+    assert true < 0.03
+    assert wrong > 5 * true

@@ -367,6 +367,16 @@ def test_orders_of_shared_poles_count_every_pole_once():
         assert 6 <= sweep.subspace_order <= 9
 
 
+def test_the_sweep_is_shown_as_it_grows():
+    """After every wave the sweep so far; the last one is the result, but for the hint."""
+    shown = []
+    sweep = suggest_order(data(0, 1, 1, 2, 100), orders=range(1, 7), grown=shown.append)
+    assert [list(one.orders) for one in shown] == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6]]
+    assert [one.suggested for one in shown] == [4, 4]
+    np.testing.assert_array_equal(shown[-1].costs, sweep.costs)
+    assert len(shown[0].stabilisation) < len(sweep.stabilisation)
+
+
 def test_a_time_limit_ends_a_sweep():
     """The first wave is fitted, no more."""
     sweep = suggest_order(data(0, 1, 1, 2, 100), orders=range(1, 13), time_limit=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,8 +12,9 @@ import typer
 
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force, Report, only, words_of
+from robustid.app.cli.stabilisation import Stabilisation
 from robustid.app.cli.terminal import in_words, shown, step, warn
-from robustid.app.options import FrequencyPoints, ResponseSource
+from robustid.app.options import Fit, FrequencyPoints, ResponseSource
 from robustid.errors import InputError
 
 
@@ -25,9 +27,7 @@ def fit(
             help='McMillan degree, with two states for every rigid-body mode; or "auto". Number of poles for --form shared.'
         ),
     ],
-    rigid_body: Annotated[
-        int, typer.Option(min=0, help="Number of rigid-body modes: undamped, poles at zero exactly.")
-    ] = 0,
+    structure: Annotated[Fit, only("rigid_body", "modal", "symmetric", "quantity")],
     form: Annotated[
         str | None, typer.Option(help="right (N/D, default), left (D\\N), or shared: poles that all entries share.")
     ] = None,
@@ -42,15 +42,9 @@ def fit(
     roll_off: Annotated[
         int | None, typer.Option(min=1, help="The response falls at least with this power of frequency; in z: delay.")
     ] = None,
-    feedthrough: Annotated[
-        bool,
-        typer.Option("--feedthrough", help="The response may differ from 0 at infinity: accelerometers, no delay."),
-    ] = False,
+    limits: Annotated[Fit, only("feedthrough", "time_limit")],
     points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
-    time_limit: Annotated[
-        float | None, typer.Option(help="Seconds after which the best model so far is taken; so does Ctrl-C.")
-    ] = None,
     response: Annotated[ResponseSource, only("dt", "unit", "fields")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
@@ -58,15 +52,16 @@ def fit(
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
 
-    With --order auto a range of orders is fitted, on all cores: the smallest description length (MDL), the stated bounds and the
-    error at withheld frequency points decide.
+    With --order auto a range of orders is fitted, on all cores, and the stabilisation diagram grows line by line: the smallest
+    description length (MDL), the stated bounds and the error at withheld frequency points decide. Ctrl-C in a fit takes the best
+    model so far.
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
 
     Exit codes: 0 converged and verified, 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.reading import Files
-    from robustid.mfd import RigidBody, RollOff
+    from robustid.mfd import RollOff
     from robustid.report import render_report, render_summary, verdict
 
     wanted, model_file = _order(order), _model_file(output)
@@ -74,13 +69,13 @@ def fit(
     outputs.check_outputs([model_file, report], [source], force)
     console = terminal.console()
     (frf,) = asked_files.read(console)
-    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "feedthrough": feedthrough}
-    asked["time_limit"] = time_limit
-    asked["rigid_body"] = RigidBody(rigid_body) if rigid_body else None
+    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method}
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
+        both = dataclasses.replace(structure, feedthrough=limits.feedthrough, time_limit=limits.time_limit)
+        asked |= both.arguments
         asked |= _weight(source, frf, relative)
         sweep: Any = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, wanted or sweep.suggested, asked)
@@ -138,16 +133,20 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
 
 
 def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
-    """A sweep over the order on all cores."""
+    """A sweep over the order on all cores; the stabilisation diagram grows with it."""
     from robustid.core import worker_pool
     from robustid.mfd import suggest_order
 
+    diagram = Stabilisation(frf.omega)
     with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
 
         def progress(done: int, count: int) -> None:
             show(f"fitting a range of orders: {done} of {count}")
 
-        sweep = suggest_order(frf, executor=pool, progress=progress, **asked)
+        def grown(sweep: Any) -> None:
+            terminal.say(console, *diagram.lines(sweep))
+
+        sweep = suggest_order(frf, executor=pool, progress=progress, grown=grown, **asked)
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         warn(console, f"order {sweep.suggested} is the largest one tried; give a larger --order by hand to compare")
     return sweep

@@ -76,7 +76,7 @@ def run(
         \[frequency_points]
         band_hz = [5.0, 200.0]
         every = 2                        # the others test the result
-        \[modes]
+        \[modes]                          # or \[fit] with order = "auto": the modes of a matrix fraction
         hz = [17.67]
         damping = [0.004]
         \[prior]
