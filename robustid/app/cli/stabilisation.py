@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
-
-import numpy as np
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -20,7 +19,7 @@ class Stabilisation:
         Frequency points of the data, rad/s; those at 0 have no place.
     """
 
-    def __init__(self, omega: np.ndarray) -> None:
+    def __init__(self, omega: Any) -> None:
         known = omega[omega > 0]
         self.low, self.high = float(known.min()), float(known.max())
         self.told: set[int] = set()
@@ -32,12 +31,12 @@ class Stabilisation:
         self.told.update(new)
         withheld = dict(zip(sweep.orders.tolist(), sweep.withheld.tolist(), strict=True))
         for order in new:
-            error = f"  withheld {100 * withheld[order]:.3g} %" if np.isfinite(withheld[order]) else ""
+            error = f"  withheld {100 * withheld[order]:.3g} %" if math.isfinite(withheld[order]) else ""
             out.append(f"{order:5d} |{self._marks(sweep, order)}|{error}")
         return [*out, f"so far order {sweep.suggested} {sweep.reason}"]
 
     def _axis(self) -> list[str]:
-        ends = [f"{omega / (2 * np.pi):.4g} Hz" for omega in (self.low, self.high)]
+        ends = [f"{omega / (2 * math.pi):.4g} Hz" for omega in (self.low, self.high)]
         return [
             "poles by order: o as in the order before, + only the frequency, . new",
             f"order  {ends[0]}{ends[1]:>{_WIDTH - len(ends[0])}}",
@@ -46,10 +45,10 @@ class Stabilisation:
     def _marks(self, sweep: Any, order: int) -> str:
         """The poles of an order, each at its natural frequency; those beside the band at its ends."""
         marks = [" "] * _WIDTH
-        span = max(np.log(self.high / self.low), np.finfo(float).tiny)
+        span = math.log(self.high / self.low) or 1.0
         for row in sweep.stabilisation:
             if row.order == order and row.frequency > 0:
-                part = np.clip(np.log(row.frequency / self.low) / span, 0.0, 1.0)
+                part = min(max(math.log(row.frequency / self.low) / span, 0.0), 1.0)
                 place = round(part * (_WIDTH - 1))
                 mark = _MARKS[row.kind]
                 if marks[place] == " " or _STRONGER.index(mark) > _STRONGER.index(marks[place]):
