@@ -18,7 +18,7 @@ from robustid.advice.pole_fit import (
     smallest_rest,
     wanted_in_basis,
 )
-from robustid.advice.pole_interval import pole_interval
+from robustid.advice.pole_interval import damped_outside, pole_interval
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Real, as_count, as_positive, freeze, one_thread
 from robustid.data import FrequencyResponse
@@ -150,6 +150,8 @@ def suggest_kautz(
         )
     poles, reason = find_poles(fit, wanted)
     poles = poles[np.argsort(poles[:, 0])]
+    if wanted is None:
+        poles = damped_outside(fit, poles)
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest,
 from robustid.core import Real
 
 _RAYS = 16
+_LIGHT, _WELL = 0.1, 0.3  # damping ratios: of a resonance; of none
 _LOCAL = (12, 60)  # fewest and most frequency points of the local fit
 
 
@@ -66,16 +68,46 @@ def _local_fit(data: LineData, poles: Real, which: int) -> tuple[_Local, tuple[f
     return _Local(local, local.scaled(np.hstack(parts))), span
 
 
-def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float, bool]:
-    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the end of the search was reached."""
+class _Search(NamedTuple):
+    """The fits around one mode, the level that the poles sought keep, and the range of the search."""
+
+    local: list[_Local]
+    level: float
+    low: Real
+    high: Real
+
+
+def _around(data: LineData, poles: Real, which: int) -> _Search:
     fits = [_local_fit(one, poles, which) for one in data.each]
     local, span = [local for local, _ in fits], fits[0][1]
     centre = poles[which]
     best = max(local.minimax(centre)[1] for local in local)
-    level = 1.0 if best <= 1 else 2 * best
     low = np.array([max(span[0], 1e-3 * span[1]), DAMPING[0]])
     high = np.array([min(span[1], 0.999 * np.pi), DAMPING[1]])
     low, high = np.minimum(np.log(low), centre), np.maximum(np.log(high), centre)
+    return _Search(local, 1.0 if best <= 1 else 2 * best, low, high)
+
+
+def damped_outside(data: LineData, poles: Real) -> Real:
+    """The poles, light ones outside the frequency points as well damped as these allow: no resonance where nobody measured.
+
+    A resonance stays where the points refute that it is well damped.
+    """
+    found = poles.copy()
+    for which, (turn, zeta) in enumerate(np.exp(poles)):
+        if data.angle[0] <= turn <= data.angle[-1] or zeta >= _LIGHT:
+            continue
+        local, level, low, high = _around(data, poles, which)
+        heaviest = _reach(local, poles[which], np.array([0.0, 1.0]), level, low, high)
+        if np.exp(heaviest[1]) >= _WELL:
+            found[which] = heaviest
+    return found
+
+
+def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float, bool]:
+    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the end of the search was reached."""
+    local, level, low, high = _around(data, poles, which)
+    centre = poles[which]
     unit = np.array([np.exp(centre[1]), 1.0])  # a half-width in frequency weighs as a factor e in damping
     axes = [_reach(local, centre, unit * d, level, low, high) for d in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     scale = np.array([max(abs(e[k] - centre[k]) for e in axes[2 * k : 2 * k + 2]) for k in range(2)])

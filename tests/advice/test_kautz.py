@@ -6,6 +6,8 @@ import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
+from robustid.advice.pole_fit import LineData, wanted_in_basis
+from robustid.advice.pole_interval import damped_outside
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError, InputError, InputTypeError, RobustIdError
 from support.structure import ANY
@@ -36,6 +38,20 @@ def test_modes_of_the_structure_lie_in_their_intervals(extra, determined, seeds)
         assert not found.undetermined[0]
         assert ("measure more of them" in found.summary()) != determined
     assert held == seeds  # errors are within the bounds, so the true poles may not be left out
+
+
+@pytest.mark.parametrize("damping", [0.5, 0.005])
+def test_a_resonance_above_the_points_stays_where_they_refute_that_it_is_damped(damping):
+    """Points up to 0.5 rad, a mode at 0.52 rad: light in the fit, whatever the truth is."""
+    angle = np.linspace(0.02, 0.5, 60)
+    rest = rid.kautz(0.52, damping, dt=1.0).response(angle) @ [1.0, 0.5]
+    value = rid.kautz(0.2, 0.01, dt=1.0).response(angle) @ [1.0, 0.3] + rest
+    data = LineData(angle, value, 0.01 * np.abs(value), 1.0)
+    poles = np.log([[0.2, 0.01], [0.52, 0.005]])
+    found = damped_outside(data, poles)
+    np.testing.assert_array_equal(found[0], poles[0])
+    assert (np.exp(found[1, 1]) >= 0.3) == (damping == 0.5)
+    assert wanted_in_basis(found, data).tolist() == [True, damping != 0.5]
 
 
 def smallest_margin(data, pole, other):

@@ -155,6 +155,21 @@ def run_torsion_margin(example, tmp_path, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["hairdryer", "cdplayer"])
+def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
+    try:
+        datasets.find(f"daisy/{name}.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    (found,) = load("short_records").main(["--out", str(tmp_path), "--machine", name]).values()
+    share, small, best = found
+    assert share > 0.99  # of the samples within the stated bounds
+    assert np.all(small > best - 2)  # per cent, of the fits of any order up to 12
+    check_files(tmp_path, [f"{name}.png"])
+
+
 @pytest.mark.realdata
 def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
     """Ten lines, a coarse circle and three controllers: enough for the claims."""
