@@ -156,6 +156,19 @@ class ConsistentSet(Frozen):
         found = largest(self.data, self._supports, self.center, self.level, functional, gap)
         return found if self.contains(found.x, found.p) else dataclasses.replace(found, attained=-np.inf)
 
+    def member(self, functional: Functional, gap: float) -> tuple[Real, Real] | None:
+        """Coefficients and parameters of a system whose value is about that near to the largest one; nothing is proved.
+
+        None where the set is too thin for a verified one.
+        """
+        inside, best, last = functional(self.center.x, self.center.p), None, 0.0
+        for point, value, estimate in self._supports.path((np.array(functional.x), np.array(functional.p))):
+            best, last, gained = point, value - inside, value - inside - last
+            # Near the end values grow less than their estimated gap: each step takes most of it.
+            if estimate <= gap * last or (estimate <= last and gained <= gap * last):
+                break
+        return (best.x, best.p) if best is not None and self.contains(best.x, best.p) else None
+
     def bounded(self, functional: Functional, gap: float) -> Extreme | None:
         """The extreme over systems that are only asked to have entries that are consistent with their own samples.
 

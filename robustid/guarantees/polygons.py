@@ -18,6 +18,8 @@ _WITHIN, _ALL, _SHARP = (
     5.0,
     1.0,
 )  # gaps from corners to what is reached: in a part, by consistent systems, for singular values
+_NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
+_FEW = 3  # signals with which one system may be far in all entries
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
 
 
@@ -50,10 +52,26 @@ class _Polygon:
     reached: dict[int, complex] = dataclasses.field(default_factory=dict[int, complex])
     whole: set[int] = dataclasses.field(default_factory=set[int])
 
-    @property
-    def order(self) -> list[int]:
-        """Numbers of the directions, rising."""
-        return sorted(self.sides)
+    order: list[int] = dataclasses.field(default_factory=list[int])
+
+    def add(self, direction: int, side: Extreme, reached: complex) -> None:
+        """Add a side, or replace one; `order` are the directions of those that bound the polygon, rising."""
+        self.sides[direction], self.reached[direction] = side, reached
+        self.order = sorted(self.sides)
+        # A loose side between tight ones bounds nothing, and corners with it would lie outside.
+        while (loose := self._redundant()) is not None:
+            self.order.remove(loose)
+
+    def _redundant(self) -> int | None:
+        angles, support, count = self.angles[self.order], self.support, len(self.order)
+        for k in range(count if self.angles.size > 2 else 0):
+            beside = [k - 1, (k + 1) % count]
+            if count < 4 or (angles[beside[1]] - angles[beside[0]]) % (2 * np.pi) > np.pi - 1e-9:
+                continue
+            corner = corners(angles[beside], support[beside])[0]
+            if np.real(np.exp(-1j * angles[k]) * corner) <= support[k]:
+                return self.order[k]
+        return None
 
     @property
     def support(self) -> Real:
@@ -119,13 +137,19 @@ class _Search:
     def mimo(self) -> tuple[ValueSet, ...]:
         """All entries: bounds first, then systems that come near to them.
 
-        One system far in the largest singular value and one far in all entries do for most; else each entry's own, and where these
+        Systems far in the largest singular value and far in several entries do for most; else each entry's own, and where these
         stay away from a bound that was found in a part of the problem, bounds from all of it.
         """
         polygons = [self._polygon(entry) for entry in independent_entries(self._entries)]
         self._climb(self._largest_reached(polygons), polygons)
-        if missing := [one for one in polygons if not self._met(one)]:
-            self._take(self._here.extreme_of_all(self._together(missing), self._gap))
+        wide = max(self._shape)
+        # All entries together; then those that share no signal, which the ball ties less.
+        for apart in (None, *range(wide)) if wide <= _FEW else range(wide):
+            missing = [one for one in polygons if not self._met(one)]
+            if apart is not None:
+                missing = [one for one in missing if (one.entry[1] - one.entry[0]) % wide == apart]
+            if missing:
+                self._find(self._together(missing), _NEARLY * self._gap)
         for one in polygons:
             self._close(one)
         if not self._near(polygons):
@@ -136,11 +160,10 @@ class _Search:
     def _climb(self, error: Complex, polygons: list[_Polygon]) -> None:
         """Consistent systems with ever larger singular values: each is extreme along the singular vectors of the one before."""
         for _ in range(_STEPS):
-            before, found = self._sigma, self._here.extreme_of_all(self._along_vectors(error), self._gap)
-            self._take(found)
-            if self._near(polygons) or self._sigma <= (1 + self._gap / 4) * before or not np.isfinite(found.attained):
+            before, found = self._sigma, self._find(self._along_vectors(error), self._gap)
+            if found is None or self._near(polygons) or self._sigma <= (1 + self._gap) * before:
                 return
-            error = self._value(found) - self._centre
+            error = found - self._centre
 
     def _near(self, polygons: list[_Polygon]) -> bool:
         """Say whether a consistent system is near to the bound of the largest singular value."""
@@ -157,14 +180,23 @@ class _Search:
 
     @functools.cached_property
     def _centre(self) -> Complex:
-        center = self._here.center
-        return np.asarray(self._x @ center.x + self._p @ center.p, dtype=complex).reshape(self._shape)
+        return self._response(self._here.center.x, self._here.center.p)
 
     def _value(self, found: Extreme) -> Complex:
         """The whole value of the system that attains an extreme; NaN where there is none."""
         if not np.isfinite(found.attained):
             return np.full(self._shape, np.nan, complex)
-        return np.asarray(self._x @ found.x + self._p @ found.p, dtype=complex).reshape(self._shape)
+        return self._response(found.x, found.p)
+
+    def _find(self, functional: Functional, gap: float) -> Complex | None:
+        """The value of a consistent system that is nearly extreme, one of the members from now on."""
+        point = self._here.member(functional, gap)
+        if point is not None:
+            self._members.append(self._response(*point))
+        return None if point is None else self._members[-1]
+
+    def _response(self, x: Real, p: Real) -> Complex:
+        return np.asarray(self._x @ x + self._p @ p, dtype=complex).reshape(self._shape)
 
     def _take(self, found: Extreme) -> None:
         if np.isfinite(found.attained):
@@ -184,8 +216,11 @@ class _Search:
 
     def _sharpen(self, polygon: _Polygon, within: float) -> None:
         """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
-        while polygon.extent < (1 - within * self._gap) * polygon.radius and polygon.between is not None:
-            self._side(polygon, polygon.between)
+        while polygon.extent < (1 - within * self._gap) * polygon.radius:
+            direction = polygon.between
+            if direction is None or direction in polygon.sides:
+                return
+            self._side(polygon, direction)
 
     def _side(self, polygon: _Polygon, direction: int, whole: bool = False) -> None:
         """Add a side, or the bound and the system from the whole problem to one that is there."""
@@ -196,8 +231,8 @@ class _Search:
             self._take(found)
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
-        polygon.reached[direction] = polygon.centre if np.isnan(reached) else reached
-        polygon.sides[direction] = found if before is None or found.upper <= before.upper else found.proved_by(before)
+        side = found if before is None or found.upper <= before.upper else found.proved_by(before)
+        polygon.add(direction, side, polygon.centre if np.isnan(reached) else reached)
 
     def _met(self, polygon: _Polygon) -> bool:
         """Say whether a consistent system is near to the farthest corner."""

@@ -245,6 +245,10 @@ def nuclear_norm(S: NDArray[np.float64], sarason: SarasonMap) -> float:
     if not n:
         return 0.0
     parts = sarason.entries.parted(S)
+    some = np.any(parts != 0, axis=(2, 3))  # those of a proof about one entry are zero elsewhere
+    parts = parts[np.ix_(some.any(axis=1), some.any(axis=0))]
+    if not parts.size:
+        return 0.0
     Y = sarason.entries.joined(parts - A @ parts @ A.T)
     spread = np.abs(parts) + np.abs(A) @ np.abs(parts) @ np.abs(A.T)
     nuclear, small = float(np.sum(np.linalg.svd(Y, compute_uv=False))), min(sarason.shape)
@@ -316,8 +320,8 @@ def _cancel_parameters(samples: NDArray[np.complex128], rows: Rows) -> NDArray[n
 
 def _parameter_bound(upper: float, rows: Rows) -> float:
     """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= r, |e_k| <= upper + tail_k."""
-    singular = np.linalg.svd(real_rows(rows.P[:, ~rows.held]), compute_uv=False)
-    smallest = singular[-1] - 10 * sum(rows.P.shape) * np.finfo(float).eps * singular[0]
+    largest, smallest = rows.free_singular
+    smallest -= 10 * sum(rows.P.shape) * np.finfo(float).eps * largest
     if smallest <= 0:
         return np.inf
     reach = np.linalg.norm(rows.y) + rows.E.norm * rows.reach + upper * np.sqrt(rows.cones) + np.linalg.norm(rows.tail)

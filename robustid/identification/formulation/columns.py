@@ -170,14 +170,16 @@ class BlockColumns(Columns):
         """Re E^H l."""
         out = np.zeros(self.shape[1])
         for part in self.parts:
-            out[part.columns] += part.block.adjoint(samples[part.rows])
+            if np.any(samples[part.rows]):
+                out[part.columns] += part.block.adjoint(samples[part.rows])
         return out
 
     def spread(self, size: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of |E|' size, as of its parts."""
         out = np.zeros(self.shape[1])
         for part in self.parts:
-            out[part.columns] += part.block.spread(size[part.rows])
+            if np.any(size[part.rows]):
+                out[part.columns] += part.block.spread(size[part.rows])
         return out
 
     @property

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,13 @@ class Rows(Frozen):
     def cones(self) -> int:
         """Number M of bounds."""
         return self.tail.size
+
+    @functools.cached_property
+    def free_singular(self) -> tuple[float, float]:
+        """Largest and smallest singular value of the columns of the parameters without an interval, as real ones."""
+        free = self.P[:, ~self.held]
+        singular = np.linalg.svd(np.concatenate([np.real(free), np.imag(free)]), compute_uv=False)
+        return float(singular[0]), float(singular[-1])
 
     def within(self, p: Real) -> bool:
         """Say whether every scaled parameter is in its interval."""
