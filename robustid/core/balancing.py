@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from robustid.core.state_space import Real
 
 
 class Balancing(NamedTuple):

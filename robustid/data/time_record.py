@@ -297,9 +297,12 @@ def _signal(name: str, value: Any) -> np.ndarray:
 def as_records(name: str, value: Any) -> list[TimeRecord]:
     """A record, or a sequence of them, as a list that is not empty; else a sentence."""
     several: Any = [value] if isinstance(value, TimeRecord) else value
-    records: list[Any] = list(cast("Sequence[Any]", several)) if isinstance(several, Sequence) else []
+    listed = isinstance(several, Sequence) and not isinstance(several, str)
+    records: list[Any] = list(cast("Sequence[Any]", several)) if listed else []
     wrong = next((k for k, record in enumerate(records) if not isinstance(record, TimeRecord)), None)
-    if not records or isinstance(value, str) or wrong is not None:
-        got = type(value).__name__ + (f" with {type(records[wrong]).__name__} at position {wrong}" if wrong else "")
+    if not records or wrong is not None:
+        got = type(value).__name__ + (
+            f" with {type(records[wrong]).__name__} at position {wrong}" if wrong is not None else ""
+        )
         raise InputTypeError(f"`{name}` must be a TimeRecord or a sequence of them; got {got}")
     return records

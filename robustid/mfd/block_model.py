@@ -8,13 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, StateMatrices, freeze
+from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
 from robustid.mfd.chains import chain
 from robustid.mfd.pole_pairs import poles_in_pairs
 from robustid.mfd.state_fit import diagonal_blocks
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # A step takes a pole at most this part of its way to the stability boundary.
 _KEPT = 0.1

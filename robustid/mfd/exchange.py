@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Complex
 from robustid.errors import InputError
 from robustid.mfd.block_model import RESOLVED, BlockModel
 from robustid.mfd.iteration import FitStatus
@@ -16,8 +16,6 @@ from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.subspace import subspace_estimate
-
-Complex = NDArray[np.complex128]
 
 _GAIN = 1e-3  # an exchange that lowers the criterion by less than this part was not worth it
 _PART = 4  # blocks for one that is exchanged first

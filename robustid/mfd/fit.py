@@ -14,10 +14,11 @@ import numpy as np
 from robustid.core import Frozen, Savable, as_flag, as_function, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.mfd.attempt import Attempt, Settings, attempt, dear, suspicious, unstable_poles
+from robustid.mfd.attempt import Attempt, attempt, unstable_poles
 from robustid.mfd.chains import Decoupling, decoupling
 from robustid.mfd.constraints import Constraint, StaticGain, as_constraints
 from robustid.mfd.criterion import Weight
+from robustid.mfd.descent import Settings, dear, suspicious
 from robustid.mfd.form import constraint_of
 from robustid.mfd.iteration import FitStatus, FitStep, phases_of
 from robustid.mfd.modal_fit import modal_attempt

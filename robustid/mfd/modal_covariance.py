@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, StateMatrices, freeze
-from robustid.mfd.attempt import directions_of
+from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
+from robustid.mfd.descent import directions_of
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.krylov_blocks import stacked
 from robustid.mfd.modal_structure import Modal
@@ -17,9 +17,6 @@ from robustid.mfd.mode_gains import blocks_in, gain_changes, gains, real_modes_i
 from robustid.mfd.outputs import LocalModel, Outputs
 from robustid.mfd.tied_outputs import TiedOutputs, symmetric_matrices
 from robustid.mfd.vector_polynomials import VectorPolynomials
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _LINES_AT_ONCE = 256
 _UNSEEN = 1e-12  # directions that the response sees less than this are not determined

@@ -8,21 +8,11 @@ import math
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, response_at
-from robustid.mfd.attempt import (
-    FORMED,
-    Attempt,
-    Settings,
-    blocks_of,
-    descended,
-    flipped,
-    formed,
-    suspicious,
-    with_rigid_modes,
-)
+from robustid.core import Complex, Real, StateMatrices, response_at
+from robustid.mfd.attempt import FORMED, Attempt, formed
 from robustid.mfd.block_model import BlockModel
+from robustid.mfd.descent import Settings, blocks_of, descended, flipped, suspicious, with_rigid_modes
 from robustid.mfd.exchange import exchange
 from robustid.mfd.iteration import FitStatus, FitStep, FractionFit, former
 from robustid.mfd.left_out import STEPS
@@ -35,9 +25,6 @@ from robustid.mfd.real_modes import RealModes
 from robustid.mfd.refinement import Budget, Refined, refine
 from robustid.mfd.state_fit import Samples
 from robustid.mfd.tied_outputs import TiedOutputs
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _FREE = 0.5  # part of the time for the fit without structure
 _STEPS = 100  # of the refinement, twice where it ends slowly

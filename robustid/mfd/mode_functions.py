@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Complex = NDArray[np.complex128]
+from robustid.core import Complex
 
 
 def mode_gains(upper: Complex, discrete: bool, power: int) -> Complex:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices
+from robustid.core import Complex, Real, StateMatrices
 from robustid.mfd.block_model import BlockModel, with_transposes
 from robustid.mfd.mode_functions import mode_gains
 from robustid.mfd.outputs import LocalModel
 from robustid.mfd.real_modes import RealModes
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _DIFFERENCE = 1e-6  # of central differences, in units of a block's coupling
 

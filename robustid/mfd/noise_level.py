@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.mfd.criterion import Weight
 from robustid.mfd.problem import FractionProblem
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _RATIOS = np.concatenate(
     [[0.0], np.geomspace(1e-8, 1e8, 65)]

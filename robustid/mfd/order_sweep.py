@@ -11,7 +11,7 @@ import numpy as np
 
 from robustid.core import Frozen, freeze
 from robustid.figures import Drawable
-from robustid.mfd.attempt import suspicious
+from robustid.mfd.descent import suspicious
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.iteration import FitStatus
 

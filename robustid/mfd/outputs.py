@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices
+from robustid.core import Complex, Real, StateMatrices
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.criterion import Weight
 from robustid.mfd.householder import orthonormal, triangle_inverse
@@ -19,8 +19,6 @@ from robustid.mfd.real_modes import RealModes
 from robustid.mfd.response_conditions import ResponseCondition, equations, wanted
 from robustid.mfd.state_fit import diagonal_blocks
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 LocalModel = BlockModel | RealModes
 
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one

@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.mfd.modal import modal_parts
-
-Real = NDArray[np.float64]
 
 
 class Pair(NamedTuple):

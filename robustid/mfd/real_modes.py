@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, StateMatrices, freeze
+from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
 from robustid.mfd.block_model import (
     RESOLVED,
     least_distances,
@@ -25,9 +25,6 @@ from robustid.mfd.block_model import (
 from robustid.mfd.chains import chain
 from robustid.mfd.mode_functions import zero_order_held
 from robustid.mfd.state_fit import diagonal_blocks
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes, or rad/sample) no pole goes
 _FAR = 100.0  # poles in s, in the unit of the nodes

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Savable, StateMatrices, freeze, simulate
+from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, simulate
 from robustid.data import TimeRecord
 from robustid.mfd.iteration import FitStatus, FitStep
-
-Real = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

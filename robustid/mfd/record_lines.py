@@ -9,15 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.data import TimeRecord
 from robustid.mfd.criterion import Weight
 from robustid.mfd.householder import triangle
 from robustid.mfd.outputs import Block, Criterion, Fitted, Outputs
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.state_fit import output_rows, real_rows, solution_in_units
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _LEAST_LEVEL = 1e-9  # part of an output below which its residual is rounding
 

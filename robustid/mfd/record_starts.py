@@ -9,16 +9,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, balancing, points_of
+from robustid.core import Real, StateMatrices, balancing, points_of
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
 from robustid.mfd.householder import triangle
 from robustid.mfd.state_fit import reflected
 from robustid.mfd.subspace import subspace_estimate
-
-Real = NDArray[np.float64]
 
 _LINES = 400  # of an estimated response: more make no better start
 _LENGTHS = (1, 2, 4)  # times the order: lengths of the difference equations

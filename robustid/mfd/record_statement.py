@@ -6,9 +6,8 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import as_array
+from robustid.core import Real, as_array
 from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response, as_records
 from robustid.errors import InputError
 from robustid.identification import check_model
@@ -16,8 +15,6 @@ from robustid.mfd.criterion import Weight
 from robustid.mfd.default_weight import exact_covariance
 from robustid.mfd.record_lines import Experiments, Lines, spectra
 from robustid.mfd.statement import stated
-
-Real = NDArray[np.float64]
 
 _SAME_DT = 1e-9
 

@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, as_count, as_flag, as_float, as_positive, threads_for
+from robustid.core import Real, StateMatrices, as_count, as_flag, as_float, as_positive, threads_for
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.mfd.block_model import BlockModel
@@ -21,8 +20,6 @@ from robustid.mfd.record_lines import Experiments, fit_driven
 from robustid.mfd.record_starts import starts
 from robustid.mfd.record_statement import checked_records, checked_response, given_levels, given_start, posed
 from robustid.mfd.refinement import Budget, Refined, refine
-
-Real = NDArray[np.float64]
 
 _BRIEF, _STEPS = 15, 100  # steps from every start, twice, and from the best of them
 _WEIGHTINGS = 3  # times that the levels of the residuals are taken anew, at most

@@ -8,15 +8,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Real
 from robustid.mfd.block_model import RESOLVED
 from robustid.mfd.householder import triangle
 from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
-
-Real = NDArray[np.float64]
 
 _RTOL = 1e-10
 _TINY = 1e-2  # length of a step in standard deviations of the parameters, all together: slope^2 = length^2/equations

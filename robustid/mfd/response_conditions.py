@@ -8,10 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Real, freeze
 from robustid.mfd.block_model import BlockModel
-
-Real = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from robustid.core import Complex
-from robustid.mfd.attempt import Attempt, Settings
+from robustid.mfd.attempt import Attempt
+from robustid.mfd.descent import Settings
 from robustid.mfd.iteration import FitStatus, FitStep, former, former_weight
 from robustid.mfd.noise_level import gaussian, level_weight, white
 from robustid.mfd.problem import FractionProblem

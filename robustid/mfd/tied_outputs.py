@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustid.core import Complex, Real
 from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.mfd.problem import FractionProblem
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class TiedOutputs(Outputs):

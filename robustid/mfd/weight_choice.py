@@ -11,7 +11,7 @@ import numpy as np
 
 from robustid.core import StateMatrices
 from robustid.errors import InputError
-from robustid.mfd.attempt import Settings, flipped, refinable, start_of, with_rigid_modes
+from robustid.mfd.descent import Settings, flipped, refinable, start_of, with_rigid_modes
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.left_out import withheld_residuals
 from robustid.mfd.problem import FractionProblem

@@ -9,8 +9,8 @@ import numpy as np
 
 from robustid.core import StateMatrices
 from robustid.data import FrequencyResponse
-from robustid.mfd.attempt import blocks_of, flipped, refinable
 from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
+from robustid.mfd.descent import blocks_of, flipped, refinable
 from robustid.mfd.left_out import withheld, withheld_residual
 from robustid.mfd.modal_fit import modal_withheld_residual
 

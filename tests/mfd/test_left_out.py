@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.mfd import fit_mfd
-from robustid.mfd.attempt import blocks_of
+from robustid.mfd.descent import blocks_of
 from robustid.mfd.left_out import left_out_cost
 from robustid.mfd.outputs import Outputs
 from robustid.mfd.refinement import refine

@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.mfd import Weight, fit_mfd
-from robustid.mfd.attempt import Settings
+from robustid.mfd.descent import Settings
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import UNLIMITED
 from robustid.mfd.starts import first_model
