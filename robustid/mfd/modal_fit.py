@@ -8,6 +8,7 @@ import math
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Real, StateMatrices, response_at
 from robustid.mfd.attempt import FORMED, Attempt, formed
