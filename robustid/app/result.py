@@ -98,5 +98,7 @@ class IdentifiedReduced(Frozen):
             over_poles=self.over_poles,
             findings=self.findings,
             withheld=self.withheld,
+            content=self.content,
+            worth=self.worth,
             run_file=self.run_file.text(),
         )

@@ -35,6 +35,7 @@ from robustid.reduction import (
     Reduction,
     model_worth_having,
     reduce_within_bounds,
+    why_not_compared,
     without_doubtful_modes,
 )
 from robustid.report import at_most
@@ -143,6 +144,11 @@ class Untouched(NamedTuple):
     kind: str
     measured: Sequence[Any]
 
+    @property
+    def response(self) -> FrequencyResponse | None:
+        """The first frequency response that was used."""
+        return next((one for one in self.measured if isinstance(one, FrequencyResponse)), None)
+
 
 def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
@@ -155,6 +161,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     found.append(findings.sample_words(result, reduction.model, reduction.order))
     if worth is not None:
         found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
+    else:
+        found.append(why_not_compared(result, reduction, left.response))
     found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
     error = small = band = seen = None
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
@@ -198,9 +206,9 @@ def _small_model(
     body = None if bodies is None else RigidBody(bodies)
     reduction = reduce_within_bounds(result, rigid_body=body, time_limit=asked.time_limit, progress=told)
     worth = None
-    if bodies is None and left.measured and isinstance(left.measured[0], FrequencyResponse):
+    if left.response is not None and not why_not_compared(result, reduction, left.response):
         told = around.begun("comparing it with the best fits")
-        worth = model_worth_having(result, reduction, left.measured[0], progress=told)
+        worth = model_worth_having(result, reduction, left.response, progress=told)
         reduction = reduction if worth is None else worth.reduction
     model, doubtful = without_doubtful_modes(result, reduction.model, left.points)
     if model is not reduction.model:

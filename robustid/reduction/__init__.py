@@ -6,7 +6,7 @@ from robustid.reduction.doubtful import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.gramians import doubtful_distance
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
-from robustid.reduction.worth import ModelWorth, model_worth_having
+from robustid.reduction.worth import ModelWorth, model_worth_having, why_not_compared
 
 __all__ = [
     "ContinuousModel",
@@ -23,5 +23,6 @@ __all__ = [
     "model_worth_having",
     "reduce_within_bounds",
     "to_continuous",
+    "why_not_compared",
     "without_doubtful_modes",
 ]

@@ -23,6 +23,7 @@ _SURE = 0.95  # probability of the F-test
 _PREDICTS = (
     1.25  # of the smallest error at withheld points: what the fit of the right order may have, as in suggest_order
 )
+_AT_ONE = 1e-6  # a pole so near z = 1 is an integrator
 _BEYOND = 2  # orders above the one that the data carry that are tried
 
 
@@ -120,7 +121,7 @@ def model_worth_having(
     Returns
     -------
     ModelWorth or None
-        None where fits don't compare: the model has integrators, or no fit was possible.
+        None where fits don't compare, as `why_not_compared` says: the model has integrators, or no fit is possible.
 
     Notes
     -----
@@ -128,18 +129,13 @@ def model_worth_having(
     Source: F-test and description length, `pintelon2012`.
     """
     as_kind("identification", identification, Identification, "the result of identify()")
+    if why_not_compared(identification, smallest, frf):
+        return None
     problem = identification.problem
-    if np.any(np.abs(smallest.model.poles() - 1) < 1e-6) or (
-        problem.parametric is not None and problem.parametric.has_integrator
-    ):
-        return None
-    most = min(_MOST, frf.omega.size * problem.entries.count // (2 * sum(problem.entries.shape)))
-    if most < 1:
-        return None
     direct = problem.parametric is not None and bool(np.any(problem.parametric.D))
     sweep = suggest_order(
         frf,
-        orders=range(1, most + 1),
+        orders=range(1, _largest_order(identification, frf) + 1),
         weight=_weight(frf),
         domain="z",
         feedthrough=direct,
@@ -147,6 +143,25 @@ def model_worth_having(
         progress=progress,
     )
     return _chosen(identification, smallest, sweep, frf)
+
+
+def why_not_compared(identification: Identification, smallest: Reduction, frf: FrequencyResponse | None) -> str:
+    """Why least-squares fits can't be compared with a small model, in a sentence; empty where they can."""
+    problem, begin = identification.problem, "The small model was not compared with least-squares fits: "
+    if frf is None:
+        return begin + "there is no frequency response, whose misfit could be compared."
+    if np.any(np.abs(smallest.model.poles() - 1) < _AT_ONE) or (
+        problem.parametric is not None and problem.parametric.has_integrator
+    ):
+        return begin + "it has integrators, which these fits do not keep."
+    if _largest_order(identification, frf) < 1:
+        return begin + f"{frf.omega.size} frequency points are too few to tell orders apart."
+    return ""
+
+
+def _largest_order(identification: Identification, frf: FrequencyResponse) -> int:
+    entries = identification.problem.entries
+    return min(_MOST, frf.omega.size * entries.count // (2 * sum(entries.shape)))
 
 
 def _weight(frf: FrequencyResponse) -> Any:

@@ -14,10 +14,10 @@ from robustid.errors import InputError
 from robustid.guarantees import Family, ResponseTube, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
-from robustid.reduction import Reduction
+from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart, in_rows, lighter, side_by_side
 from robustid.report.identified import siso
-from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts
+from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts, worth
 from robustid.report.sections.claims import kind_of, refuse_foreign
 from robustid.report.sections.family import family_chart, schedule_chart
 from robustid.report.sections.fit_view import FitView
@@ -350,11 +350,12 @@ def _convergence(fit: MatrixFraction) -> Chart:
     return fit_charts.convergence_chart(FitView(fit))
 
 
-def orders(result: OrderSweep | Reduction, *, ax: Any = None) -> Figure:
+def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Figure:
     """Draw what was found at every order.
 
     Of an OrderSweep: singular values of the subspace estimate; cost, MDL and AIC. Of a Reduction from `reduce_within_bounds`: the
-    largest error over what is allowed, at the samples and where nothing was measured.
+    largest error over what is allowed, at the samples and where nothing was measured. Of a ModelWorth: the misfit of the best fits
+    and of the small model.
 
     Parameters and errors as for `bode`.
 
@@ -372,7 +373,8 @@ def orders(result: OrderSweep | Reduction, *, ax: Any = None) -> Figure:
     >>> rid.plot.orders(small).axes[0].get_xlabel()
     'order [–]'
     """
-    return _drawn({OrderSweep: (order_sweep.order_chart, ()), Reduction: (_tried, ())}, result, {}, ax)
+    kinds = {OrderSweep: order_sweep.order_chart, Reduction: _tried, ModelWorth: worth.worth_chart}
+    return _drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
 
 
 def _tried(reduction: Reduction) -> Chart:

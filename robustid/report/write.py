@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     import control
     from rich.console import Group
 
-    from robustid.advice import Sensitivity
+    from robustid.advice import Content, Sensitivity
     from robustid.data import TimeRecord
     from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.mfd import OrderSweep
-    from robustid.reduction import Reduction
+    from robustid.reduction import ModelWorth, Reduction
 
 
 def write_report(
@@ -53,6 +53,8 @@ def write_report(
     records: TimeRecord | Sequence[TimeRecord] | None = None,
     findings: Sequence[str] = (),
     withheld: Coverage | None = None,
+    content: Content | None = None,
+    worth: ModelWorth | None = None,
     run_file: str | None = None,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
@@ -94,6 +96,10 @@ def write_report(
         What the frequency response was estimated from.
     withheld : Coverage, optional
         What data that were kept out say of `worst_case`: a section, and the verdict, where they contradict it.
+    content : Content, optional
+        From `content(identification)`: whether the class says something between the frequency points, a verdict and a section.
+    worth : ModelWorth, optional
+        From `model_worth_having`: the small model beside the best least-squares fits, a verdict and a section.
     findings : sequence of str
         What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
     run_file : str, optional
@@ -148,6 +154,8 @@ _OF_IDENTIFICATIONS = (
     "sensitivity",
     "findings",
     "withheld",
+    "content",
+    "worth",
     "run_file",
 )
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {

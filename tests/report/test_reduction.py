@@ -55,6 +55,7 @@ def test_the_order_against_the_margin() -> None:
     with pytest.raises(rid.InputError, match="tries no orders"):
         plot.orders(rid.balanced_truncation(result.model, order=10))
     with pytest.raises(
-        rid.errors.InputTypeError, match="`result` must be of class OrderSweep or Reduction; got Identification"
+        rid.errors.InputTypeError,
+        match="`result` must be of class OrderSweep, Reduction or ModelWorth; got Identification",
     ):
         plot.orders(result)

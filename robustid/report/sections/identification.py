@@ -21,6 +21,7 @@ from robustid.report.sections.assumptions import (
     shared_words,
 )
 from robustid.report.sections.claims import checks_table
+from robustid.report.sections.content import content_section, content_verdict
 from robustid.report.sections.frequency import frequency_section
 from robustid.report.sections.guarantee import guarantee_section
 from robustid.report.sections.pole_box import pole_box_section
@@ -32,14 +33,15 @@ from robustid.report.sections.sensitivity import sensitivity_section
 from robustid.report.sections.time import time_section
 from robustid.report.sections.tube import tube_section
 from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
+from robustid.report.sections.worth import worth_section, worth_verdict
 from robustid.report.words import number
 
 if TYPE_CHECKING:
     import control
 
-    from robustid.advice import Sensitivity
+    from robustid.advice import Content, Sensitivity
     from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
-    from robustid.reduction import Reduction
+    from robustid.reduction import ModelWorth, Reduction
 
 _MOST_EXPERIMENTS = 6  # at the terminal
 
@@ -56,6 +58,8 @@ def identification_page(
     sensitivity: Sensitivity | None = None,
     findings: Sequence[str] = (),
     withheld: Coverage | None = None,
+    content: Content | None = None,
+    worth: ModelWorth | None = None,
     run_file: str | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
@@ -71,19 +75,21 @@ def identification_page(
     problem, shown = identification.problem, further_models(reduction, models)
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[*_verdicts(identification, reduction, withheld), *_warnings(identification)],
+        head=[*_verdicts(identification, reduction, withheld, content, worth), *_warnings(identification)],
         body=[
             *findings_section(findings),
             *withheld_section(withheld),
             Heading("Consistency margin"),
             Text(margin_words(identification)),
             *assumptions_section(identification),
+            *content_section(content),
             *not_guaranteed(guaranteed, withheld),
             *frequency_section(identification, shown),
             *time_section(identification, shown),
             *residual_section(identification, shown),
             *active_section(identification, refuted(identification)),
             *order_section(identification, reduction),
+            *worth_section(worth),
             *poles_section(identification, shown),
             Heading("Verification"),
             Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
@@ -95,12 +101,24 @@ def identification_page(
     )
 
 
-def _verdicts(identification: Identification, reduction: Reduction | None, withheld: Coverage | None) -> list[Verdict]:
-    """The verdict on the class, after that of withheld data where these contradict it."""
+def _verdicts(
+    identification: Identification,
+    reduction: Reduction | None,
+    withheld: Coverage | None,
+    content: Content | None,
+    worth: ModelWorth | None,
+) -> list[Verdict]:
+    """The verdict on the class, after those that deprive it of its worth: contradicted by withheld data, nothing between points.
+
+    The others follow.
+    """
     own = identification_verdict(identification, reduction)
-    if withheld is None:
-        return [own]
-    return [withheld_verdict(withheld), own] if withheld.contradicted else [own, withheld_verdict(withheld)]
+    others = [withheld_verdict(withheld)] if withheld is not None else []
+    said = [content_verdict(content)] if content is not None and content.on.size else []
+    model = [worth_verdict(worth)] if worth is not None else []
+    first = others if withheld is not None and withheld.contradicted else []
+    first = first + said if content is not None and content.empty else first
+    return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
 
 
 def identification_summary(identification: Identification, reduction: Reduction | None = None) -> list[Block]:
