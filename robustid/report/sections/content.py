@@ -50,8 +50,9 @@ def content_chart(found: Content) -> Chart:
             x=hz,
             y=found.between,
             colour=ALERT if wide else NOMINAL,
-            marker="diamond",
+            marker="diamond-open",
             hover=hover,
+            size=1.6,
         ),
     )
     span = span_of(np.concatenate([found.on, found.between]), 2) or (1e-3, 1.0)
