@@ -82,7 +82,8 @@ def constraints():
                 speed.append(before / seconds)
             print(
                 f"{label:<20}{type(constraint).__name__:<11} {cost:11.5g} {seconds:6.2f} s {status:<11}"
-                f" fractions {old:11.5g} {before:6.2f} s {old_status}{'' if stable else '  UNSTABLE'}",
+                f"{'' if stable else '  UNSTABLE'} fractions {old:11.5g} {before:6.2f} s {old_status}"
+                f"{'' if old_stable else '  UNSTABLE'}",
                 flush=True,
             )
         print(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from robustid.errors import InputError
 from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
 from robustid.mfd.chains import input_priority
 from robustid.mfd.exchange import PER_ROUND, exchange
-from robustid.mfd.iteration import FitStatus, FitStep
+from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
 from robustid.mfd.left_out import left_out_cost, withheld_residuals
 from robustid.mfd.model import realise
 from robustid.mfd.node_fraction import NodeFraction
@@ -91,6 +92,13 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
     if problem.response_conditions:  # which the start need not meet
         start = _best_response(problem, model)
     refined, count, free_cost, early = _descended(problem, data, model, settings)
+    if problem.response_conditions and _may_go_on(problem, refined, settings):
+        other = _by_fractions(problem, data, model)
+        if other is not None:
+            second = _descended(problem, data, other, settings)
+            if second[0].fitted.cost < refined.fitted.cost:
+                history = refined.history + second[0].history
+                refined, (count, free_cost, early) = second[0]._replace(history=history), second[1:]
     fitted = refined.fitted
     end = fitted.state_space(problem.scale)
     end = end.transposed() if flipped(problem) else end
@@ -99,6 +107,28 @@ def descended(problem: FractionProblem, data: Samples, model: StateMatrices, set
             problem, rigid=dataclasses.replace(problem.rigid, directions=fitted.model.directions)
         )
     return Descent(problem, end, refined, start, count, free_cost, early)
+
+
+def _may_go_on(problem: FractionProblem, found: Refined, settings: Settings) -> bool:
+    """Tell whether another start is worth its time: the residual still has a shape, and there is time."""
+    response = found.fitted.response
+    if flipped(problem):
+        response = response.transpose(0, 2, 1)
+    stopped = found.status is FitStatus.INTERRUPTED or time.monotonic() > settings.deadline
+    return bool(settings.rounds) and not stopped and suspicious(problem, response, found.status)
+
+
+def _by_fractions(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices | None:
+    """A model that SK steps make of a first one, as a fraction that meets the conditions; None where there is none.
+
+    The poles of a start that doesn't know the conditions may be far from those that are best with them.
+    """
+    try:
+        form, first = best_form(problem, model, data, True)
+        other = realise(form, fit_fraction(form, start=first, method="sk").fraction).matrices
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    return other if len(other.A) == problem.order and all(np.all(np.isfinite(part)) for part in other) else None
 
 
 def _completed(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -50,8 +51,6 @@ class BiorthonormalPolynomials(VectorPolynomials):
         the tests.
     tests : (2*F*r, n) array
         ``J_k psi_c(xi_k)``.
-    condition : float
-        Measured condition number of ``tests^T values``.
     cosine : float
         How near the process came to a breakdown: smallest cosine between the two sides in what a block adds.
 
@@ -66,6 +65,12 @@ class BiorthonormalPolynomials(VectorPolynomials):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.tests.flags.writeable = False
+
+    @cached_property
+    def condition(self) -> float:
+        """Measured condition number of ``tests^T values``."""
+        gram = scipy.linalg.svdvals(gemm(1.0, self.tests, self.values, trans_a=1))
+        return float(gram[0] / gram[-1])
 
     def project(self, vector: np.ndarray) -> np.ndarray:
         """Coordinates (n,) of the oblique projection on the trial side: what the tests see is left out."""
@@ -133,10 +138,8 @@ def biorthonormal_polynomials(
         G, smallest = _append(values, tests, grown, here.start)
         recursion.append(G)
         cosine = min(cosine, smallest)
-    gram = scipy.linalg.svdvals(gemm(1.0, tests, values, trans_a=1))
-    condition = float(gram[0] / gram[-1])
     null = np.zeros(size, dtype=bool)
-    return BiorthonormalPolynomials(xi, limits, tuple(recursion), trial, values, null, condition, tests, cosine)
+    return BiorthonormalPolynomials(xi, limits, tuple(recursion), trial, values, null, tests, cosine)
 
 
 def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], start: int) -> tuple[np.ndarray, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -79,8 +80,6 @@ class VectorPolynomials(Frozen):
     null : (n,) bool array
         Columns that vanish on the data (an exact fit): their values are zero, the polynomials go on as
         ``(xi + 1) phi`` (s) or ``xi phi`` (z) so that the factors that cancel are stable.
-    condition : float
-        Measured condition number of the normal matrix (without null columns).
 
     Notes
     -----
@@ -93,7 +92,6 @@ class VectorPolynomials(Frozen):
     columns: np.ndarray
     values: np.ndarray
     null: np.ndarray
-    condition: float
 
     def __post_init__(self) -> None:
         self.values.flags.writeable = False  # not copied: the largest array of a fit
@@ -104,6 +102,11 @@ class VectorPolynomials(Frozen):
             recursion=tuple(freeze(part) for part in self.recursion),
             null=freeze(self.null),
         )
+
+    @cached_property
+    def condition(self) -> float:
+        """Measured condition number of the normal matrix (without null columns)."""
+        return _condition(self.values[:, ~self.null] if self.null.any() else self.values)
 
     @property
     def size(self) -> int:
@@ -297,8 +300,7 @@ def orthonormal_polynomials(columns: np.ndarray, xi: np.ndarray, limits: np.ndar
             G[before.start + gone, gone] = -1.0
         recursion.append(G)
         last_but_one = before
-    condition = _condition(values[:, ~null] if null.any() else values)
-    return VectorPolynomials(xi, limits, tuple(recursion), columns, values, null, condition)
+    return VectorPolynomials(xi, limits, tuple(recursion), columns, values, null)
 
 
 def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tuple[np.ndarray, np.ndarray]:
