@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze, responses
+from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
@@ -25,9 +26,10 @@ from robustid.guarantees.value_set import (
     norm_of_bounds,
     schur_bound,
 )
-from robustid.identification import Identification
+from robustid.identification import Identification, MixedProblem
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
+_ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
 _ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
@@ -128,6 +130,7 @@ class ModelError:
         omega = np.array(list(sets))
         nominal = responses(self.model, omega * self.identification.problem.dt)
         limits = norms_of_class(self.identification, self.parameters, nominal, omega)
+        limits = np.minimum(limits, norms_of_samples(self.identification.problem, nominal, omega))
         return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
 
     def arrays_at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Real, Real, Real]:
@@ -220,6 +223,27 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
 def _norms(bounds: Real, upper: Real, bends: Real) -> Real:
     """Bound of the largest singular value on every arc, (C,): from the bounds of the entries or its own at the ends."""
     return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
+
+
+def norms_of_samples(problem: MixedProblem, nominal: Complex, omega: Real) -> Real:
+    """Bound of the largest singular value of F - nominal from the samples at the same frequencies, (F,); inf where there are none.
+
+    sigma(F - N) <= sigma(y - N) + the largest sigma of an error that the bound allows: of columns the norm of their bounds, of
+    whole matrices the largest half-axis of the ellipsoid. Bounds of entries alone are in those of the entries.
+    """
+    limits = np.full(omega.size, np.inf)
+    for frf in problem.frequency:
+        if not isinstance(frf, FrequencyResponse) or frf.bound.joint == "entry" or not frf.bound.used.all():
+            continue
+        bound = frf.bound
+        if bound.joint == "matrix":
+            reach = np.sqrt(np.linalg.eigvalsh(bound.ellipsoid)[:, -1])
+        else:
+            reach = np.linalg.norm(bound.radius.max(axis=1), axis=1)
+        for here, there in zip(*np.nonzero(omega[:, None] == frf.omega), strict=True):
+            off = float(np.linalg.norm(frf.values[there] - nominal[here], 2))
+            limits[here] = min(limits[here], (off + reach[there]) * _ROUNDED)
+    return limits
 
 
 def norms_of_class(

@@ -129,10 +129,10 @@ class WorstCaseError(Frozen, Drawable, Savable):
     def sigma_upper(self) -> Real:
         """Guaranteed bound of the largest singular value of F - model, (F,).
 
-        The norm of the matrix `upper`, or what the class allows whatever the data are, ||G|| + ||q'P - model|| + ||(p - q)'P||,
-        if that is less. No entry exceeds the norm of its matrix, hence it is at most about sqrt(ny nu)/cos(pi/directions) times the
-        truth, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at
-        least.
+        The norm of the matrix `upper`; or, if that is less, what the class allows whatever the data are,
+        ||G|| + ||q'P - model|| + ||(p - q)'P||, or at a frequency point what a bound of its columns or of the whole matrix
+        leaves. No entry exceeds the norm of its matrix, hence it is at most about sqrt(ny nu)/cos(pi/directions) times the
+        truth, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at least.
         """
         return freeze(np.array([e.sigma_upper for e in self._errors]))
 
@@ -371,7 +371,8 @@ def worst_case_error(
         lower <= max over consistent F of |F(exp(j omega T)) - model(exp(j omega T))| <= upper.
 
     MIMO: this is done for every entry; the norm of the matrix of the upper bounds is a bound of the largest singular
-    value of F - model.
+    value of F - model. Entries that no sample sees together with others are bounded from their own samples, a smaller problem whose
+    certificate is one of the whole; systems near to the bounds are looked for in all of it.
 
     Parameters
     ----------
@@ -382,9 +383,10 @@ def worst_case_error(
     omega : (F,) array, rad/s, optional
         Default: 64 frequencies over the range of the data and below and above it, and the frequencies of the parametric poles.
     directions : int
-        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most.
+        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most. Of matrices the largest number
+        of them: each entry gets as many as its farthest corner asks for.
     rtol : float
-        Aim for (upper - lower)/upper; never met below 1 - cos(pi/directions)^2.
+        Aim for (upper - lower)/upper of the entries; never met below 1 - cos(pi/directions)^2.
     executor : concurrent.futures.Executor or int, optional
         Spreads the frequencies over any executor (`distributed.Client().get_executor()` for a cluster), or so many processes of
         its own, which want ``if __name__ == "__main__":`` in scripts; tries those of dead workers again. Default: this process.

@@ -442,3 +442,22 @@ def test_half_widths_of_matrices_are_below_the_errors():
 def test_what_is_for_one_channel_says_so(error, name, ask):
     with pytest.raises(rid.InputError, match=f"`{name}` is for one input and one output; got 2 outputs and 2 inputs"):
         ask(error.identification)
+
+
+@pytest.mark.parametrize("joint", ["column", "matrix"])
+def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
+    """At a frequency point sigma(F - N) <= sigma(y - N) + r, where the entries alone would give twice that for 2x2."""
+    problem, truth = random_matrix_problem(3, 2, 2, 3, rho=1.05)
+    frf = problem.frequency[0]
+    radius = 2 * frf.bound.max()
+    if joint == "matrix":
+        wide = frf.with_bound(rid.Bound(joint="matrix", ellipsoid=np.tile(radius**2 * np.eye(4), (3, 1, 1))))
+    else:
+        wide = rebound(frf, radius=np.full(frf.values.shape, radius), joint="column")
+    error = bounded(dataclasses.replace(problem, frequency=wide), frf.omega[:2], directions=3)
+    off = np.linalg.norm(frf.values[:2] - error.nominal, 2, axis=(1, 2))
+    reach = radius if joint == "matrix" else np.sqrt(2) * radius
+    assert np.all(error.sigma_upper <= (off + reach) * (1 + 1e-5))
+    assert np.all(norm_of_bounds(error.upper) > 1.1 * error.sigma_upper)
+    assert np.all(np.linalg.norm(response(truth, error.omega) - error.nominal, 2, axis=(1, 2)) <= error.sigma_upper)
+    assert np.all(error.sigma_lower <= error.sigma_upper)
