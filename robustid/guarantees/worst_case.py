@@ -383,8 +383,8 @@ def worst_case_error(
     omega : (F,) array, rad/s, optional
         Default: 64 frequencies over the range of the data and below and above it, and the frequencies of the parametric poles.
     directions : int
-        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most. Of matrices the largest number
-        of them: each entry gets as many as its farthest corner asks for.
+        Sides of the polygon, 3 to 360: upper bounds exceed the truth by 1/cos(pi/directions) at most. Of matrices the largest
+        number of them: each entry gets as many as its farthest corner asks for.
     rtol : float
         Aim for (upper - lower)/upper of the entries; never met below 1 - cos(pi/directions)^2.
     executor : concurrent.futures.Executor or int, optional
