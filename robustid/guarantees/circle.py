@@ -173,7 +173,7 @@ def refine(
                 break
             # The ends of the circle, first of all, whatever they take.
             limit = budget if rounds > 1 else None
-            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *spread, limit)
+            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *spread, limit, error.model)
             found = by_frequency(sets_there)
             known |= found
             fine |= set(found) & set(sharp)

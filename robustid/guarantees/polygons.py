@@ -23,13 +23,16 @@ _FEW = 3  # signals with which one system may be far in all entries
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
 
 
-def value_sets_at(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> tuple[ValueSet, ...]:
+def value_sets_at(
+    consistent: ConsistentSet, omega: float, directions: int, gap: float, about: Complex | None = None
+) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    SISO: in all directions. MIMO: in as many as the farthest corner of every polygon asks for.
+    SISO: in all directions. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
+    asks for; by default the value at the centre.
     """
     here = consistent.with_node(omega)
-    search = _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap)
+    search = _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, about)
     return (search.siso(),) if here.posed.problem.entries.single else search.mimo()
 
 
@@ -47,7 +50,7 @@ class _Polygon:
 
     entry: Entry
     angles: Real
-    centre: complex
+    origin: complex
     sides: dict[int, Extreme] = dataclasses.field(default_factory=dict[int, Extreme])
     reached: dict[int, complex] = dataclasses.field(default_factory=dict[int, complex])
     whole: set[int] = dataclasses.field(default_factory=set[int])
@@ -79,25 +82,25 @@ class _Polygon:
 
     @property
     def _distances(self) -> Real:
-        """Of the corners from the centre; corner k lies between directions k and k + 1."""
+        """Of the corners from the origin; corner k lies between directions k and k + 1."""
         if self.angles.size == 2:
-            return np.abs(np.array([self.support[0], -self.support[1]]) - self.centre)
-        return np.abs(corners(self.angles[self.order], self.support) - self.centre)
+            return np.abs(np.array([self.support[0], -self.support[1]]) - self.origin)
+        return np.abs(corners(self.angles[self.order], self.support) - self.origin)
 
     @property
     def radius(self) -> float:
-        """Largest distance of a corner from the centre."""
+        """Largest distance of a corner from the origin."""
         return float(self._distances.max())
 
     @property
     def farthest(self) -> int:
-        """The direction whose reached value is farthest from the centre."""
-        return max(self.order, key=lambda k: abs(self.reached[k] - self.centre))
+        """The direction whose reached value is farthest from the origin."""
+        return max(self.order, key=lambda k: abs(self.reached[k] - self.origin))
 
     @property
     def extent(self) -> float:
         """That distance."""
-        return abs(self.reached[self.farthest] - self.centre)
+        return abs(self.reached[self.farthest] - self.origin)
 
     @property
     def beside(self) -> tuple[int, int]:
@@ -118,8 +121,8 @@ class _Polygon:
 class _Search:
     """The values of all entries at one frequency."""
 
-    def __init__(self, here: ConsistentSet, omega: float, angles: Real, gap: float):
-        self._here, self._omega, self._angles, self._gap = here, omega, angles, gap
+    def __init__(self, here: ConsistentSet, omega: float, angles: Real, gap: float, about: Complex | None):
+        self._here, self._omega, self._angles, self._gap, self._about = here, omega, angles, gap, about
         entries = here.posed.problem.entries
         self._entries, self._shape = entries, entries.shape
         parts = [here.value_weights(omega, entry) for entry in np.ndindex(*self._shape)]
@@ -163,7 +166,7 @@ class _Search:
             before, found = self._sigma, self._find(self._along_vectors(error), self._gap)
             if found is None or self._near(polygons) or self._sigma <= (1 + self._gap) * before:
                 return
-            error = found - self._centre
+            error = found - self._origin
 
     def _near(self, polygons: list[_Polygon]) -> bool:
         """Say whether a consistent system is near to the bound of the largest singular value."""
@@ -171,16 +174,17 @@ class _Search:
 
     @property
     def _sigma(self) -> float:
-        """Largest singular value that was found of the difference from the centre."""
-        return max((float(np.linalg.norm(one - self._centre, 2)) for one in self._members), default=0.0)
+        """Largest singular value that was found of the difference from the origin."""
+        return max((float(np.linalg.norm(one - self._origin, 2)) for one in self._members), default=0.0)
 
     def _norm(self, polygons: list[_Polygon]) -> float:
         """Its bound from those of the entries."""
         return float(np.linalg.norm(self._matrix({one.entry: one.radius for one in polygons}), 2))
 
     @functools.cached_property
-    def _centre(self) -> Complex:
-        return self._response(self._here.center.x, self._here.center.p)
+    def _origin(self) -> Complex:
+        """What distances are counted from."""
+        return self._response(self._here.center.x, self._here.center.p) if self._about is None else self._about
 
     def _value(self, found: Extreme) -> Complex:
         """The whole value of the system that attains an extreme; NaN where there is none."""
@@ -208,7 +212,7 @@ class _Search:
 
     def _polygon(self, entry: Entry) -> _Polygon:
         """A few sides, and more until the farthest corner is near to a value that is reached."""
-        polygon, count = _Polygon(entry, self._angles, complex(self._centre[entry])), self._angles.size
+        polygon, count = _Polygon(entry, self._angles, complex(self._origin[entry])), self._angles.size
         for direction in {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count):
             self._side(polygon, direction)
         self._sharpen(polygon, _WITHIN)
@@ -232,11 +236,11 @@ class _Search:
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
         side = found if before is None or found.upper <= before.upper else found.proved_by(before)
-        polygon.add(direction, side, polygon.centre if np.isnan(reached) else reached)
+        polygon.add(direction, side, polygon.origin if np.isnan(reached) else reached)
 
     def _met(self, polygon: _Polygon) -> bool:
         """Say whether a consistent system is near to the farthest corner."""
-        errors = [abs(member[polygon.entry] - polygon.centre) for member in self._members]
+        errors = [abs(member[polygon.entry] - polygon.origin) for member in self._members]
         return max(errors, default=0.0) >= (1 - _ALL * self._gap) * polygon.radius
 
     def _close(self, polygon: _Polygon) -> None:
@@ -258,7 +262,7 @@ class _Search:
         upwards. From errors of one phase, and from several of random ones.
         """
         rng = np.random.default_rng(0)
-        values = {one.entry: np.array([one.reached[k] - one.centre for k in one.order]) for one in polygons}
+        values = {one.entry: np.array([one.reached[k] - one.origin for k in one.order]) for one in polygons}
         best = np.zeros(self._shape, complex)
         for start in range(_STARTS):
             left, right = (np.exp(2j * np.pi * rng.random(size) * (start > 0)) for size in self._shape)
@@ -300,9 +304,9 @@ class _Search:
     def _value_set(self, polygon: _Polygon) -> ValueSet:
         order, nothing = polygon.order, np.full(self._shape, np.nan, complex)
         values = {k: self._value(polygon.sides[k]) if k in polygon.whole else nothing for k in order}
-        # The system that is farthest from the centre in this entry, and one in the largest singular value.
-        far = max(self._members, key=lambda one: abs(one[polygon.entry] - polygon.centre), default=nothing)
-        apart = max(self._members, key=lambda one: float(np.linalg.norm(one - self._centre, 2)), default=nothing)
+        # The system that is farthest from the origin in this entry, and one in the largest singular value.
+        far = max(self._members, key=lambda one: abs(one[polygon.entry] - polygon.origin), default=nothing)
+        apart = max(self._members, key=lambda one: float(np.linalg.norm(one - self._origin, 2)), default=nothing)
         matrices = np.array([*(values[k] for k in order), far, apart])
         points = matrices[: len(order), *polygon.entry]
         k = int(np.ravel_multi_index(polygon.entry, self._shape))

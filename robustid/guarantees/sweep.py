@@ -8,10 +8,12 @@ import logging
 import os
 import pathlib
 import zipfile
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Progress, Real, atomic_write, digest, read_arrays, text_array
+from robustid.core import Budget, Complex, Progress, Real, atomic_write, digest, read_arrays, responses, text_array
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
@@ -35,8 +37,11 @@ def value_sets(
     progress: Progress | None = None,
     resume: Folder | None = None,
     budget: Budget | None = None,
+    model: Any = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
+
+    Those of matrices have their sides where they bound the distance from a model.
 
     What is finished is written to the folder `resume`, and what is there already isn't computed again. Where a budget is
     over, and on Ctrl-C without a folder, those of the frequencies that are finished, one at least.
@@ -50,7 +55,8 @@ def value_sets(
         missing = [missing[k] for k in spread_order(len(missing))]
     try:
         # Closed at once, whatever happens: the processes of our own end with it.
-        ask = functools.partial(_one, directions=directions, gap=gap)
+        about = {} if model is None else _values_of(model, missing, consistent)
+        ask = functools.partial(_one, directions=directions, gap=gap, about=about)
         with contextlib.closing(spread(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
             for w, value in each:
                 if store is not None:
@@ -79,8 +85,16 @@ def spread_order(count: int) -> list[int]:
     return [k for k in turned if k < count]
 
 
-def _one(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> Sets:
-    return value_sets_at(consistent, omega, directions, gap)
+def _values_of(model: Any, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
+    """Values of a model of several inputs or outputs at frequencies."""
+    problem = consistent.posed.problem
+    if problem.entries.single:
+        return {}
+    return dict(zip(omega, responses(model, np.array(omega) * problem.dt), strict=True))
+
+
+def _one(consistent: ConsistentSet, omega: float, directions: int, gap: float, about: Mapping[float, Complex]) -> Sets:
+    return value_sets_at(consistent, omega, directions, gap, about.get(omega))
 
 
 class _Store:

@@ -436,7 +436,7 @@ def worst_case_error(
     gap = rtol / 5
     if identification.problem.entries.single:  # of matrices the sides follow the gap
         gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, Budget(time_limit))
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, Budget(time_limit), model)
     intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor)
     return WorstCaseError(
         identification=identification,

@@ -62,6 +62,6 @@ def test_a_plant_at_the_edge_is_inside_every_band_and_interval(seed):
             for one, value in zip(error.of_entry(*entry), truth(error.omega)[:, *entry], strict=True)
         )
     assert np.all((error.parameters.lower <= residues) & (residues <= error.parameters.upper))
-    # Of every entry a consistent system is as near to the bound as was asked for, around the centre of the set at least.
-    assert np.all(error.lower >= 0.8 * error.upper)
+    # Of every entry a consistent system is as near to the bound as was asked for.
+    assert np.all(error.lower >= 0.9 * error.upper)
     assert error.certified
