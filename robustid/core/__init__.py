@@ -3,6 +3,7 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.files import atomic_write
+from robustid.core.scales import lengths
 from robustid.core.state_space import (
     Complex,
     Real,
@@ -82,6 +83,7 @@ __all__ = [
     "digest",
     "freeze",
     "keep",
+    "lengths",
     "load_saved",
     "one_thread",
     "part",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, points_of, simulate
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, lengths, points_of, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -277,8 +277,7 @@ def _free_response(model: Any, data: TimeRecord, missing: Real) -> Real:
         size = np.sqrt(np.mean(data.y**2, axis=0))
         weight = np.broadcast_to(1 / np.where(size > 0, size, 1.0), missing.shape)
     left: Real = (rows * weight[:, :, None]).reshape(samples * outputs, -1)
-    scale: Real = np.linalg.norm(left, axis=0)
-    scale[scale == 0] = 1.0
+    scale = lengths(left)
     state = np.linalg.lstsq(left / scale, (missing * weight).ravel(), rcond=None)[0] / scale
     return rows @ state
 

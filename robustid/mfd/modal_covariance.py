@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
+from robustid.core import Complex, Frozen, Real, StateMatrices, freeze, lengths
 from robustid.mfd.descent import directions_of
 from robustid.mfd.fit import MatrixFraction
 from robustid.mfd.krylov_blocks import stacked
@@ -83,9 +83,8 @@ def modal_covariance(fit: MatrixFraction, basis: VectorPolynomials) -> ModalCova
         part = slice(first, first + _LINES_AT_ONCE)
         changes = stacked(structure.changes(part))
         seen = seen + values[:, part].reshape(len(changes), -1).T @ changes
-        rows = np.linalg.qr(np.concatenate([rows, changes]), mode="r")
-    size = np.linalg.norm(rows, axis=0)
-    size[size == 0] = 1.0
+        rows = np.asarray(np.linalg.qr(np.concatenate([rows, changes]), mode="r"))
+    size = lengths(rows)
     _, sizes, Vt = np.linalg.svd(rows / size)
     kept = sizes > _UNSEEN * sizes[:1]
     factor = (Vt[kept].T / sizes[kept]) / size[:, None]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, StateMatrices, freeze, points_of, response_at
+from robustid.core import Frozen, StateMatrices, freeze, lengths, points_of, response_at
 from robustid.errors import InputError
 from robustid.mfd.chains import split_rigid
 from robustid.mfd.form import fitted, oriented, shared_model
@@ -244,8 +244,7 @@ def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     if not rows:
         return C
     system = np.concatenate(rows)
-    size = np.linalg.norm(system, axis=1)
-    size[size == 0] = 1.0
+    size = lengths(system, axis=1)
     inverse = scipy.linalg.pinv(system / size[:, None], rtol=1e-12)
     vector = C.T.ravel()
     for _ in range(2):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, StateMatrices
+from robustid.core import Complex, Real, StateMatrices, lengths
 from robustid.mfd.block_model import BlockModel
 from robustid.mfd.criterion import Weight
 from robustid.mfd.householder import orthonormal, triangle_inverse
@@ -229,8 +229,7 @@ class Outputs:
             if self.apart
             else rows.transpose(0, 2, 1).reshape(len(rows), -1) @ inverse[0]
         )
-        size = np.linalg.norm(K, axis=1)
-        size[size == 0] = 1.0
+        size = lengths(K, axis=1)
         U, sizes, Vt = np.linalg.svd(K / size[:, None], full_matrices=False)
         kept = sizes > _RANK * sizes.max(initial=0.0)
         V = Vt[kept]
@@ -339,8 +338,7 @@ class Outputs:
 def _orthonormal(design: Real) -> tuple[Real, Real]:
     """An orthonormal basis (G, rows, columns) of the columns, and the matrices that bring its coordinates back to theirs."""
     Q, R = orthonormal(design)
-    size = np.linalg.norm(R, axis=1, keepdims=True)
-    size[size == 0] = 1.0
+    size = lengths(R, axis=1, keepdims=True)
     scaled = R / size
     if R.shape[1] == R.shape[2]:
         with np.errstate(all="ignore"):

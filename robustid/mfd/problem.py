@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze, lengths
 from robustid.errors import InputError
 from robustid.mfd.conditions import Condition, RigidModes, orthonormal_rows
 from robustid.mfd.criterion import Weight
@@ -288,8 +288,7 @@ class FractionProblem(Frozen):
         if self.rigid is not None and self.rigid.free and fraction.anchor is not None:
             part = self.rigid.turned(fraction.anchor)
             turned = np.concatenate([np.zeros((len(rows) - len(part), part.shape[1])), part])
-        size = np.linalg.norm(rows, axis=1, keepdims=True)
-        size[size == 0] = 1.0
+        size = lengths(rows, axis=1, keepdims=True)
         rows, turned = rows / size, turned / size
         left = scipy.linalg.null_space(turned.T) if turned.shape[1] else np.eye(len(rows))
         return orthonormal_rows(left.T @ rows), rows, turned

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Real, StateMatrices, balancing, points_of
+from robustid.core import Real, StateMatrices, balancing, lengths, points_of
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
 from robustid.mfd.householder import triangle
@@ -111,8 +111,7 @@ def _difference_equation(records: Sequence[TimeRecord], length: int) -> StateMat
         rows.append(np.hstack([*shifts, np.ones((samples - length, 1))]))
         right.append(record.y[length:])
     regressors = np.concatenate(rows)
-    size = np.linalg.norm(regressors, axis=0)
-    size[size == 0] = 1.0
+    size = lengths(regressors)
     R, unknowns = triangle(np.hstack([regressors / size, np.concatenate(right)])), size.size
     theta = np.linalg.lstsq(R[:, :unknowns], R[:, unknowns:], rcond=None)[0] / size[:, None]
     past = theta[: length * ny].reshape(length, ny, ny).transpose(0, 2, 1)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import response_at
+from robustid.core import lengths, response_at
 from robustid.mfd.householder import triangle
 
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
@@ -101,8 +101,7 @@ def solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def solution_in_units(equations: np.ndarray) -> np.ndarray:
     """The least-squares solution x of ``A x = b``, from [A b], every unknown in the unit that gives its column length one."""
-    size = np.linalg.norm(equations[:, :-1], axis=0)
-    size[size == 0] = 1.0
+    size = lengths(equations[:, :-1])
     return solution(equations[:, :-1] / size, equations[:, -1]) / size
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from robustid.core import lengths
 from robustid.errors import InputError
 from robustid.mfd.node_fraction import NOTHING_HELD, Held, NodeFraction
 from robustid.mfd.problem import FractionProblem
@@ -81,8 +82,7 @@ def _constrained(
 
 def _nearest(coordinates: np.ndarray, rows: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """The nearest coordinates with ``rows coordinates + fixed = 0``."""
-    size = np.linalg.norm(rows, axis=1)
-    size[size == 0] = 1.0
+    size = lengths(rows, axis=1)
     rows, fixed = rows / size[:, None], fixed / size
     inverse = scipy.linalg.pinv(rows, rtol=1e-13)
     for _ in range(2):  # the second pass takes away what rounding left of the first

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, lengths
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.solver import Cones, Limits, Program, path, start
 
@@ -15,8 +15,7 @@ _GAP = 1e-4  # relative, of the maximum
 
 def orthonormal_columns(stacked: Real) -> tuple[Real, Real]:
     """U with orthonormal columns and V such that U = stacked V; columns of any size, of any rank."""
-    norms = np.linalg.norm(stacked, axis=0)
-    norms[norms == 0] = 1.0
+    norms = lengths(stacked)
     U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
     kept = s > _RANK * s.max(initial=0.0)
     return U[:, kept], Vt[kept].T / s[kept] / norms[:, None]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.core import lengths
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.errors import InputError
 
@@ -168,8 +169,7 @@ class PoleFit:
             rows.append(Q @ (Q.T @ columns) - columns)
             rights.append(rest)
         stacked = np.vstack(rows)
-        scale = np.linalg.norm(stacked, axis=0)
-        scale[scale == 0] = 1.0
+        scale = lengths(stacked)
         c = np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0], dtype=float) / scale
         zeros = np.linalg.eigvals(_companion(poles, c))
         if self.dt is None:
