@@ -192,8 +192,9 @@ def fit_mfd(
         Weight of the residual (not its square). Default: the covariance of the data where they have one (maximum likelihood);
         one that was estimated, as its `dof` says, or that is singular, is shrunk first, and a tenth of the response's level is
         added for what the model misses; the level alone, or the shrunk covariance alone, where a short fit with it predicts
-        withheld points better; else relative, 1/|P| per entry, but where that leaves noise of a level, which the fit
-        finds in its residuals, a level and a relative part for every entry. See `MatrixFraction.weight_choice`.
+        withheld points better (not tried where steps are dear); else relative, 1/|P| per entry, but where that leaves noise of
+        a level, which the fit finds in its residuals, a level and a relative part for every entry. See
+        `MatrixFraction.weight_choice`.
     method : str
         What follows the start: "lm", or phases "sk", "sk-relaxed", "sk-minimum-norm", "iv", "gn", "lm" joined by "+".
     rigid_body : RigidBody or int, optional
