@@ -31,12 +31,14 @@ from robustid.identification.formulation import (
     Part,
     Rows,
     SarasonMap,
+    lightest,
     parts_of,
 )
 from robustid.identification.solver import Supports, analytic_center, barrier_extents
 
 Entry = tuple[int, int]  # output and input
 
+_ACCURACY = 1e-4  # of bounds in a form with tails, in units of the samples' bounds
 _HALVINGS = 8  # of the way from the centre to a point that is not inside
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
@@ -306,6 +308,8 @@ def consistent_set(identification: Identification) -> ConsistentSet:
     posed = identification.formulation
     level = 1.0 if identification.margin < 1 - _BARELY else 1 + _BARELY
     claim = identification.claim
+    if (lighter := lightest(posed, _ACCURACY)) is not posed and identification.margin < 1 - _ACCURACY:
+        return set_of(lighter, level, ())
     shrink = identification.prior.gain_bound / problem.prior.gain_bound
     none = np.zeros(0)
     starts = [

@@ -4,7 +4,7 @@ from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.assembly import initial_state, measured_entries
 from robustid.identification.formulation.ball import DenseMap, SymmetricBall
 from robustid.identification.formulation.base import Formulation
-from robustid.identification.formulation.choice import FORMS, formulate, formulate_in, formulate_over
+from robustid.identification.formulation.choice import FORMS, formulate, formulate_in, formulate_over, lightest
 from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -37,6 +37,7 @@ __all__ = [
     "formulate_in",
     "formulate_over",
     "initial_state",
+    "lightest",
     "measured_entries",
     "parts_of",
 ]

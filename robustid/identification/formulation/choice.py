@@ -16,6 +16,7 @@ FORMS = ("auto", *_KINDS)
 
 _QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
 _CLEARLY = 0.5  # of the work of the other forms: what sections may take
+_MANY, _FAR_LESS = 60, 0.03  # coefficients of an exact form that is slow in bounds; of its work what replaces it takes
 _BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
 
 
@@ -52,6 +53,17 @@ def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
         if found.work < _CLEARLY * best.work:
             return found
     return best
+
+
+def lightest(formulation: Formulation, accuracy: float) -> Formulation:
+    """The Taylor form of the same problem where an exact one of many coefficients takes many times its work; else as it is.
+
+    Bounds solve one problem after the other: a slow exact form that is one solution's matter of a second takes minutes there.
+    """
+    if not formulation.exact or not formulation.problem.entries.single or formulation.count < _MANY:
+        return formulation
+    taylor = TaylorFormulation.within(formulation.problem, accuracy)
+    return taylor if taylor.work < _FAR_LESS * formulation.work else formulation
 
 
 def formulate_over(problem: MixedProblem, horizon: int, accuracy: float) -> Formulation | None:

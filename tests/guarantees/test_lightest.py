@@ -1,0 +1,53 @@
+"""Bounds of many coefficients in the lighter form: the same set, whatever the form."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import response
+from robustid.guarantees import consistent_set
+
+
+@pytest.fixture(scope="module")
+def result():
+    """32 points of a smooth plant with a light mode: 64 coefficients, decay so fast that some 40 Taylor coefficients do."""
+    rng = np.random.default_rng(1)
+    angle = np.linspace(0.1, 2.6, 32)
+    basis = rid.kautz(0.9, 0.01, dt=1.0, delay=1)
+
+    def truth(omega):
+        return basis.response(omega) @ [0.8, 0.3] + 0.2 / (1 - 0.4 * np.exp(-1j * omega))
+
+    noise = 0.01 * np.sqrt(rng.uniform(0, 1, 32)) * np.exp(2j * np.pi * rng.uniform(0, 1, 32))
+    frf = rid.FrequencyResponse(angle, truth(angle) + noise, bound=0.01, dt=1.0)
+    prior = rid.Prior(gain_bound=0.7, decay_rate=1.4)
+    return rid.identify(rid.MixedProblem(frequency=frf, parametric=basis, prior=prior)), truth
+
+
+def test_bounds_of_both_forms_enclose_the_same_errors(result, tmp_path, monkeypatch):
+    found, truth = result
+    assert found.formulation.exact
+    assert found.problem.coefficients == 64
+    assert not consistent_set(found).posed.exact
+    omega = found.problem.frequency[0].omega[[3, 10, 20]] + 0.02
+    light = rid.worst_case_error(found, omega=omega, directions=6, rtol=0.1)
+    light.save(tmp_path / "light")
+    assert light.certified
+    assert np.all(np.abs(truth(omega) - response(found.model, omega)) <= light.upper[:, 0, 0])
+    assert rid.load(tmp_path / "light").certified
+    module = sys.modules[consistent_set.__module__]
+    monkeypatch.setattr(module, "lightest", lambda posed, accuracy: posed)
+    assert consistent_set(found).posed.exact
+    exact = rid.worst_case_error(found, omega=omega, directions=6, rtol=0.1)
+    slack = 1e-4  # of the bounds of the samples: the tails
+    assert np.all(light.lower <= exact.upper * (1 + 1e-9))
+    assert np.all(exact.lower <= light.upper * (1 + 1e-9))
+    np.testing.assert_allclose(light.upper, exact.upper, rtol=0.1, atol=slack * 0.01)
+
+
+def test_few_coefficients_and_slow_decay_stay_exact(result):
+    found, _ = result
+    problem = found.problem.with_prior(gain_bound=2.0, decay_rate=1.02)
+    assert consistent_set(rid.identify(problem)).posed.exact
