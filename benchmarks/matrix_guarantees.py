@@ -70,7 +70,7 @@ def slowly(result, omega, gap):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("plants", nargs="*", default=list(PLANTS), choices=list(PLANTS))
+    parser.add_argument("plants", nargs="*", default=list(PLANTS), help=", ".join(PLANTS))
     parser.add_argument("--frequencies", type=int, default=60)
     arguments = parser.parse_args()
     print(
