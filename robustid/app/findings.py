@@ -127,8 +127,11 @@ def _named(outside: list[tuple[float, str]]) -> str:
     return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")
 
 
-def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
-    """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it."""
+def error_words(error: WorstCaseError, withheld: Coverage | None = None, asked: int = 0) -> str:
+    """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it.
+
+    `asked` is the number of frequencies that were asked for, of which a time limit may leave fewer.
+    """
     upper = error.upper
     size = np.abs(np.reshape(error.nominal, upper.shape))
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
@@ -143,6 +146,8 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
         text += (
             " That is about the class and the data that were used, not about the machine: withheld data contradict it."
         )
+    if len(upper) < asked:
+        text += f" The time limit was over at {len(upper)} of {asked} frequencies: what lies between them is not bounded yet."
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 

@@ -465,6 +465,12 @@ class WorstCase:
         flag="--rtol",
         keyword="rtol",
     )
+    time_limit: float | None = key(
+        _positive,
+        help="Seconds after which the bounds at the frequencies finished so far are taken, spread over the range; so does Ctrl-C.",
+        unit="s",
+        flag="--time-limit",
+    )
     circle: bool = key(
         flag,
         False,

@@ -170,7 +170,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     elif result.consistent and run.worst_case.compute:
         run, error, small = _bounded(run, result, reduction, left.withheld, around)
         seen = compared(small, left.withheld, left.kind)
-        found.append(findings.error_words(small, seen))
+        found.append(findings.error_words(small, seen, len(run.worst_case.at_hz or ())))
         if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.fixed_poles_words(problem.entries.single))
     if result.consistent and run.worst_case.over_poles:
@@ -246,7 +246,8 @@ def _bounded(
         around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     counted = around.counted("bounding the error at every frequency")
-    error = worst_case_error(result, omega=omega, directions=asked.directions, rtol=asked.rtol, **counted)
+    how: dict[str, Any] = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")}
+    error = worst_case_error(result, omega=omega, **how, **counted)
     small = error.with_model(reduction.model)
     if asked.circle:
         small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))

@@ -77,6 +77,14 @@ def test_the_steps_are_those_done_by_hand(folder):
     assert rid.load("out/worst_case").upper.max() == error.upper.max()
 
 
+def test_a_time_limit_leaves_bounds_at_some_frequencies_and_says_so(folder):
+    limited = {"worst_case": {"at_hz": [5.0, 17.0, 30.0], "directions": 4, "time_limit": 1e-6}}
+    result = rid.run(ask(folder, DATA, CLASS, limited), "out")
+    assert 1 <= result.error.omega.size < 3
+    assert any("The time limit was over at" in finding and "of 3 frequencies" in finding for finding in result.findings)
+    assert result.error.certified
+
+
 @pytest.mark.usefixtures("unreduced")
 def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run):
     wrong = {"modes": {"hz": [9.0, 17.2], "damping": [0.1, 0.004]}, "prior": CLASS["prior"]}

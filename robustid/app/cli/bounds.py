@@ -108,7 +108,8 @@ def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spre
     from robustid.guarantees import worst_case_error
 
     with shown(console, _BOUNDING) as show:
-        asked = {"directions": how.directions, "rtol": how.rtol, "progress": counted(show, _BOUNDING)}
+        asked = {name: getattr(how, name) for name in ("directions", "rtol", "time_limit")}
+        asked["progress"] = counted(show, _BOUNDING)
         error = worst_case_error(identification, omega=omega, **asked, **spread)
     if how.circle:
         with shown(console, _BETWEEN) as show:
