@@ -22,9 +22,11 @@ RTOL, DIRECTIONS = 0.1, 16
 
 
 def beam():
-    """The identification of the example's run file."""
-    ask = Path(__file__).parent.parent / "examples" / "beam_ring.toml"
-    return rid.run(ask, Path(tempfile.mkdtemp()) / "beam").identification
+    """The identification of the example's run file, which bounds its error itself."""
+    text = (Path(__file__).parent.parent / "examples" / "beam_ring.toml").read_text()
+    folder = Path(tempfile.mkdtemp())
+    (folder / "ask.toml").write_text(text.split("[worst_case]")[0] + "[worst_case]\ncompute = false\n")
+    return rid.run(folder / "ask.toml", folder / "beam").identification
 
 
 def mirror():
