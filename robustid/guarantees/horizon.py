@@ -21,12 +21,12 @@ _ALLOWED = 1e-9  # for the rounding of the powers
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outputs(Frozen):
-    """Response to a known input with zero initial conditions: y_k = sum_j u_(k-j) f_j over a consistent set.
+    """Response to a known input with zero initial conditions: y_k = sum_j f_j u_(k-j) over a consistent set.
 
     Attributes
     ----------
     consistent : ConsistentSet
-    u : (T,) array
+    u : (T,) array; several inputs (T, nu)
     """
 
     consistent: ConsistentSet
@@ -37,30 +37,36 @@ class Outputs(Frozen):
 
     @functools.cached_property
     def _impulses(self) -> tuple[Real, Real]:
-        """Weights of the coefficients in g_j and of the scaled parameters in the parametric f_j: (T, n) and (T, m)."""
-        posed, count = self.consistent.posed, self.u.size
-        rows = posed.data.rows
-        parametric = np.zeros((count, rows.P.shape[1]))
-        if rows.parameters:
-            impulse = posed.problem.parametric.impulse(count)
-            parametric[:, : rows.parameters] = impulse / rows.column_scale[: rows.parameters]
-        return posed.impulses(count), parametric
+        """Weights of the coefficients in g_j, and of the parameters in the parametric f_j, of one entry: (T, n) and (T, m)."""
+        posed, count = self.consistent.posed, len(self.u)
+        basis = posed.problem.parametric
+        return posed.impulses(count), np.zeros((count, 0)) if basis is None else basis.impulse(count)
 
-    def functional(self, sample: int, sign: float = 1.0) -> Functional:
-        """+-y_k.
+    def functional(self, sample: int, sign: float = 1.0, output: int = 0) -> Functional:
+        """+-y_k of an output.
 
-        A function of the unit ball has norm 1 at most in H2: what the basis misses of the functional's representative
+        A row of a function of the unit ball has norm 1 at most in H2: what the basis misses of the functional's representative
         sum_j K u_(k-j) rho^-j zeta^j is the most that the other coefficients can do.
         """
-        delayed = self.u[sample::-1]
-        g, parametric = (weights[: sample + 1] for weights in self._impulses)
-        w, tail = delayed @ g, 0.0
+        posed, rows = self.consistent.posed, self.consistent.data.rows
+        prior, entries = posed.problem.prior, posed.problem.entries
+        delayed = self.u.reshape(len(self.u), entries.inputs)[sample::-1]
+        g, impulse = (weights[: sample + 1] for weights in self._impulses)
+        x, p = np.zeros((entries.count, g.shape[1])), np.zeros(rows.P.shape[1])
+        scales = prior.scales(entries.outputs, entries.inputs)[output]
+        energy = seen = 0.0
+        for one, scale, input in zip(delayed.T, scales.tolist(), range(entries.inputs), strict=True):
+            number, part = entries.place(output, input)
+            w = scale * (one @ g)
+            x[number] += part * w
+            own = slice(number * impulse.shape[1], (number + 1) * impulse.shape[1])
+            p[own] += part * (one @ (impulse / rows.column_scale[own]))
+            whole = scale * prior.gain_bound * np.abs(one) * prior.decay_rate ** -np.arange(sample + 1.0)
+            energy, seen = energy + float(whole @ whole), seen + float(w @ w)
+        tail = 0.0
         if sample >= self.determined:
-            prior = self.consistent.posed.problem.prior
-            whole = prior.gain_bound * np.abs(delayed) * prior.decay_rate ** -np.arange(sample + 1.0)
-            energy = float(whole @ whole)
-            tail = float(np.sqrt(max(0.0, energy - w @ w) + 8 * (sample + 8) * np.finfo(float).eps * energy))
-        return Functional(sign * w, sign * (delayed @ parametric), tail)
+            tail = float(np.sqrt(max(0.0, energy - seen) + 8 * (sample + 8) * np.finfo(float).eps * energy))
+        return Functional(sign * x.ravel(), sign * p, tail)
 
     @property
     def determined(self) -> int:
@@ -89,9 +95,9 @@ def consistent_outputs(identification: Identification, u: Real) -> Outputs:
     Taylor coefficients at least. Where both are too large the form of the identification bounds the remainder by a tail.
     """
     own = consistent_set(identification)
-    if u.size <= Outputs(own, u).determined:
+    if len(u) <= Outputs(own, u).determined:
         return Outputs(own, u)
-    posed = formulate_over(identification.problem, u.size, _ACCURACY)
+    posed = formulate_over(identification.problem, len(u), _ACCURACY)
     if posed is None:
         return Outputs(own, u)
     with threads_for(posed.data.sarason.pair.order):

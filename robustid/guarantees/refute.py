@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
+from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.horizon import consistent_outputs
-from robustid.guarantees.nominal import check_siso
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
 _GAP = 5e-3  # of the ends that are proved
@@ -58,6 +57,8 @@ class Judged(Frozen):
         |error|/bound of a consistent system that was found at this sample; inf where none was verified.
     proofs : tuple of HalfPlane
         For the samples that the centre of the set does not keep.
+    entries : (N, 2) int array
+        Output and input of each sample; of a record the input is 0.
     """
 
     kind: str
@@ -66,9 +67,10 @@ class Judged(Frozen):
     ratio: Real
     attainable: Real
     proofs: tuple[HalfPlane, ...]
+    entries: NDArray[np.intp]
 
     def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in ("axis", "ratio", "attainable")})
+        self._set(**{name: freeze(getattr(self, name)) for name in ("axis", "ratio", "attainable", "entries")})
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -112,8 +114,21 @@ class Refutation(Frozen):
     def worst(self) -> tuple[str, int, float, float, float]:
         """The sample furthest outside: (kind, experiment, rad/s or s, ratio, attainable)."""
         labels = [(s.kind, s.index, float(at)) for s in self.samples for at in s.axis]
-        k = int(np.lexsort((self.attainable, self.ratio))[-1])
+        k = self._worst
         return *labels[k], float(self.ratio[k]), float(self.attainable[k])
+
+    @property
+    def _worst(self) -> int:
+        return int(np.lexsort((self.attainable, self.ratio))[-1])
+
+    @property
+    def _place(self) -> str:
+        """The sample furthest outside, in words."""
+        kind, index, at, _, _ = self.worst
+        output, input = np.concatenate([s.entries for s in self.samples])[self._worst].tolist()
+        problem = self.identification.problem
+        where = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
+        return f"{kind} experiment {index + 1} at {where}{which(problem, (output, input if kind == 'frequency' else None))}"
 
     def verify(self) -> bool:
         """Evaluate all certificates again and compare the distances with them; no solver's answer is involved."""
@@ -127,10 +142,8 @@ class Refutation(Frozen):
 
     def summary(self) -> str:
         """The result in plain words."""
-        kind, index, at, ratio, attainable = self.worst
-        place = f"{kind} experiment {index + 1} at " + (
-            f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
-        )
+        *_, ratio, attainable = self.worst
+        place = self._place
         count, broken = self.ratio.size, int(np.sum(self.ratio > 1))
         if self.refuted:
             found = f"one was found at {attainable:.4g}" if np.isfinite(attainable) else "none was found"
@@ -173,7 +186,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     identification : Identification
         Consistent.
     new_data : FrequencyResponse, TimeRecord, or a sequence of them
-        With bounds (ellipses too), one input and one output, the dt of the data; records with zero initial conditions.
+        With bounds of the entries (ellipses too), the outputs, inputs and dt of the data; records with zero initial conditions.
 
     Returns
     -------
@@ -184,8 +197,8 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     InconsistentDataError
         The old data fit no system of the class already.
     InputError, InputTypeError
-        Other objects, no bounds, another dt, MIMO data, other units, a record with other than zero initial conditions, a
-        frequency point on an integrator.
+        Other objects, no bounds or joint ones, another dt, other signals or units, a record with other than zero initial
+        conditions, a frequency point on an integrator.
 
     Notes
     -----
@@ -206,7 +219,6 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     (True, array([0., 2.]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    check_siso(identification.problem, "refute")
     data: tuple[Any, ...] = tuple(cast("Sequence[Any]", new_data)) if isinstance(new_data, Sequence) else (new_data,)
     if not data:
         raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")
@@ -224,9 +236,10 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
             found.append((ratio, attainable))
             proofs += planes
         ratio, attainable = np.array(found).T
-        frequency = isinstance(item, FrequencyResponse)
-        kind, axis = ("frequency", item.omega) if frequency else ("time", item.time[_used(item)])
-        samples.append(Judged(kind, number, axis, ratio, attainable, tuple(proofs)))
+        frequency, used = isinstance(item, FrequencyResponse), _used(item)
+        kind, axis = ("frequency", item.omega) if frequency else ("time", item.time)
+        entries = used[:, 1:] if frequency else np.column_stack([used[:, 1], np.zeros(len(used), int)])
+        samples.append(Judged(kind, number, axis[used[:, 0]], ratio, attainable, tuple(proofs), entries))
     return Refutation(identification=identification, data=data, samples=tuple(samples))
 
 
@@ -266,23 +279,24 @@ class _Place:
 
 def _places(identification: Identification, item: Any, wanted: set[int] | None) -> Iterator[_Place]:
     """The used samples of one experiment, or those `wanted` of them."""
+    used = _used(item)
     if isinstance(item, TimeRecord):
-        used = _used(item)
-        outputs = consistent_outputs(identification, item.u[: used[-1] + 1, 0])
-        for number, k in enumerate(used.tolist()):
+        outputs = consistent_outputs(identification, item.u[: used[:, 0].max() + 1])
+        for number, (k, i) in enumerate(used.tolist()):
             if wanted is None or number in wanted:
-                f = outputs.functional(k)
-                sample = float(item.y[k, 0]), float(item.bound.radius[k, 0]), 0.0
+                f = outputs.functional(k, output=i)
+                sample = float(item.y[k, i]), float(item.bound.radius[k, i]), 0.0
                 yield _Place(number, *sample, outputs.consistent, f.x, f.p, f.tail)
         return
-    own = consistent_set(identification)
-    tilt = np.zeros(item.omega.size, complex) if item.bound.tilt is None else item.bound.tilt[:, 0, 0]
-    values, bounds = item.values[:, 0, 0], item.bound.radius[:, 0, 0]
-    for number, omega in enumerate(item.omega.tolist()):
+    own, before = consistent_set(identification), (-1, None)
+    tilt = np.zeros(item.values.shape, complex) if item.bound.tilt is None else item.bound.tilt
+    for number, (k, i, j) in enumerate(used.tolist()):
         if wanted is None or number in wanted:
-            here = own.with_node(omega)
-            sample = complex(values[number]), float(bounds[number]), complex(tilt[number])
-            yield _Place(number, *sample, here, *here.value_weights(omega))
+            omega = float(item.omega[k])
+            here = before[1] if before[0] == k and before[1] is not None else own.with_node(omega)
+            before = k, here
+            sample = complex(item.values[k, i, j]), float(item.bound.radius[k, i, j]), complex(tilt[k, i, j])
+            yield _Place(number, *sample, here, *here.value_weights(omega, (i, j)))
 
 
 def _judge(place: _Place) -> tuple[float, float, list[HalfPlane]]:
@@ -323,8 +337,9 @@ def _nearest(errors: Complex) -> complex:
     return min(mixed, single, key=abs)
 
 
-def _used(record: TimeRecord) -> NDArray[np.intp]:
-    return np.flatnonzero(record.bound.used[:, 0])
+def _used(item: Any) -> NDArray[np.intp]:
+    """Indices of the samples with a bound: (N, 3) frequency, output and input, or (N, 2) sample and output."""
+    return np.argwhere(item.bound.used)
 
 
 def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
@@ -349,21 +364,26 @@ def _check(item: Any, problem: MixedProblem) -> None:
         raise InputTypeError(
             f"`new_data` must be a FrequencyResponse, a TimeRecord or a sequence of them; got {type(item).__name__}"
         )
-    if len(item.inputs) != 1 or len(item.outputs) != 1:
+    ours, theirs = problem.entries, (len(item.outputs), len(item.inputs))
+    if theirs != ours.shape:
         raise InputError(
-            f"`new_data` must have one input and one output; got {len(item.outputs)} outputs and {len(item.inputs)} inputs."
-            " Pick one entry with .entry(output, input)"
+            f"`new_data` must have the outputs and inputs of the identified data, {ours.outputs} and {ours.inputs};"
+            f" got {theirs[0]} and {theirs[1]}"
         )
-    new = item.outputs[0], item.inputs[0]
-    for role, ours, theirs in zip(("output", "input"), problem.signals, new, strict=True):
-        if ours.unit and theirs.unit and ours.unit != theirs.unit:
-            raise InputError(
-                f"`new_data` has its {role} in [{theirs.unit}], the identification in [{ours.unit}]; convert it"
-            )
+    for role, old, new in (("output", problem.outputs, item.outputs), ("input", problem.inputs, item.inputs)):
+        for a, b in zip(old, new, strict=True):
+            if a.unit and b.unit and a.unit != b.unit:
+                raise InputError(
+                    f"`new_data` has its {role} in [{b.unit}], the identification in [{a.unit}]; convert it"
+                )
     if item.dt is None or abs(item.dt - problem.dt) > 1e-9 * problem.dt:
         raise InputError(f"`new_data` must have the dt of the identified data, {problem.dt:g} s; got dt = {item.dt}")
     if item.bound is None or not np.any(item.bound.used):
         raise InputError("`new_data` needs a bound on its samples: what is outside depends on it; use with_bound(...)")
+    if item.bound.radius is None or item.bound.joint != "entry":
+        raise InputError(
+            "`new_data` needs a bound of every entry; a bound that entries share tells nothing of one alone"
+        )
     if isinstance(item, TimeRecord) and item.initial != "rest":
         hint = (
             "identify with the old and the new data together"

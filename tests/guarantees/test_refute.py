@@ -190,7 +190,8 @@ def test_bad_input(mixed):
             "`new_data` must have the dt of the identified data, 0.01 s; got dt = 0.02",
         ),
         (dataclasses.replace(good, dt=None), "`new_data` must have the dt .* got dt = None"),
-        (two, "`new_data` must have one input and one output; got 2 outputs and 1 inputs"),
+        (two, "`new_data` must have the outputs and inputs of the identified data, 1 and 1; got 2 and 1"),
+        (one_line(mixed, 10.0, 1.0, 0.1).with_column_bound(0.1), "`new_data` needs a bound of every entry"),
         (
             dataclasses.replace(record, initial="free"),
             "`new_data` must have zero initial conditions; .*'free'.*together",
