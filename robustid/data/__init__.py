@@ -7,6 +7,7 @@ from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, wi
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.data.excitation import Excitation, multisine
+from robustid.data.frequency_points import signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
@@ -48,6 +49,7 @@ __all__ = [
     "record_problems",
     "sample_time",
     "save",
+    "signal_index",
     "stacked",
     "tilted",
     "with_delay",

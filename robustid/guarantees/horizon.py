@@ -73,18 +73,20 @@ class Outputs(Frozen):
         """Number of Taylor coefficients that the basis determines: its zeros at the origin."""
         return self.consistent.posed.determined
 
-    def extreme(self, sample: int, sign: float, gap: float) -> Extreme:
-        """The largest value of +-y_k over the set."""
+    def extreme(self, sample: int, sign: float, gap: float, output: int = 0) -> Extreme:
+        """The largest value of +-y_k of an output over the set."""
         with threads_for(self.consistent.data.sarason.pair.order):
-            return self.consistent.extreme(self.functional(sample, sign), gap)
+            return self.consistent.extreme(self.functional(sample, sign, output), gap)
 
-    def supports(self, sample: int, sign: float, value: float, certificate: SupportCertificate) -> bool:
-        """Return whether a certificate, evaluated anew, proves that +-y_k is at most `value`."""
+    def supports(
+        self, sample: int, sign: float, value: float, certificate: SupportCertificate, output: int = 0
+    ) -> bool:
+        """Return whether a certificate, evaluated anew, proves that +-y_k of an output is at most `value`."""
         data = self.consistent.data
         return (
             certificate.level >= 1
             and certificate.value <= value
-            and certificate.verify(self.functional(sample, sign), data.rows, data.sarason)
+            and certificate.verify(self.functional(sample, sign, output), data.rows, data.sarason)
         )
 
 

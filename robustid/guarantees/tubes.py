@@ -7,7 +7,8 @@ import dataclasses
 import functools
 import itertools
 import logging
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +26,16 @@ from robustid.core import (
     one_thread,
     simulate,
 )
+from robustid.data import signal_index
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.guarantees.consistent_set import Extreme
+from robustid.guarantees.consistent_set import Extreme, which
 from robustid.guarantees.curvature import known_part
 from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
-from robustid.guarantees.nominal import as_nominal, check_siso
+from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
-from robustid.identification import Identification, SupportCertificate
+from robustid.identification import Identification, MixedProblem, SupportCertificate
 
 _log = logging.getLogger("robustid")
 
@@ -70,6 +72,8 @@ class ResponseTube(Frozen, Drawable):
         Of -y_k and of y_k, in turn.
     gap : float
         Part of the distance from the centre to which every end was found.
+    entry : (int, int)
+        Output and input; the other inputs are 0.
     """
 
     identification: Identification
@@ -83,6 +87,7 @@ class ResponseTube(Frozen, Drawable):
     parameters: ParameterIntervals
     certificates: tuple[SupportCertificate, ...]
     gap: float
+    entry: tuple[int, int] = (0, 0)
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("u", "samples", "lower", "upper", "attained")})
@@ -99,7 +104,12 @@ class ResponseTube(Frozen, Drawable):
 
     @functools.cached_property
     def _simulated(self) -> Real:
-        return simulate(self.model, self.u[:, None])[0][:, 0]
+        return simulate(self.model, _driven(self.u, self.entry, self.identification))[0][:, self.entry[0]]
+
+    @property
+    def response(self) -> Real:
+        """Response of the model over the whole horizon, (H,)."""
+        return freeze(self._simulated)
 
     @property
     def nominal(self) -> Real:
@@ -162,7 +172,7 @@ class ResponseTube(Frozen, Drawable):
         return (
             len(self.certificates) == ends.size
             and all(
-                outputs.supports(int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate)
+                outputs.supports(int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate, self.entry[0])
                 for (k, side), certificate in zip(pairs, self.certificates, strict=True)
             )
             and all(claim.verify() for claim in parameter_claims(outputs.consistent, self.parameters))
@@ -170,12 +180,22 @@ class ResponseTube(Frozen, Drawable):
 
     @functools.cached_property
     def _outputs(self) -> Outputs:
-        return consistent_outputs(self.identification, self.u)
+        return consistent_outputs(self.identification, _driven(self.u, self.entry, self.identification))
 
     @property
     def _reach(self) -> Real:
-        """Largest distance of each parameter from that of the identification, (m,)."""
-        return self.parameters.reach(self.identification.parameters)
+        """Largest distance of each parameter of the entry from that of the identification, (m,)."""
+        return self._of_entry(self.parameters.reach(self.identification.parameters))
+
+    def _of_entry(self, parameters: Real) -> Real:
+        """(m,) of parameters (m,), or (m, ny, nu)."""
+        return parameters.reshape(-1, *self.identification.problem.entries.shape)[:, *self.entry]
+
+    @property
+    def _gain(self) -> float:
+        """Gain bound of the entry."""
+        prior, entries = self.identification.problem.prior, self.identification.problem.entries
+        return prior.gain_bound * float(prior.scales(*entries.shape)[self.entry])
 
     @functools.cached_property
     def _errors(self) -> Real:
@@ -209,18 +229,21 @@ class ResponseTube(Frozen, Drawable):
     def _impulses(self) -> tuple[Real, Real, Real]:
         """Impulse responses: q'P - nominal (H,), the functions P_i (H, m) and the bound K rho^-k of |g_k| (H,)."""
         problem, count = self.identification.problem, self.u.size
-        known = -simulate(self.model, np.eye(count, 1))[0][:, 0]
+        known = -simulate(self.model, _driven(np.eye(count, 1)[:, 0], self.entry, self.identification))[0][
+            :, self.entry[0]
+        ]
         functions = np.zeros((count, 0)) if problem.parametric is None else problem.parametric.impulse(count)
-        decay = problem.prior.gain_bound * problem.prior.decay_rate ** -np.arange(count, dtype=float)
-        return known + functions @ self.identification.parameters, functions, decay
+        decay = self._gain * problem.prior.decay_rate ** -np.arange(count, dtype=float)
+        return known + functions @ self._of_entry(self.identification.parameters), functions, decay
 
     @functools.cached_property
     def _after(self) -> tuple[float, float]:
         """Sum and maximum of |f_k - nominal_k| after the horizon."""
         problem, count = self.identification.problem, self.u.size
-        K, rho, basis = problem.prior.gain_bound, problem.prior.decay_rate, problem.parametric
-        first = K * rho ** -float(count)
-        total, largest = tail_bounds(*known_part(self.model, self.identification), count)
+        K, rho, basis = self._gain, problem.prior.decay_rate, problem.parametric
+        first, (output, input) = K * rho ** -float(count), self.entry
+        A, B, C = known_part(self.model, self.identification)
+        total, largest = tail_bounds(A, B[:, [input]], C[[output]], count)
         sums = [first / (1 - 1 / rho) + float(total[0]), first + float(largest[0])]
         if basis is not None:
             loose = self._reach > 0
@@ -233,14 +256,14 @@ class ResponseTube(Frozen, Drawable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        worst = int(np.argmax(self.error_upper))
+        worst, problem = int(np.argmax(self.error_upper)), self.identification.problem
         share = "every sample" if self.complete else f"{self.samples.size} of {self.u.size} samples"
         lines = [
-            f"guarantee  every consistent system's response to the {self.input} input stays within {self.error_upper.max():.4g}"
-            f" of the model at {share}",
+            f"guarantee  every consistent system's response to the {self.input} input{which(problem, self.entry)} stays within"
+            f" {self.error_upper.max():.4g} of the model at {share}",
             f"           worst at {self.times[worst]:.5g} s (attained there: {self.error_lower[worst]:.4g})",
             f"peak       |y| <= {self.peak:.4g}, |y - model| <= {self.error_peak:.4g} over the whole horizon of"
-            f" {self.u.size * self.identification.problem.dt:.5g} s",
+            f" {self.u.size * problem.dt:.5g} s",
         ]
         if self.input == "impulse":
             lines.append(f"l1 norm    of the error, over all time: at most {self.error_l1:.4g}")
@@ -255,6 +278,7 @@ def response_tube(
     identification: Identification,
     *,
     input: Any = "impulse",
+    entry: tuple[int | str, int | str] | None = None,
     horizon: int | None = None,
     model: Any = None,
     times: Any = None,
@@ -276,6 +300,8 @@ def response_tube(
         Consistent.
     input : {"impulse", "step"} or (H,) array
         Unit impulse or step (in units of the input), or any input that meets zero initial conditions: its worst-case output.
+    entry : (output, input), optional
+        By number or name; needed where there are several outputs or inputs. The other inputs are 0.
     horizon : int, optional
         Number H of samples. Default: the length of a given input; else where the class lets the non-parametric part fall to 1 % of
         its gain bound, at least the time data, at most 500.
@@ -300,7 +326,7 @@ def response_tube(
     InconsistentDataError
         The data fit no system of the class.
     InputError
-        An unknown signal, instants that are no samples of the horizon, an unstable model.
+        An unknown signal, no entry of a matrix, instants that are no samples of the horizon, an unstable model.
 
     Notes
     -----
@@ -321,12 +347,12 @@ def response_tube(
     (array([0. , 0.1]), array([0. , 0.5]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    check_siso(identification.problem, "response_tube")
+    at = _entry(entry, identification.problem)
     kind, u = _signal(input, horizon, identification)
     samples = _samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
-    outputs = consistent_outputs(identification, u)
-    samples, found = _bounded(outputs, samples, gap, executor, Budget(time_limit, progress))
+    outputs = consistent_outputs(identification, _driven(u, at, identification))
+    samples, found = _bounded(outputs, at[0], samples, gap, executor, Budget(time_limit, progress))
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
         identification=identification,
@@ -340,11 +366,35 @@ def response_tube(
         parameters=parameter_intervals(outputs.consistent),
         certificates=tuple(end.certificate for pair in found for end in pair),
         gap=gap,
+        entry=at,
     )
+
+
+def _entry(entry: Any, problem: MixedProblem) -> tuple[int, int]:
+    """The output and input of a tube, checked."""
+    if entry is None:
+        if problem.entries.single:
+            return 0, 0
+        raise InputError(
+            "`entry` is missing: a tube is about one output and one input, the others being 0; give entry=(output, input),"
+            f" by number or name, of {[s.name for s in problem.outputs]} and {[s.name for s in problem.inputs]}"
+        )
+    if not isinstance(entry, tuple | list) or len(cast("Sequence[Any]", entry)) != 2:
+        raise InputError(f"`entry` must be (output, input), by number or name; got {entry!r}")
+    output, input = cast("Sequence[Any]", entry)
+    return signal_index("output", output, problem.outputs), signal_index("input", input, problem.inputs)
+
+
+def _driven(u: Real, entry: tuple[int, int], identification: Identification) -> Real:
+    """The input of an entry, and zeros for the others, (H, nu)."""
+    out = np.zeros((u.size, identification.problem.entries.inputs))
+    out[:, entry[1]] = u
+    return out
 
 
 def _bounded(
     outputs: Outputs,
+    output: int,
     samples: NDArray[np.intp],
     gap: float,
     executor: concurrent.futures.Executor | None,
@@ -352,7 +402,7 @@ def _bounded(
 ) -> tuple[NDArray[np.intp], list[tuple[Extreme, Extreme]]]:
     """The samples that were bounded within a budget, at least one, in their order, and their ends."""
     order = spread_order(samples.size) if np.isfinite(budget.left) else range(samples.size)
-    work = functools.partial(_ends, outputs, gap)
+    work = functools.partial(_ends, outputs, output, gap)
     found: dict[int, tuple[Extreme, Extreme]] = {}
     bounded = (map if executor is None else executor.map)(work, samples[list(order)].tolist())
     try:
@@ -369,8 +419,8 @@ def _bounded(
     return samples[done], [found[k] for k in done]
 
 
-def _ends(outputs: Outputs, gap: float, sample: int) -> tuple[Extreme, Extreme]:
-    return outputs.extreme(sample, -1.0, gap), outputs.extreme(sample, 1.0, gap)
+def _ends(outputs: Outputs, output: int, gap: float, sample: int) -> tuple[Extreme, Extreme]:
+    return outputs.extreme(sample, -1.0, gap, output), outputs.extreme(sample, 1.0, gap, output)
 
 
 def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, Real]:

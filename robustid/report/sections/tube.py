@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.core import simulate
 from robustid.guarantees import ResponseTube
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel
@@ -41,9 +40,8 @@ def tube_chart(tube: ResponseTube) -> Chart:
     Between the samples that were bounded the distance of each end from the model is interpolated.
     """
     problem = tube.identification.problem
-    output, input_ = problem.signals
-    t = problem.dt * np.arange(tube.u.size)
-    y = simulate(tube.model, tube.u[:, None])[0][:, 0]
+    output, input_ = problem.outputs[tube.entry[0]], problem.inputs[tube.entry[1]]
+    t, y = problem.dt * np.arange(tube.u.size), tube.response
     inside = slice(tube.samples[0], tube.samples[-1] + 1)
     low, high = (y[inside] + np.interp(t[inside], tube.times, end - tube.nominal) for end in (tube.lower, tube.upper))
     hover = tuple(
@@ -79,17 +77,19 @@ def _measured(tube: ResponseTube) -> list[Layer]:
     layers = []
     for number_, record in enumerate(tube.identification.problem.time):
         count = min(tube.u.size, record.u.shape[0])
-        u, known = record.u[:count, 0], tube.u[:count]
+        output, input_ = tube.entry
+        u, known = record.u[:count, input_], tube.u[:count]
         scale = float(u @ known / (known @ known)) if np.any(known) else 0.0
-        used = record.bound.used[:count, 0]
+        used = record.bound.used[:count, output]
         if (
-            record.initial != "rest"
+            np.any(np.delete(record.u[:count], input_, axis=1))
+            or record.initial != "rest"
             or not scale
             or not used.any()
             or not np.allclose(u, scale * known, atol=0, rtol=1e-9)
         ):
             continue
-        y, bound = record.y[:count, 0][used] / scale, record.bound.radius[:count, 0][used] / abs(scale)
+        y, bound = record.y[:count, output][used] / scale, record.bound.radius[:count, output][used] / abs(scale)
         name = f"record {number_ + 1} with its intervals" + (f", divided by {number(scale)}" if scale != 1 else "")
         style = {"colour": DATA, "marker": "circle", "size": 0.6}
         layers.append(Layer(name=name, x=record.time[:count][used], y=y, low=y - bound, high=y + bound, **style))
@@ -99,7 +99,7 @@ def _measured(tube: ResponseTube) -> list[Layer]:
 def sentence(tube: ResponseTube) -> str:
     """The guarantee in plain words."""
     problem = tube.identification.problem
-    input_ = problem.signals[1]
+    input_ = problem.inputs[tube.entry[1]]
     amount = f"1 {input_.unit}".rstrip()
     signals = {
         "step": f"a step of {input_.name} by {amount}",
@@ -138,4 +138,4 @@ def rows(tube: ResponseTube) -> list[tuple[str, str]]:
 
 
 def _with_unit(text: str, tube: ResponseTube) -> str:
-    return f"{text} {tube.identification.problem.signals[0].unit}".rstrip()
+    return f"{text} {tube.identification.problem.outputs[tube.entry[0]].unit}".rstrip()
