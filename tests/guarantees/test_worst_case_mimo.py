@@ -433,8 +433,6 @@ def test_half_widths_of_matrices_are_below_the_errors():
 @pytest.mark.parametrize(
     ("name", "ask"),
     [
-        ("response_tube", rid.response_tube),
-        ("refute", lambda result: rid.refute(result, result.problem.frequency[0])),
         ("worst_case_over_poles", lambda result: rid.worst_case_over_poles(result, [[0.7, 0.9]], [[0.04, 0.06]])),
         ("suggest_next", rid.suggest_next),
     ],
