@@ -127,11 +127,8 @@ def _named(outside: list[tuple[float, str]]) -> str:
     return text + (f" and {len(outside) - len(largest)} more" if len(outside) > len(largest) else "")
 
 
-def error_words(error: WorstCaseError, withheld: Coverage | None = None, asked: int = 0) -> str:
-    """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it.
-
-    `asked` is the number of frequencies that were asked for, of which a time limit may leave fewer.
-    """
+def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
+    """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it."""
     upper = error.upper
     size = np.abs(np.reshape(error.nominal, upper.shape))
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
@@ -146,8 +143,8 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None, asked: 
         text += (
             " That is about the class and the data that were used, not about the machine: withheld data contradict it."
         )
-    if len(upper) < asked:
-        text += f" The time limit was over at {len(upper)} of {asked} frequencies: what lies between them is not bounded yet."
+    if error.missing.size:
+        text += f" {error.unfinished}"
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 

@@ -170,7 +170,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     elif result.consistent and run.worst_case.compute:
         run, error, small = _bounded(run, result, reduction, left.withheld, around)
         seen = compared(small, left.withheld, left.kind)
-        found.append(findings.error_words(small, seen, len(run.worst_case.at_hz or ())))
+        found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.fixed_poles_words(problem.entries.single))
     if result.consistent and run.worst_case.over_poles:
@@ -237,7 +237,7 @@ def _bounded(
     withheld: list[FrequencyResponse],
     around: Surroundings,
 ) -> tuple[RunFile, WorstCaseError, WorstCaseError]:
-    """Error of every consistent system around the identified and around the small model."""
+    """Error of every consistent system around the identified and around the small model, for which it is made small."""
     asked, basis = run.worst_case, result.problem.parametric
     if asked.at_hz is None:
         poles = () if basis is None else basis.poles
@@ -247,11 +247,11 @@ def _bounded(
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     counted = around.counted("bounding the error at every frequency")
     how: dict[str, Any] = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")}
-    error = worst_case_error(result, omega=omega, **how, **counted)
-    small = error.with_model(reduction.model)
+    small = worst_case_error(result, model=reduction.model, omega=omega, **how, **counted)
     if asked.circle:
+        small = small.completed(executor=around.executor)
         small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
-    return run, error, small
+    return run, small.with_model(result.model), small
 
 
 def _over_poles(

@@ -249,7 +249,12 @@ def norms_of_samples(problem: MixedProblem, nominal: Complex, omega: Real) -> Re
 def norms_of_class(
     identification: Identification, parameters: ParameterIntervals, nominal: Complex, omega: Real
 ) -> Real:
-    """Bound of the largest singular value of F - nominal from the class and the intervals of the parameters alone, (F,)."""
+    """Bound of the largest singular value of F - nominal from the class and the intervals of the parameters alone, (F,).
+
+    Infinite where these are not complete.
+    """
+    if not parameters.complete:
+        return np.full(omega.size, np.inf)
     problem, (_, p, q) = identification.problem, nominal.shape
     known, loose, rounding = -nominal, np.zeros(nominal.shape), np.linalg.norm(nominal, axis=(1, 2))
     if problem.parametric is not None:

@@ -39,7 +39,7 @@ from robustid.identification.solver import Supports, analytic_center, barrier_ex
 Entry = tuple[int, int]  # output and input
 
 _ACCURACY = 1e-4  # of bounds in a form with tails, in units of the samples' bounds
-_HALVINGS = 8  # of the way from the centre to a point that is not inside
+_CHORDS, _FULL = 4, 5e-3  # steps from the centre to a point that is not inside, and how near to the border they end
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
 )
@@ -191,15 +191,27 @@ class ConsistentSet(Frozen):
         )
 
     def towards(self, x: Real, p: Real) -> tuple[Real, Real]:
-        """The point (x, p), or the last one that was found inside on the way there from the centre."""
-        if self.contains(x, p):
+        """The point (x, p), or one inside that is near to the last one on the way there from the centre.
+
+        What a system takes of its bounds is convex along the way: below 1 wherever a chord is.
+        """
+
+        def at(part: float) -> tuple[Real, Real]:
+            return self.center.x + part * (x - self.center.x), self.center.p + part * (p - self.center.p)
+
+        inside, taken, whole = 0.0, self._taken(*at(0.0)), self._taken(x, p)
+        if whole <= 1:
             return x, p
-        center, inside, outside = self.center, 0.0, 1.0
-        for _ in range(_HALVINGS):
-            part = (inside + outside) / 2
-            here = self.contains(center.x + part * (x - center.x), center.p + part * (p - center.p))
-            inside, outside = (part, outside) if here else (inside, part)
-        return center.x + inside * (x - center.x), center.p + inside * (p - center.p)
+        for _ in range(_CHORDS):
+            if not taken < 1 - _FULL:
+                break
+            # Infinite where a parameter leaves its interval.
+            part = inside + (1 - inside) * ((1 - taken) / (whole - taken) if np.isfinite(whole) else 0.5)
+            here = self._taken(*at(part))
+            if here > 1 + 1e-12:
+                break
+            inside, taken = part, here
+        return at(inside)
 
     @functools.cached_property
     def _parts(self) -> tuple[tuple[Part, PartSet], ...]:
@@ -220,7 +232,11 @@ class ConsistentSet(Frozen):
 
     def contains(self, x: Real, p: Real) -> bool:
         """Return whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
-        return self.data.margin(x, p) <= 1 + 1e-12 and self.data.sarason.norm(x) <= 1 + 1e-12
+        return self._taken(x, p) <= 1 + 1e-12
+
+    def _taken(self, x: Real, p: Real) -> float:
+        """The largest part of its bound that a residual or the gain takes."""
+        return max(self.data.margin(x, p), self.data.sarason.norm(x))
 
     def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[Complex, Complex, float]:
         """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
 
-from robustid.core import Frozen, Real, freeze
+from robustid.core import Budget, Frozen, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
 from robustid.guarantees.spread import Spread, spread
 from robustid.identification import Functional, SupportCertificate
@@ -22,9 +23,10 @@ class ParameterIntervals(Frozen):
     Attributes
     ----------
     lower, upper : (m,) arrays; MIMO: (m, ny, nu), every entry of the residue matrices
-        Proved, in the units of `Identification.parameters`.
+        Proved, in the units of `Identification.parameters`; infinite where the time was over.
     attained : (m, 2) array; (m, ny, nu, 2)
-        Lowest and highest values of systems that were found; the truth of the interval lies between these and the ends.
+        Lowest and highest values of systems that were found; the truth of the interval lies between these and the ends. NaN
+        where the time was over.
     certificates : tuple of SupportCertificate
         Of -p_i and of p_i, in turn; entry after entry, of symmetric matrices those of the upper triangle.
     """
@@ -37,19 +39,37 @@ class ParameterIntervals(Frozen):
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("lower", "upper", "attained")})
 
+    @property
+    def complete(self) -> bool:
+        """Return whether every coefficient has its interval: the time did for all."""
+        return bool(np.all(np.isfinite(self.lower)))
+
     def reach(self, parameters: Real) -> Real:
         """Largest distance of each coefficient from given ones, in the shape of `lower`."""
         return np.maximum(np.abs(self.lower - parameters), np.abs(self.upper - parameters))
 
 
-def parameter_intervals(consistent: ConsistentSet, executor: Spread = None) -> ParameterIntervals:
-    """Smallest and largest value of every parametric coefficient over the set, to a thousandth; of matrices to a fiftieth."""
+def parameter_intervals(
+    consistent: ConsistentSet, executor: Spread = None, budget: Budget | None = None
+) -> ParameterIntervals:
+    """Smallest and largest value of every parametric coefficient over the set, to a thousandth; of matrices to a fiftieth.
+
+    Those of which the budget leaves nothing are infinite.
+    """
     problem = consistent.posed.problem
     size = 0 if problem.parametric is None else problem.parametric.size
     # Lower and upper ends, then what is attained of them.
-    ends = np.zeros((size, problem.entries.outputs, problem.entries.inputs, 4))
+    ends = np.full((size, problem.entries.outputs, problem.entries.inputs, 4), [-np.inf, np.inf, np.nan, np.nan])
     wanted = [(entry, index) for entry in independent_entries(problem.entries) for index in range(size)]
-    found = dict(spread(_both_ends, consistent, wanted, executor, "parameter {0[1]} of entry {0[0]}".format))
+    found: dict[tuple[Entry, int], tuple[Extreme, Extreme]] = {}
+    if budget is None or not budget.over:
+        name = "parameter {0[1]} of entry {0[0]}".format
+        with contextlib.closing(spread(_both_ends, consistent, wanted, executor, name)) as each:
+            for one, both in each:
+                found[one] = both
+                if budget is not None and budget.over:
+                    break
+    wanted = [one for one in wanted if one in found]
     for entry, index in wanted:
         for side, sign in enumerate((-1.0, 1.0)):
             one = found[entry, index][side]
@@ -79,13 +99,19 @@ def parameter_claims(consistent: ConsistentSet, found: ParameterIntervals) -> It
     labels = () if problem.parametric is None else problem.parametric.labels
     size, entries, nothing = len(labels), problem.entries, np.zeros(data.sarason.size)
     proofs = iter(found.certificates)
-    if len(found.certificates) != 2 * size * entries.count:
-        raise ValueError("its intervals and their certificates differ in number")
     stated = np.stack([-found.lower, found.upper], axis=-1).reshape(size, entries.outputs, entries.inputs, 2)
-    for entry in independent_entries(entries):
-        both = (entry, entry[::-1]) if entries.symmetric else (entry,)
-        for index, side in np.ndindex(size, 2):
-            functional = Functional(nothing, (2.0 * side - 1) * consistent.parameter_weights(index, entry))
-            name = f"{'upper' if side else 'lower'} end of the coefficient of {labels[index]}{which(problem, entry)}"
-            value = min(float(stated[index, *place, side]) for place in both)
-            yield SupportClaim(name, functional, value, next(proofs), data.rows, data.sarason)
+    if entries.symmetric:
+        stated = np.minimum(stated, stated.swapaxes(1, 2))
+    ends = [
+        (entry, index, side)
+        for entry in independent_entries(entries)
+        for index in range(size)
+        for side in range(2)
+        if np.isfinite(stated[index, *entry]).any()
+    ]
+    if len(found.certificates) != len(ends):
+        raise ValueError("its intervals and their certificates differ in number")
+    for entry, index, side in ends:
+        functional = Functional(nothing, (2.0 * side - 1) * consistent.parameter_weights(index, entry))
+        name = f"{'upper' if side else 'lower'} end of the coefficient of {labels[index]}{which(problem, entry)}"
+        yield SupportClaim(name, functional, float(stated[index, *entry, side]), next(proofs), data.rows, data.sarason)

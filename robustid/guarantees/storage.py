@@ -22,7 +22,7 @@ from robustid.identification import Identification, MarginCertificate
 
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
 _BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
-_MEMBER = "member/{}/"
+_MISSING, _MEMBER = "missing", "member/{}/"
 
 
 def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
@@ -30,7 +30,7 @@ def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
     found, circle = error.parameters, error.known_circle
     ends = {"lower": found.lower, "upper": found.upper, "attained": found.attained}
     arrays |= under(_PARAMETERS, ends | pack_certificates(found.certificates))
-    arrays |= under(_VALUES, pack_values(error.values))
+    arrays |= under(_VALUES, pack_values(error.values)) | {_MISSING: error.missing}
     if circle is not None:
         numbers = {"edges": circle.edges, "bound": circle.bound, "lower": np.array(circle.lower)}
         numbers["entries"] = circle.entries
@@ -56,6 +56,7 @@ def _unpack_error(record: Record, arrays: Arrays) -> WorstCaseError:
         parameters=_parameters(part(arrays, _PARAMETERS), identification),
         directions=directions,
         gap=record["gap"],
+        missing=arrays.get(_MISSING, np.zeros(0)),
     )
     circle = part(arrays, _CIRCLE)
     if circle:
@@ -148,8 +149,6 @@ def _parameters(arrays: Arrays, identification: Identification) -> ParameterInte
     found = ParameterIntervals(arrays["lower"], arrays["upper"], arrays["attained"], unpack_certificates(arrays))
     if (found.lower.shape, found.upper.shape, found.attained.shape) != (count, count, (*count, 2)):
         raise ValueError("its intervals are not those of the parameters")
-    if len(found.certificates) != 2 * size * entries.count:
-        raise ValueError("its intervals and their certificates differ in number")
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import logging
 import os
 import pathlib
@@ -41,7 +42,8 @@ def value_sets(
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
 
-    Those of matrices have their sides where they bound the distance from a model.
+    Those of matrices have their sides where they bound the distance from a model. They come from frequencies where the set is
+    wide and from others that are spread over the range, in turn.
 
     What is finished is written to the folder `resume`, and what is there already isn't computed again. Where a budget is
     over, and on Ctrl-C without a folder, those of the frequencies that are finished, one at least.
@@ -51,8 +53,7 @@ def value_sets(
     if found and progress is not None:
         progress(len(found), omega.size)
     missing = [w for w in omega.tolist() if w not in found]
-    if budget is not None and np.isfinite(budget.left):
-        missing = [missing[k] for k in spread_order(len(missing))]
+    missing = [missing[k] for k in _order(consistent, missing)]
     try:
         # Closed at once, whatever happens: the processes of our own end with it.
         about = {} if model is None else _values_of(model, missing, consistent)
@@ -76,6 +77,18 @@ def value_sets(
             kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
         raise SolverError(f"{error}; {kept}") from error
     return [one for w in omega.tolist() for one in found.get(w, ())]
+
+
+def _order(consistent: ConsistentSet, omega: list[float]) -> list[int]:
+    """The widest frequencies first, by turns with others that are spread over all of them.
+
+    The widths are those of an ellipsoid inside the set, for the price of one problem where frequencies are no nodes of it.
+    """
+    spread_out = spread_order(len(omega))
+    if len(omega) < 3 or consistent.posed_at(omega[0]) is not consistent.posed:
+        return spread_out
+    widest = np.argsort(-np.linalg.norm(consistent.spreads(np.array(omega)), axis=(1, 2)), kind="stable").tolist()
+    return list(dict.fromkeys(itertools.chain.from_iterable(zip(widest, spread_out, strict=True))))
 
 
 def spread_order(count: int) -> list[int]:

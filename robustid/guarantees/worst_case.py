@@ -63,6 +63,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
     directions : int
     gap : float
         Part of the distance from the centre to which every support value was found.
+    missing : (k,) array, rad/s
+        Frequencies that were asked for and not finished in the time limit; the parameters may be incomplete then.
     """
 
     identification: Identification
@@ -71,6 +73,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
     parameters: ParameterIntervals
     directions: int
     gap: float
+    missing: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
     _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
     @functools.cached_property
@@ -234,6 +237,12 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """Return the same guarantees around another nominal; nothing is solved anew."""
         return dataclasses.replace(self, model=as_nominal(model, self.identification))
 
+    def completed(self, *, executor: Spread = None) -> WorstCaseError:
+        """Return the result with the intervals of all parameters: itself, unless a time limit left some out."""
+        if self.parameters.complete:
+            return self
+        return dataclasses.replace(self, parameters=parameter_intervals(self.consistent_set, executor))
+
     def on_circle(
         self,
         rtol: float = 0.05,
@@ -265,8 +274,18 @@ class WorstCaseError(Frozen, Drawable, Savable):
         Returns
         -------
         CircleBound
+
+        Raises
+        ------
+        InputError
+            If a time limit has left parameters without intervals; see `completed`.
         """
         rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
+        if not self.parameters.complete:
+            raise InputError(
+                "`parameters` are incomplete: the time limit left intervals out that the bound between frequencies rests on;"
+                " call on_circle of completed()"
+            )
         consistent = self.consistent_set
         known = self.values, self.known_circle or self._circle.unfinished
         settings, spread = (self.directions, self.gap), (executor, progress, resume)
@@ -316,6 +335,16 @@ class WorstCaseError(Frozen, Drawable, Savable):
         sets = self._sets_at[float(self.omega[index])]
         return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
 
+    @property
+    def unfinished(self) -> str:
+        """What the time limit has left out, in a sentence; empty where nothing is missing."""
+        if not self.missing.size:
+            return ""
+        done, asked = self.omega.size, self.omega.size + self.missing.size
+        return (
+            f"The time limit ended the sweep: {done} of {asked} frequencies are bounded, nothing is said of the others."
+        )
+
     def __repr__(self) -> str:
         return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
 
@@ -325,7 +354,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
         size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
         relative = upper / np.maximum(size, np.finfo(float).tiny)
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
-        lines = [
+        lines = [] if not self.missing.size else [f"unfinished {self.unfinished}"]
+        lines += [
             f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
             f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
@@ -395,7 +425,8 @@ def worst_case_error(
         Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
         again.
     time_limit : float, optional
-        Seconds; then the result has the frequencies that are finished, spread over the range. So it has on Ctrl-C without `resume`.
+        Seconds; then the result has the frequencies that are finished, those where the error may be largest and others spread over
+        the range, and names the `missing` ones; parameters may be left without intervals. So it is on Ctrl-C without `resume`.
 
     Returns
     -------
@@ -436,8 +467,9 @@ def worst_case_error(
     gap = rtol / 5
     if identification.problem.entries.single:  # of matrices the sides follow the gap
         gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
-    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, Budget(time_limit), model)
-    intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor)
+    budget = Budget(time_limit)
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model)
+    intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor, budget)
     return WorstCaseError(
         identification=identification,
         model=model,
@@ -445,4 +477,5 @@ def worst_case_error(
         parameters=intervals,
         directions=directions,
         gap=gap,
+        missing=grid[~np.isin(grid, [one.omega for one in values])],
     )

@@ -397,6 +397,10 @@ def test_frequencies_that_a_budget_allows_are_spread_over_the_range():
     whole = rid.worst_case_error(result, omega=grid, directions=4)
     part = rid.worst_case_error(result, omega=grid, directions=4, time_limit=1e-9)
     assert part.omega.size == 1
+    np.testing.assert_array_equal(np.sort([*part.omega, *part.missing]), grid)
+    assert "1 of 8 frequencies" in part.unfinished
+    assert part.unfinished in part.summary()
+    assert whole.unfinished == ""
     np.testing.assert_allclose(part.upper, whole.upper[grid == part.omega], rtol=1e-9)
 
     def stop(done, count):
@@ -405,3 +409,21 @@ def test_frequencies_that_a_budget_allows_are_spread_over_the_range():
 
     left = rid.worst_case_error(result, omega=grid, directions=4, progress=stop)
     assert left.omega.size == 2
+
+
+def test_parameters_that_a_time_limit_leaves_out_are_named_and_completed(tmp_path):
+    result = rid.identify(random_experiment(1, "parametric", 12)[0])
+    whole = rid.worst_case_error(result, omega=[20.0], directions=4)
+    part = rid.worst_case_error(result, omega=[20.0], directions=4, time_limit=1e-9)
+    assert not part.parameters.complete
+    assert not part.parameters.certificates
+    assert part.certified
+    np.testing.assert_array_equal(part.upper, whole.upper)
+    part.save(tmp_path / "part")
+    again = rid.load(tmp_path / "part")
+    assert again.certified
+    assert not again.parameters.complete
+    with pytest.raises(rid.InputError, match=r"call on_circle of completed\(\)"):
+        part.on_circle()
+    np.testing.assert_array_equal(part.completed().parameters.upper, whole.parameters.upper)
+    assert whole.completed() is whole

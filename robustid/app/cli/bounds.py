@@ -113,6 +113,7 @@ def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spre
         error = worst_case_error(identification, omega=omega, **asked, **spread)
     if how.circle:
         with shown(console, _BETWEEN) as show:
+            error = error.completed(executor=spread["executor"])
             error.on_circle(how.rtol, progress=counted(show, _BETWEEN), **spread)
     return error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -72,7 +73,8 @@ def _margin(result: Any) -> str:
 
 def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
-    upper, count, intervals = error.sigma_upper, error.omega.size, error.parameters.lower.size
+    upper, count = error.sigma_upper, error.omega.size
+    intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
     say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)

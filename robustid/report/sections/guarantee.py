@@ -27,8 +27,10 @@ def guarantee_section(identification: Identification, error: WorstCaseError) -> 
     """Build the section of what is guaranteed of the response, with its certificates."""
     checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
     alone, entries = siso(identification), worst_case_charts(error)
-    blocks: list[Block] = [
-        Heading("What is guaranteed"),
+    blocks: list[Block] = [Heading("What is guaranteed")]
+    if error.missing.size:
+        blocks.append(Text(error.unfinished))
+    blocks += [
         Text(sentence(error), id="guarantee-sentence"),
         certificates(error.claim_count, error.verify(), "certificates"),
         Facts(rows(error)),
@@ -59,7 +61,7 @@ def guarantee_section(identification: Identification, error: WorstCaseError) -> 
             ),
             Drawing(worst_case_sigma_chart(error)),
         ]
-    if identification.problem.parametric is not None:
+    if np.any(np.isfinite(error.parameters.lower)):
         blocks += [Heading("Intervals of the parametric coefficients", 3), parameter_table(error)]
     return blocks
 
@@ -205,6 +207,8 @@ def parameter_table(error: WorstCaseError) -> Table:
     identification, found = error.identification, error.parameters
     rows, values = [], identification.parameters
     for place in np.ndindex(found.lower.shape):
+        if not np.isfinite(found.lower[place]):
+            continue
         label = identification.problem.parametric.labels[place[0]]
         if not siso(identification):
             label += f": {transfer(identification, *place[1:])}"
