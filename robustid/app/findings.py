@@ -23,9 +23,9 @@ EMPTY = (
     "The worst-case error was not computed: a class that says nothing between the frequency points has none that is worth its time."
     " State other modes or a larger decay rate; at_hz in [worst_case] has it computed all the same."
 )
-_FIXED_POLES = (
+FIXED_POLES = (
     "The poles were taken from these data, which leave them a pole-uncertainty box. This bound holds for the poles as they were"
-    " taken, not for the box: over_poles = true in [worst_case] covers it (minutes{})."
+    " taken, not for the box: over_poles = true in [worst_case] covers it (minutes)."
 )
 
 
@@ -147,11 +147,6 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
         text += f" {error.unfinished}"
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
-
-
-def fixed_poles_words(single: bool) -> str:
-    """Sentence that says why the bound doesn't cover other poles, where they were taken from the data."""
-    return _FIXED_POLES.format("" if single else "; of one entry, entry = [output, input]")
 
 
 def mean_words(used: Any, withheld: list[FrequencyResponse], kind: str) -> str:

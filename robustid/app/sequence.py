@@ -70,10 +70,6 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
     dt, say, folder = everything.dt, around.say, around.folder
     _check_frequencies(run, dt)
-    if run.worst_case.over_poles and not everything.entries.single:
-        raise InputError(
-            "[worst_case] over_poles = true bounds one entry: add entry = [output, input], by number or name, or leave it out"
-        )
     folder.responses(data.responses)
     run = choices.with_modes(with_fit(run, data, say, folder), data, say)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
@@ -172,7 +168,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         seen = compared(small, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
-            found.append(findings.fixed_poles_words(problem.entries.single))
+            found.append(findings.FIXED_POLES)
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, around)
         found.append(words)
@@ -268,9 +264,10 @@ def _over_poles(
             np.array(modes.damping_interval),
             delay=modes.delay or 0,
             model=reduction.model,
+            time_limit=run.worst_case.time_limit,
             **around.counted("bounding the error over the pole-uncertainty box"),
         )
     except (InputError, InconsistentDataError) as error:
         return None, f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
-    text = f"With the poles anywhere in the pole-uncertainty box: within {at_most(band.upper.max())} of the small model"
+    text = f"With the poles anywhere in the pole-uncertainty box: within {at_most(band.sigma_upper.max())} of the small model"
     return band, f"{text} at {band.omega.size} frequencies."

@@ -221,17 +221,15 @@ def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
     if isinstance(bounded, WorstCaseError):
         return [one.vertices for one in bounded.of_entry(*entry)]
     angles = bounded.omega * bounded.identification.problem.dt
-    slacks = [item.cell.remainder(angles).sum(axis=1) for item in bounded.kept]
+    slacks = [item.cell.slack(angles)[:, *entry] for item in bounded.kept]
     if not all(item.values for item in bounded.kept) or not np.all(np.isfinite(slacks)):
         raise InputError(
             "`poles`: the pole-uncertainty box of a member is too wide for a bound; allow more `cells`, or measure more"
         )
+    sets = [item.of_entry(*entry) for item in bounded.kept]
     return [
         np.concatenate(
-            [
-                (item.values[k].vertices[:, None] + slack[k] * _AROUND).ravel()
-                for item, slack in zip(bounded.kept, slacks, strict=True)
-            ]
+            [(mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)]
         )
         for k in range(angles.size)
     ]

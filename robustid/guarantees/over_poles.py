@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from robustid.core import (
+    Budget,
+    Complex,
     Frozen,
     Progress,
     Real,
@@ -20,22 +22,25 @@ from robustid.core import (
     as_kind,
     as_positive,
     freeze,
-    response,
+    responses,
     threads_for,
     worker_pool,
 )
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of
-from robustid.guarantees.nominal import as_frequencies, as_nominal, check_siso
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of, which
+from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
+from robustid.guarantees.widening import smallest_bounds
 from robustid.identification import Identification, MixedProblem, prove_margin
 
 _log = logging.getLogger("robustid")
 
+_SEARCH = 1 / 3  # of a time limit, after which cells are split no further
 _MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
 _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are computed again elsewhere
 
@@ -49,10 +54,10 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     identification : Identification
     model : control.StateSpace
     omega : (F,) array, rad/s
-    upper : (F, 1, 1) array
-        Proved bound of |F - model|; inf where the pole-uncertainty box is too wide for a bound.
-    magnitude : (F, 2) array
-        Proved range of |F|.
+    upper : (F, ny, nu) array
+        Proved bound of |F - model|, of every entry; inf where the pole-uncertainty box is too wide for a bound.
+    magnitude : (F, 2) array; MIMO: (F, ny, nu, 2)
+        Proved range of |F|, of every entry.
     box : PoleCell
         As it was stated, with the amplitudes that are assumed.
     kept : tuple of KeptCell
@@ -122,17 +127,26 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         problem = self.identification.problem
         if not self.kept or not all(item.is_about(problem, self.omega) for item in (*self.kept, *self.refuted)):
             return False
-        angles = self.omega * problem.dt
-        upper, magnitude = union_of(self.kept, response(self.model, angles), angles)
-        if (self.upper.shape, self.magnitude.shape) != ((*upper.shape, 1, 1), magnitude.shape):
+        upper, magnitude = _bounds(self.kept, self.model, self.omega, self.identification)
+        if (self.upper.shape, self.magnitude.shape) != (upper.shape, magnitude.shape):
             return False
-        above = upper <= self.upper[:, 0, 0] * _AGAIN, magnitude[:, 1] <= self.magnitude[:, 1] * _AGAIN
-        return bool(np.all(above) and np.all(self.magnitude[:, 0] <= magnitude[:, 0] * _AGAIN))
+        below = np.all(upper <= self.upper * _AGAIN) and np.all(magnitude[..., 1] <= self.magnitude[..., 1] * _AGAIN)
+        return bool(below and np.all(self.magnitude[..., 0] <= magnitude[..., 0] * _AGAIN))
+
+    @property
+    def sigma_upper(self) -> Real:
+        """Proved bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
+        return norm_of_bounds(self.upper)
+
+    @property
+    def nominal(self) -> Complex:
+        """Response of the model, (F, ny, nu)."""
+        return responses(self.model, self.omega * self.identification.problem.dt)
 
     @property
     def next_line(self) -> float:
         """Frequency with the largest bound, rad/s: a frequency point there shrinks it most."""
-        return float(self.omega[int(np.argmax(self.upper[:, 0, 0]))])
+        return float(self.omega[int(np.argmax(self.sigma_upper))])
 
     @property
     def poles(self) -> tuple[Real, Real]:
@@ -150,9 +164,9 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     def with_model(self, model: Any) -> WorstCaseOverPoles:
         """Return the same guarantees around another nominal; nothing is solved anew."""
-        model, angles = as_nominal(model, self.identification), self.omega * self.identification.problem.dt
-        upper, magnitude = union_of(self.kept, response(model, angles), angles)
-        return dataclasses.replace(self, model=model, upper=upper.reshape(-1, 1, 1), magnitude=magnitude)
+        model = as_nominal(model, self.identification)
+        upper, magnitude = _bounds(self.kept, model, self.omega, self.identification)
+        return dataclasses.replace(self, model=model, upper=upper, magnitude=magnitude)
 
     def __repr__(self) -> str:
         return (
@@ -162,13 +176,17 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        response_size = np.abs(response(self.model, self.omega * self.identification.problem.dt))
-        relative = self.upper[:, 0, 0] / response_size
+        problem, largest = self.identification.problem, self.sigma_upper
+        relative = largest / np.linalg.norm(self.nominal, 2, axis=(1, 2))
         lines = [
-            f"guarantee  every consistent system with poles in the pole-uncertainty box is within {self.upper.max():.4g} of the"
-            f" model (median {100 * np.median(relative):.3g} % of the response)",
-            f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to",
+            f"guarantee  every consistent system with poles in the pole-uncertainty box is within {largest.max():.4g} of the"
+            f" model (median {100 * np.median(relative):.3g} % of the response)"
         ]
+        if not problem.entries.single:
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
+            lines.append("norm       largest singular value of F - model, from the bounds of its entries")
+            lines.append(f"entry      at most {self.upper.max():.4g}{which(problem, (output, input))}")
+        lines.append(f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to")
         stated = self.box.omega, self.box.damping
         for number, (w, d, *whole) in enumerate(zip(*self.poles, *stated, strict=True), start=1):
             lines.append(f"mode {number}     {_interval(w, d)}; the box: {_interval(*whole)}")
@@ -178,6 +196,13 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
             f" {AMPLITUDE:g} times the model's, bounds of the samples: data can refute them, never prove them",
         ]
         return "\n".join(lines)
+
+
+def _bounds(kept: tuple[KeptCell, ...], model: Any, omega: Real, identification: Identification) -> tuple[Real, Real]:
+    """Error and magnitude over all cells, around a model, as they are stated."""
+    problem = identification.problem
+    upper, magnitude = union_of(kept, responses(model, omega * problem.dt), omega * problem.dt)
+    return upper, problem.entries.as_given(magnitude)
 
 
 def _interval(omega: Real, damping: Real) -> str:
@@ -199,12 +224,16 @@ def worst_case_over_poles(
     executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
+    time_limit: float | None = None,
 ) -> WorstCaseOverPoles:
     """Guaranteed error of a model over all consistent systems whose poles lie in a pole-uncertainty box: the union over its cells.
 
     Poles that were taken from data carry a pole-uncertainty box: what the data leave to them (`suggest_kautz`). A margin below 1
     does not validate them, and the band at the suggested poles does not cover the others. Here each cell of the box is relaxed to a
     convex problem that every system with poles inside solves (`PoleCell`); cells that are proved inconsistent are left out.
+
+    MIMO: all entries have the poles in common, each has its own residues; every entry is bounded, and with them the largest
+    singular value of F - model (`sigma_upper`).
 
     Parameters
     ----------
@@ -218,6 +247,9 @@ def worst_case_over_poles(
         As in `worst_case_error`. Default `omega`: 24 frequencies, and the modes.
     cells : int
         Cells at most.
+    time_limit : float, optional
+        Seconds; cells are split no further after a third of it, and at the end the result has the frequencies that are finished in
+        all cells, spread over the range. So it has on Ctrl-C without `resume`.
 
     Returns
     -------
@@ -233,7 +265,8 @@ def worst_case_over_poles(
 
     Notes
     -----
-    Assumes the number of modes, and amplitudes at most twice those of the identified model.
+    Assumes the number of modes, and amplitudes at most twice those of the identified model. MIMO: of every entry; in an entry where
+    the model hardly has a mode, at most twice a tenth of what its other entries, as a matrix of rank one, suggest.
 
     Examples
     --------
@@ -248,26 +281,28 @@ def worst_case_over_poles(
     (True, True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    check_siso(identification.problem, "worst_case_over_poles")
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
-    gap = min(as_positive("rtol", rtol) / 5, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    gap = as_positive("rtol", rtol) / 5
+    if problem.entries.single:  # of matrices the sides follow the gap
+        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
+    budget = Budget(time_limit)
     with threads_for(problem.coefficients):
-        sets, refuted = _search(problem, whole, grid, cells)
+        sets, refuted = _search(problem, whole, grid, cells, budget.share(_SEARCH))
     if not sets:
         raise InconsistentDataError(
             f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"
             " the bounds, the prior or the box"
         )
-    kept = _bounded(sets, grid, (directions, gap), executor, progress, resume)
-    upper, magnitude = union_of(kept, response(model, grid * problem.dt), grid * problem.dt)
+    kept, grid = _bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model)
+    upper, magnitude = _bounds(kept, model, grid, identification)
     return WorstCaseOverPoles(
         identification=identification,
         model=model,
         omega=grid,
-        upper=upper.reshape(-1, 1, 1),
+        upper=upper,
         magnitude=magnitude,
         box=whole,
         kept=kept,
@@ -284,17 +319,17 @@ def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
 
 
 def _search(
-    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int
+    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
 ) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted."""
-    smallest = min([float(f.bound.inner_radius.min()) for f in problem.frequency] + _time_bounds(problem))
+    smallest = smallest_bounds(problem)
     waiting = [whole]
     kept: list[tuple[PoleCell, ConsistentSet | None]] = []
     refuted: list[RefutedCell] = []
     angles = np.concatenate([grid * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
     while waiting:
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
-        costs = [float(c.remainder(angles).sum(axis=1).max()) for c in waiting]
+        costs = [c.cost(angles, smallest) for c in waiting]
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
         posed = posed_relaxation(cell, problem)
@@ -302,7 +337,7 @@ def _search(
         if claim is not None and claim.certificate.value > 1:
             refuted.append(RefutedCell(cell, claim.certificate))
             continue
-        if costs[widest] > _MATTERS * smallest and len(waiting) + len(kept) + 2 <= limit:
+        if costs[widest] > _MATTERS and len(waiting) + len(kept) + 2 <= limit and not budget.over:
             waiting += cell.split(problem, grid)
             continue
         consistent = None
@@ -317,27 +352,35 @@ def _bounded(
     sets: list[tuple[PoleCell, ConsistentSet | None]],
     grid: Real,
     settings: tuple[int, float],
-    executor: Spread,
-    progress: Progress | None,
-    resume: Folder | None,
-) -> tuple[KeptCell, ...]:
-    """The values of every cell; one pool of processes, one count and one folder for all of them."""
-    count = grid.size * sum(consistent is not None for _, consistent in sets)
-    kept: list[KeptCell] = []
+    means: tuple[Spread, Progress | None, Folder | None],
+    budget: Budget,
+    model: Any,
+) -> tuple[tuple[KeptCell, ...], Real]:
+    """The values of every cell, and the frequencies that are finished in all of them.
 
-    def counted(done: int, _: int) -> None:
+    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
+    """
+    executor, progress, resume = means
+    left = sum(consistent is not None for _, consistent in sets)
+    done, count = 0, grid.size * left
+    found: list[tuple[PoleCell, dict[float, tuple[ValueSet, ...]] | None]] = []
+
+    def counted(here: int, _: int) -> None:
         if progress is not None:
-            progress(sum(len(item.values) for item in kept) + done, count)
+            progress(done + here, count)
 
     with contextlib.ExitStack() as stack:
         if isinstance(executor, int):
             executor = stack.enter_context(worker_pool(as_count("executor", executor, least=1)))
         for number, (cell, consistent) in enumerate(sets, start=1):
+            if consistent is None:
+                found.append((cell, None))
+                continue
             folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
-            found = [] if consistent is None else value_sets(consistent, grid, *settings, executor, counted, folder)
-            kept.append(KeptCell(cell, tuple(found)))
-    return tuple(kept)
-
-
-def _time_bounds(problem: MixedProblem) -> list[float]:
-    return [float(t.bound.radius.min()) / max(float(np.abs(t.u).max()), np.finfo(float).tiny) for t in problem.time]
+            mine = executor, counted, folder, budget.share(1 / left), model
+            values = by_frequency(value_sets(consistent, grid, *settings, *mine))
+            # Other frequencies are of no use any more: the union is over all cells.
+            done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
+            found.append((cell, values))
+    kept = [KeptCell(c, () if v is None else tuple(one for w in grid.tolist() for one in v[w])) for c, v in found]
+    return tuple(kept), grid

@@ -9,19 +9,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Complex, Frozen, Real, as_array, freeze
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import TimeRecord
 from robustid.errors import InputError
+from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
 AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 _REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
-# Frequency points whose bound would grow by more than this factor are left out: they say next to nothing.
-_DISTANT = 3.0
+# Least amplitudes of entries in which the model hardly has a mode, as parts: of the entry's largest mode, and of what the other
+# entries of its row and column suggest, since modes are of rank one.
+_FLOOR, _WEAK = 1e-3, 0.1
 _ROUNDING = 1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4
 _WIDER = 1 + 1e-9  # the same for products
+_ENDLESS = 1e200  # stands for a remainder that does not converge
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -33,13 +37,14 @@ class PoleCell(Frozen):
     A mode c/(1 - a z^-1) with |a - a0| <= r expands about the middle a0 into multiples of z^-k/(1 - a0 z^-1)^(k+1), whose
     coefficients c (a - a0)^k are bounded by C r^k, and a remainder of modulus at most C r^m / (d^m (d - r)), d = |1 - a0 z^-1|,
     after m terms. So the systems with poles in the cell are among those with m-fold poles at its middle, coefficients in intervals,
-    and samples whose bounds are wider by what the remainder does to them.
+    and samples whose bounds are wider by what the remainder does to them. MIMO: every entry has its own c and C, all have the poles
+    in common.
 
     Attributes
     ----------
     omega, damping : (M, 2) arrays
         Ends, rad/s and 1.
-    amplitude : (M,) array
+    amplitude : (M,) array; MIMO: (M, ny, nu)
         C, the largest |c| of every mode.
     delay : int, samples
     dt : float, s
@@ -77,7 +82,7 @@ class PoleCell(Frozen):
         return kautz(omega, damping, dt=self.dt, repeat=_REPEAT, delay=self.delay)
 
     def intervals(self) -> Real:
-        """Intervals of the coefficients of `basis`, (2 M repeat, 2)."""
+        """Intervals of the coefficients of `basis`, (2 M repeat, 2); MIMO: (2 M repeat, ny, nu, 2)."""
         ends: list[Real] = []
         for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
             one = kautz(w, d, dt=self.dt, repeat=_REPEAT, delay=self.delay)
@@ -85,23 +90,28 @@ class PoleCell(Frozen):
             norms = (np.linalg.norm(one.A, axis=1) if self.delay == 0 else np.ones(rows.size)) / rows
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
             shrink = float(self.radius[number] / abs(self.middle[number])) ** (np.arange(len(one.C)) // 2)
-            ends.append(2 * self.amplitude[number] * shrink * norms)
+            ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(norms))
         half = np.concatenate(ends) * _WIDER
-        return np.stack([-half, half], axis=1)
+        return np.stack([-half, half], axis=-1)
 
     def remainder(self, angles: Real) -> Real:
-        """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge."""
+        """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge. MIMO: (F, M, ny, nu)."""
         z = np.exp(-1j * np.asarray(angles))[:, None]
-        total = np.zeros((z.size, self.middle.size))
+        total = np.zeros((z.size, *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
             distance = np.abs(1 - pole * z) - _ROUNDING
-            room = distance - self.radius
+            room = self._each(distance - self.radius)
             with np.errstate(divide="ignore", invalid="ignore"):
-                total += np.where(room > 0, self.amplitude * (self.radius / distance) ** _REPEAT / room, np.inf)
+                terms = self.amplitude * self._each((self.radius / distance) ** _REPEAT) / room
+                total += np.where(room > 0, terms, np.inf)
         return total * _WIDER
 
+    def slack(self, angles: Real) -> Real:
+        """What the expansion of all modes leaves out of every entry at exp(j angle), (F, ny, nu)."""
+        return self._matrices(self.remainder(angles).sum(axis=1))
+
     def impulse_remainder(self, count: int) -> Real:
-        """Bound of what the expansion leaves out of the impulse response, (count, M).
+        """Bound of what the expansion leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
 
         2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
         """
@@ -110,22 +120,27 @@ class PoleCell(Frozen):
         k = np.arange(count)[:, None] - self.delay
         largest = np.abs(self.middle) + self.radius
         ways = scipy.special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
-        return 2 * self.amplitude * self.radius**_REPEAT * ways * largest ** np.maximum(k - _REPEAT, 0)
+        size = 2 * self.amplitude * self._each(self.radius**_REPEAT)
+        return size * self._each(ways) * self._each(largest ** np.maximum(k - _REPEAT, 0))
+
+    def _each(self, array: NDArray[Any]) -> Real:
+        """An array whose last axis goes with the modes, with an axis more for each of the entries."""
+        return array.reshape(*array.shape, *(1,) * (self.amplitude.ndim - 1))
+
+    def _matrices(self, array: Real) -> Real:
+        """(k, ny, nu) of numbers that SISO plants have without the last two axes."""
+        return array.reshape(len(array), *(self.amplitude.shape[1:] or (1, 1)))
 
     def relaxed(self, problem: MixedProblem) -> MixedProblem | None:
         """A problem with fixed poles that every consistent system with poles in the cell solves; None if no data are left."""
-        frequency: list[FrequencyResponse] = []
-        for frf in problem.frequency:
-            extra = self.remainder(frf.omega * problem.dt).sum(axis=1) * (1 + line_tilt(frf))
-            near = extra <= _DISTANT * frf.bound.radius[:, 0, 0]
-            if near.any():
-                kept = frf.select(near)
-                frequency.append(kept.with_bound(kept.bound.radius + extra[near, None, None]))
+        frequency: list[Points] = []
+        for points in problem.frequency:
+            wider = widened_points(points, self.slack(points.omega * problem.dt))
+            frequency += [] if wider is None else [wider]
         time: list[TimeRecord] = []
         for record in problem.time:
-            h = self.impulse_remainder(record.u.shape[0]).sum(axis=1)
-            extra = np.convolve(np.abs(record.u[:, 0]), h)[: h.size]
-            time.append(record.with_bound(record.bound.radius + extra[:, None]))
+            rest = self._matrices(self.impulse_remainder(record.u.shape[0]).sum(axis=1))
+            time.append(widened_record(record, rest))
         if not frequency and not time:
             return None
         return MixedProblem(
@@ -134,13 +149,19 @@ class PoleCell(Frozen):
             prior=problem.prior,
             parametric=self.basis(),
             parameter_bounds=self.intervals(),
+            symmetric=problem.symmetric,
         )
+
+    def cost(self, angles: Real, smallest: Real) -> float:
+        """What the expansion leaves out at most, in units of the smallest bound of every entry (ny, nu)."""
+        slack = self.slack(angles)
+        return float(np.divide(slack, smallest, out=np.zeros(slack.shape), where=np.isfinite(smallest)).max())
 
     def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
         """Two halves of the side of the mode that matters most."""
         angles = np.concatenate([omega * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
-        weight = np.minimum(self.remainder(angles), 1e300).max(axis=0)
-        mode = int(np.argmax(weight))
+        weight = np.minimum(self.remainder(angles), _ENDLESS).max(axis=0).reshape(len(self.middle), -1)
+        mode = int(np.argmax((weight / smallest_bounds(problem).ravel()).max(axis=1)))
         sides = [
             np.ptp(self.omega[mode]),
             np.ptp(self.damping[mode]) * self.omega[mode].mean(),
@@ -218,13 +239,22 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
                 f" in the pole-uncertainty box. Mode {mode + 1} has {own[mode]:.9g}, got {ends[mode].tolist()}. Identify"
                 " with poles in it first"
             )
-    weights = identification.parameters.reshape(poles.size, 2)
+    weights = identification.parameters.reshape(poles.size, 2, *problem.entries.shape)
     impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
     # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
     norms = np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
-    amplitude = np.linalg.norm(weights / norms, axis=1) / 2
-    floor = 1e-3 * amplitude.max(initial=0.0)
-    return PoleCell(omega, damping, AMPLITUDE * np.maximum(amplitude, floor), delay, problem.dt)
+    amplitude = np.linalg.norm(weights / norms[..., None, None], axis=1) / 2
+    floor = np.maximum(_FLOOR * amplitude.max(axis=0), _WEAK * _of_rank_one(amplitude, problem))
+    allowed = problem.entries.as_given(AMPLITUDE * np.maximum(amplitude, floor))
+    return PoleCell(omega, damping, allowed, delay, problem.dt)
+
+
+def _of_rank_one(amplitude: Real, problem: MixedProblem) -> Real:
+    """Sizes of rows times sizes of columns over that of the whole, (M, ny, nu), in units of the prior: of rank one its own."""
+    scales = problem.prior.scales(*problem.entries.shape)
+    rows, columns = (np.linalg.norm(amplitude / scales, axis=axis, keepdims=True) for axis in (2, 1))
+    whole = np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.finfo(float).tiny)
+    return rows * (columns / whole) * scales
 
 
 def _modes(identification: Identification, delay: int) -> Complex:
@@ -261,11 +291,6 @@ def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[Real, R
     if np.any(damping >= 1) or np.any(omega * dt >= np.pi):
         raise InputError("`damping_interval` must lie below 1 and `omega_interval` below pi/dt")
     return omega, damping
-
-
-def line_tilt(frf: FrequencyResponse) -> Real:
-    """|kappa| of every frequency point: an ellipse's rows are weighted by up to 1 + |kappa|."""
-    return np.zeros(frf.omega.size) if frf.bound.tilt is None else np.abs(frf.bound.tilt[:, 0, 0])
 
 
 def _pole(omega: Real, damping: Real, dt: float) -> Complex:

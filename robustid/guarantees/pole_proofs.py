@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
-from robustid.guarantees.value_set import ValueSet, directions_at, value_set_claims
+from robustid.guarantees.value_set import ValueSet, by_frequency, closes, value_set_claims
 from robustid.identification import MarginCertificate, MixedProblem, verify_margin_exactly
 from robustid.identification.formulation import Candidate, Formulation, Rows, SarasonMap, formulate
 
@@ -25,11 +25,18 @@ class KeptCell(Frozen):
     ----------
     cell : PoleCell
     values : tuple of ValueSet
-        Of its relaxed problem, at every frequency; empty where the cell is so wide that no sample says anything.
+        Of its relaxed problem, at every frequency; empty where the cell is so wide that no sample says anything. MIMO: entry after
+        entry, of symmetric matrices the upper triangle.
     """
 
     cell: PoleCell
     values: tuple[ValueSet, ...]
+
+    def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
+        """The values of an entry at every frequency; of symmetric matrices those of either one."""
+        places = (output, input), (input, output)
+        found = [tuple(one for one in self.values if one.entry == place) for place in places]
+        return found[0] or found[1]
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SupportClaim]:
         """Claims of the polygons about the relaxed problem, which is made anew from the original one."""
@@ -39,18 +46,19 @@ class KeptCell(Frozen):
         none = np.zeros(0)
         # A centre is where solvers start: no certificate needs it.
         consistent = ConsistentSet(posed, Candidate(none, none, none, none, ""), 1.0)
-        for value in self.values:
-            for claim in value_set_claims(consistent, value):
+        for sets in by_frequency(self.values).values():
+            for claim in value_set_claims(consistent, *sets):
                 yield dataclasses.replace(claim, name=f"{name}, {claim.name}")
 
     def is_about(self, problem: MixedProblem, omega: Real) -> bool:
-        """Return whether the polygons are closed, at these frequencies, and those of a relaxed problem; or there are none."""
+        """Return whether the polygons are closed, of all entries at these frequencies, of a relaxed problem; or there are none."""
         if not self.values:
             return True
-        closed = all(v.directions.size >= directions_at(v.omega, problem.dt, 3).size for v in self.values)
-        return (
-            closed and np.array_equal([v.omega for v in self.values], omega) and self.cell.relaxed(problem) is not None
-        )
+        found, wanted = by_frequency(self.values), independent_entries(problem.entries)
+        closed = all(closes(v.directions, v.omega, problem.dt) for v in self.values)
+        complete = all([v.entry for v in sets] == wanted for sets in found.values())
+        there = closed and complete and np.array_equal(list(found), omega)
+        return there and self.cell.relaxed(problem) is not None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -92,8 +100,8 @@ class RefutationClaim(Frozen):
 
     def verify(self, exact: bool = False) -> bool:
         """Return whether the certificate is about the problem, says more than 1, and holds evaluated anew; see `SupportClaim`."""
-        proof, n = self.certificate, self.sarason.pair.order
-        fits = proof.samples.shape == self.rows.y.shape and proof.ball.shape == (n, n)
+        proof = self.certificate
+        fits = proof.samples.shape == self.rows.y.shape and proof.ball.shape == self.sarason.shape
         numbers = all(np.all(np.isfinite(a)) for a in (proof.samples, proof.ball, proof.upper))
         if not (fits and numbers and proof.value > 1):
             return False
@@ -108,14 +116,16 @@ def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | Non
 
 
 def union_of(kept: Sequence[KeptCell], nominal: Complex, angles: Real) -> tuple[Real, Real]:
-    """Bound of |F - nominal|, (F,), and range of |F|, (F, 2), over all systems with poles in a cell that is kept."""
-    upper, low, high = np.zeros(angles.size), np.full(angles.size, np.inf), np.zeros(angles.size)
+    """Bound of |F - nominal|, (F, ny, nu), and range of |F|, (F, ny, nu, 2), over all systems with poles in a cell that is kept."""
+    shape = nominal.shape
+    upper, low, high = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape)
     for item in kept:
-        slack = item.cell.remainder(angles).sum(axis=1)
-        far, least, most = np.inf, 0.0, np.inf
-        if item.values:
-            far = np.array([v.farthest(m)[0] for v, m in zip(item.values, nominal, strict=True)])
-            least, most = np.array([v.magnitude for v in item.values]).T
+        slack = item.cell.slack(angles)
+        far, least, most = np.full(shape, np.inf), np.zeros(shape), np.full(shape, np.inf)
+        for entry in np.ndindex(*shape[1:]) if item.values else ():
+            sets, at = item.of_entry(*entry), (slice(None), *entry)
+            far[at] = [one.farthest(m)[0] for one, m in zip(sets, nominal[at].tolist(), strict=True)]
+            least[at], most[at] = np.array([one.magnitude for one in sets]).T
         upper, high = np.maximum(upper, far + slack), np.maximum(high, most + slack)
         low = np.minimum(low, np.maximum(0.0, least - slack))
-    return upper, np.stack([low, high], axis=1)
+    return upper, np.stack([low, high], axis=-1)

@@ -90,20 +90,21 @@ def _pack_band(band: WorstCaseOverPoles) -> tuple[Record, Arrays]:
 
 def _unpack_band(record: Record, arrays: Arrays) -> WorstCaseOverPoles:
     identification = rebuild(record["identification"], arrays)
-    dt, ends = identification.problem.dt, part(arrays, _BOX)
+    problem, ends = identification.problem, part(arrays, _BOX)
     box = box_of(identification, ends["omega"], ends["damping"], as_count("delay", record["delay"]))
     kept: list[KeptCell] = []
     refuted: list[RefutedCell] = []
     for k in range(record["kept"]):
         mine = part(arrays, _KEPT.format(k))
-        kept.append(KeptCell(_cell(box, mine), tuple(unpack_values(part(mine, _VALUES), dt))))
+        kept.append(KeptCell(_cell(box, mine), tuple(unpack_values(part(mine, _VALUES), problem.dt, problem.entries))))
     for k in range(record["refuted"]):
         mine = part(arrays, _REFUTED.format(k))
         proof = MarginCertificate(mine["samples"], mine["ball"], *mine["limits"].tolist())
         refuted.append(RefutedCell(_cell(box, mine), proof))
     numbers = part(arrays, _BAND)
-    count = numbers["omega"].size
-    if not kept or [numbers[name].shape for name in ("upper", "magnitude")] != [(count, 1, 1), (count, 2)]:
+    shape = numbers["omega"].size, *problem.entries.shape
+    wanted = shape, ((shape[0], 2) if problem.entries.single else (*shape, 2))
+    if not kept or (numbers["upper"].shape, numbers["magnitude"].shape) != wanted:
         raise ValueError("it keeps no cell, or its bounds are not those of its frequencies")
     return WorstCaseOverPoles(
         identification=identification,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import responses
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
 from robustid.identification import largest_ratio
@@ -68,11 +69,22 @@ def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
     _, i, j = np.unravel_index(np.argmax(found.error.upper), (1, 2, 2))
     (words,) = (finding for finding in found.findings if "Every consistent system" in finding)
     assert f"(largest at 9.5493 Hz (y{i + 1} / u{j + 1}))" in words
+
+
+@pytest.mark.slow
+def test_a_run_covers_the_box_of_the_poles_of_a_matrix(folder):
+    truth, _, frf = measured(count=20)
     rid.save("two.npz", frf)
-    modes = {"hz": [4.0], "damping": [0.03], "hz_interval": [[3.9, 4.1]], "damping_interval": [[0.02, 0.04]]}
-    asked = ask(folder, {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True}})
-    with pytest.raises(rid.InputError, match=r"over_poles = true bounds one entry: add entry = \[output, input\]"):
-        rid.run(asked, "out")
+    modes = {"hz": HZ[:2].tolist(), "damping": damping_of(truth).tolist(), "delay": 1}
+    for name, part in (("hz", 1e-3), ("damping", 1e-2)):
+        modes[f"{name}_interval"] = [[one * (1 - part), one * (1 + part)] for one in modes[name]]
+    asked = {"frequency": [{"file": "two.npz"}], "modes": modes, "worst_case": {"over_poles": True, "at_hz": [5.0]}}
+    found = rid.run(ask(folder, asked), "out")
+    assert any("With the poles anywhere in the pole-uncertainty box: within" in words for words in found.findings)
+    band = found.over_poles
+    off = responses(truth, band.omega * 0.01) - band.nominal
+    assert np.all(np.abs(off) <= band.upper)
+    assert "Every entry" in (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

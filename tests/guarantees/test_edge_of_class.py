@@ -5,38 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees.value_set import norm_of_bounds
-
-SHAPES = (2, 2), (2, 3), (3, 2)
-
-
-def inner(rng, p, q, zeta):
-    """U diag(b_k(zeta)) V with Blaschke factors b_k and orthonormal columns and rows: of norm 1 wherever |zeta| = 1, (F, p, q)."""
-    rank = min(p, q)
-    U, V = (np.linalg.qr(rng.standard_normal((size, rank)))[0] for size in (p, q))
-    zeros = rng.uniform(-0.9, 0.9, (2, rank))
-    factors = np.prod([(zeta[:, None] - a) / (1 - a * zeta[:, None]) for a in zeros], axis=0)
-    return np.einsum("ik,fk,jk->fij", U, factors, V)
-
-
-def edge_problem(seed):
-    """(problem, truth at angles, residues): 2x2, 2x3 and 3x2, one mode of free residues, and an inner function times K."""
-    rng = np.random.default_rng(seed)
-    (p, q), rho, gain, bound = SHAPES[seed % 3], rng.uniform(1.1, 1.4), rng.uniform(0.5, 2), 0.1
-    basis = rid.kautz([rng.uniform(0.5, 1.5)], [0.03], dt=1.0, delay=1)
-    residues, state = rng.standard_normal((2, p, q)), rng.bit_generator.state
-
-    def truth(angles):
-        again = np.random.default_rng()
-        again.bit_generator.state = state
-        rest = gain * inner(again, p, q, np.exp(-1j * angles) / rho)
-        return rest + np.tensordot(basis.response(angles), residues, 1)
-
-    lines = np.sort(rng.uniform(0.1, 3.0, 8))
-    values = truth(lines)
-    values = values + bound * np.exp(2j * np.pi * rng.random(values.shape))
-    frf = rid.FrequencyResponse(lines, values, bound=bound * (1 + 1e-9), dt=1.0)
-    prior = rid.Prior(gain_bound=gain, decay_rate=rho)
-    return rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), truth, residues
+from support.edge_plants import edge_problem, inner
 
 
 def test_an_inner_function_has_norm_one_on_the_circle():

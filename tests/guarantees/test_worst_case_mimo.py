@@ -433,7 +433,6 @@ def test_half_widths_of_matrices_are_below_the_errors():
 @pytest.mark.parametrize(
     ("name", "ask"),
     [
-        ("worst_case_over_poles", lambda result: rid.worst_case_over_poles(result, [[0.7, 0.9]], [[0.04, 0.06]])),
         ("suggest_next", rid.suggest_next),
     ],
 )

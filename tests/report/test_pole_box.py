@@ -13,8 +13,9 @@ import robustid as rid
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, write_report
 from robustid.report.sections import pole_box
-from robustid.report.sections.pole_box import box_table, pole_box_chart
+from robustid.report.sections.pole_box import box_table, entry_table, pole_box_chart
 from robustid.report.words import at_most
+from support import matrix_pages
 from support.report_pages import NASTY, Page, identified, named
 
 pytestmark = pytest.mark.quick
@@ -171,3 +172,23 @@ def test_misuse_is_named(band: WorstCaseOverPoles, tmp_path: Path) -> None:
     ):
         write_report(band.identification, tmp_path / "a.html", over_poles=1)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_matrix_is_drawn_by_its_largest_singular_value_and_has_its_entries_in_a_table() -> None:
+    frf, middle = matrix_pages.measured(1, 2, lines=5, modes=1), np.array([[6.0 * 2 * np.pi], [0.01]])
+    basis = rid.kautz(*middle, dt=matrix_pages.DT, delay=1)
+    result = rid.identify(
+        rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2, decay_rate=1.1), parametric=basis)
+    )
+    box = (end[:, None] * [0.9999, 1.0001] for end in middle)
+    found = rid.worst_case_over_poles(result, *box, omega=frf.omega[2:3], directions=3)
+    magnitude, errors = pole_box_chart(found).panels
+    np.testing.assert_array_equal(named(errors, "error over the box").y, found.sigma_upper)
+    assert magnitude.title == "Singular values"
+    rows = entry_table(found).rows
+    assert [row[:2] for row in rows] == [("y", "u1"), ("y", "u2")]
+    assert rows[1][2] == at_most(found.upper[0, 0, 1])
+    page = Page(render_report(result, over_poles=found))
+    assert f"within {at_most(found.sigma_upper.max())} of the nominal model" in page.text
+    assert "largest singular value of the difference" in page.text
+    assert f"All {found.claim_count} certificates" in page.text

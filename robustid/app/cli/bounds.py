@@ -72,7 +72,7 @@ def bounds(
     terminal.say_written(console, *written)
     if how.over_poles:
         with in_words(words), _resumable(console, resume):
-            band = _over_poles(console, error, spread)
+            band = _over_poles(console, error, spread | {"time_limit": how.time_limit})
         if band is None:
             say(console, _GIVEN)
         else:

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import response
 from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
 from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict
-from robustid.report.identified import about, in_unit, transfer
+from robustid.report.identified import about, in_unit, sigma_unit, siso, transfer
 from robustid.report.sections.claims import certificates, checked
-from robustid.report.sections.frequency import frequency_charts
+from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import BAND, band_around, bounded_model, error_range
 from robustid.report.style import ALERT, FAINT, FURTHER
 from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
@@ -30,6 +29,9 @@ def pole_box_section(
     checked("over_poles", band, WorstCaseOverPoles, "worst_case_over_poles", identification)
     words = "Proved at the marked frequencies; between them the ranges are interpolated for the eye."
     words += " 0 Hz is drawn at the left end." if band.omega[0] == 0 else ""
+    single = siso(identification)
+    if not single:
+        words += " No singular value is farther from that of the model than the largest one of the difference."
     return [
         Heading("Guarantee over a pole-uncertainty box"),
         Text(sentence(band), id="box-sentence"),
@@ -38,7 +40,8 @@ def pole_box_section(
         Heading("The pole-uncertainty box", 3),
         box_table(band),
         Text("f is the natural frequency. Left: the smallest box around the cells that are not refuted.", "soft"),
-        Heading("Response with its guaranteed ranges", 3),
+        *([] if single else [Heading("Every entry", 3), entry_table(band)]),
+        Heading(f"{'Response' if single else 'Largest singular value'} with its guaranteed ranges", 3),
         Text(words, "soft"),
         Drawing(pole_box_chart(band, error)),
     ]
@@ -47,17 +50,22 @@ def pole_box_section(
 def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None) -> Chart:
     """Magnitude with its guaranteed range over the pole-uncertainty box, beside that at the fixed poles, and both errors.
 
-    Over the frequencies of the band; between them the distance of each end of a range from the model is interpolated: nothing is
-    proved there.
+    MIMO: of the largest singular value. Over the frequencies of the band; between them the distance of each end of a range from the
+    model is interpolated: nothing is proved there.
     """
     name, model, own = bounded_model(band)
     fixed = _beside(band, error)
     omega = band.omega if fixed is None else np.union1d(band.omega, fixed.omega)
-    magnitude = frequency_charts(band.identification, None if own else {name: model}, omega)[0].panels[0]
+    further = None if own else {name: model}
+    if siso(band.identification):
+        magnitude = frequency_charts(band.identification, further, omega)[0].panels[0]
+    else:
+        name, magnitude = LARGEST + name, sigma_chart(band.identification, further, omega).panels[0]
     x = _reach(band, magnitude.x)
     curve, bottom = named(magnitude, name), (magnitude.y.range or (0.0, 1.0))[0]
     shown = curve.y[(curve.x >= x.range[0]) & (curve.x <= x.range[1])] if x.range else curve.y
-    ends = band.magnitude[np.isfinite(band.magnitude)]
+    ends = _sizes(band)
+    ends = ends[np.isfinite(ends)]
     span = max(bottom, 0.5 * float(shown.min())), 1.5 * float(max(shown.max(), ends.max(initial=0.0)))
     areas = _area(f"any pole in the box ({band.omega.size} frequencies)", BOX, curve, band, band, span)
     if fixed is not None:
@@ -88,18 +96,29 @@ def _area(
 ) -> list[Layer]:
     """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
     proved = bounded.omega > 0  # a logarithmic axis has no 0
-    omega = bounded.omega[proved]
-    size = np.abs(response(band.model, omega * band.identification.problem.dt))
-    offsets = np.minimum(bounded.magnitude[proved], 10 * span[1]) - size[:, None]
-    found = band_around(name, curve, omega / HZ, offsets, span[0])
+    offsets = np.minimum(_sizes(bounded), 10 * span[1]) - _largest(bounded)[:, None]
+    found = band_around(name, curve, bounded.omega[proved] / HZ, offsets[proved], span[0])
     return [dataclasses.replace(layer, colour=colour) for layer in found]
+
+
+def _largest(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
+    """Size of the response of the model, (F,): its largest singular value."""
+    return np.linalg.norm(bounded.nominal.reshape(bounded.upper.shape), 2, axis=(1, 2))
+
+
+def _sizes(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
+    """Guaranteed range of the size of the response, (F, 2); MIMO: of its largest singular value."""
+    if siso(bounded.identification):
+        return bounded.magnitude
+    # No singular value moves by more than the largest one of what is added.
+    return np.maximum(_largest(bounded)[:, None] + bounded.sigma_upper[:, None] * np.array([-1.0, 1.0]), 0.0)
 
 
 def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> Panel:
     left = x.range[0] if x.range else 0.0
-    shown = [("error over the box", band.omega, band.upper.ravel(), BOX, "solid", "square")]
+    shown = [("error over the box", band.omega, band.sigma_upper, BOX, "solid", "square")]
     if fixed is not None:
-        shown.append(("error at the fixed poles", fixed.omega, fixed.upper.ravel(), ALERT, "dash", "circle"))
+        shown.append(("error at the fixed poles", fixed.omega, fixed.sigma_upper, ALERT, "dash", "circle"))
     layers = []
     for name, omega, upper, colour, dash, marker in shown:
         hover = tuple(f"{number(w / HZ, 6)} Hz: at most {number(high)}" for w, high in zip(omega, upper, strict=True))
@@ -111,6 +130,8 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
     at = np.full(2, max(band.next_line / HZ, left))
     layers.append(Layer(name=f"measure next: {_next(band)}", x=at, y=np.array(span), colour=FAINT, dash="dot"))
     label = f"error |F − model| of\n{transfer(band.identification)}"
+    if not siso(band.identification):
+        label = f"σmax(F − model){sigma_unit(band.identification)}"
     y_axis = Axis(label=label, log=True, range=span)
     title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
     return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
@@ -122,19 +143,19 @@ def _next(band: WorstCaseOverPoles) -> str:
 
 def sentence(band: WorstCaseOverPoles) -> str:
     """The guarantee in plain words."""
-    upper, where = band.upper.ravel(), at_frequencies(band.omega)
+    upper, where = band.sigma_upper, at_frequencies(band.omega)
     known = np.isfinite(upper)
     if not known.all():
         return (
             f"The box is too wide: at {np.sum(~known)} of the frequencies nothing is guaranteed ({where}), so that a plant whose"
             " poles lie elsewhere in it may be arbitrarily far from the model."
         )
-    size = np.abs(response(band.model, band.omega * band.identification.problem.dt))
-    relative = float(np.median(upper / np.maximum(size, np.finfo(float).tiny)))
+    relative = float(np.median(upper / np.maximum(_largest(band), np.finfo(float).tiny)))
+    norm = "" if siso(band.identification) else " (largest singular value of the difference)"
     return (
         f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
-        f" {in_unit(at_most(upper.max()), band.identification)} of the {bounded_model(band)[0]}, {where}; the median is"
+        f" {in_unit(at_most(upper.max()), band.identification)} of the {bounded_model(band)[0]}{norm}, {where}; the median is"
         f" {at_most(100 * relative)} % of the response."
     )
 
@@ -143,7 +164,7 @@ def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[s
     """The fixed poles, the cells, what to measure next and what is assumed, with their words."""
     out = []
     if (fixed := _beside(band, error)) is not None:
-        largest = in_unit(at_most(fixed.upper.max()), band.identification)
+        largest = in_unit(at_most(fixed.sigma_upper.max()), band.identification)
         words = f"With the poles of the model the error at {fixed.omega.size} frequencies in this range is at most {largest}."
         words += " Poles that were taken from data are known up to a box: then that over the box is the guarantee that holds."
         out.append(("At the fixed poles", words))
@@ -155,10 +176,16 @@ def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[s
         (
             "Assumed",
             "Besides the class named above, in place of its poles: as many modes as the model has, poles inside the box, and"
-            f" amplitudes of the modes at most {AMPLITUDE:g} times the model’s. Data can refute assumptions, never prove them.",
+            f" amplitudes of the modes at most {AMPLITUDE:g} times the model’s{_entries(band)}. Data can refute assumptions, never"
+            " prove them.",
         )
     )
     return out
+
+
+def _entries(band: WorstCaseOverPoles) -> str:
+    part = "; in an entry that hardly has a mode, a fifth of what the others suggest"
+    return "" if siso(band.identification) else f" in every entry{part}"
 
 
 def verdict(band: WorstCaseOverPoles) -> Verdict:
@@ -167,6 +194,17 @@ def verdict(band: WorstCaseOverPoles) -> Verdict:
         return certificates(band.claim_count, band.verify(), "box-certificates")
     sentence = "The cells leave out a part of the box. Don’t rely on these numbers."
     return Verdict("failed", "Not proved", sentence, id="box-certificates")
+
+
+def entry_table(band: WorstCaseOverPoles) -> Table:
+    """Largest guaranteed error of every entry, and where it is possible."""
+    problem, rows = band.identification.problem, []
+    for i, j in np.ndindex(*band.upper.shape[1:]):
+        k = int(np.argmax(band.upper[:, i, j]))
+        at = number(float(band.omega[k]) / HZ, 5)
+        rows.append((str(problem.outputs[i]), str(problem.inputs[j]), at_most(float(band.upper[k, i, j])), at))
+    heads = Column("output"), Column("input"), Column("error at most", "n"), Column("at [Hz]", "n")
+    return Table(list(heads), rows)
 
 
 def box_table(band: WorstCaseOverPoles) -> Table:
