@@ -266,7 +266,7 @@ def worst_case_over_poles(
     Notes
     -----
     Assumes the number of modes, and amplitudes at most twice those of the identified model. MIMO: of every entry; in an entry where
-    the model hardly has a mode, at most twice a tenth of what its other entries, as a matrix of rank one, suggest.
+    the model hardly has a mode, at most what its other entries, as a matrix of rank one, suggest.
 
     Examples
     --------

@@ -22,7 +22,7 @@ AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model
 _REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
 # Least amplitudes of entries in which the model hardly has a mode, as parts: of the entry's largest mode, and of what the other
 # entries of its row and column suggest, since modes are of rank one.
-_FLOOR, _WEAK = 1e-3, 0.1
+_FLOOR, _WEAK = 1e-3, 0.5
 _ROUNDING = 1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4
 _WIDER = 1 + 1e-9  # the same for products
 _ENDLESS = 1e200  # stands for a remainder that does not converge

@@ -184,7 +184,7 @@ def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[s
 
 
 def _entries(band: WorstCaseOverPoles) -> str:
-    part = "; in an entry that hardly has a mode, a fifth of what the others suggest"
+    part = "; in an entry that hardly has a mode, what the others suggest"
     return "" if siso(band.identification) else f" in every entry{part}"
 
 
