@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, as_count, as_kind, as_positive, one_thread
+from robustid.core import Budget, Progress, Real, as_array, as_count, as_kind, as_positive, one_thread
 from robustid.data import TimeRecord
-from robustid.guarantees import WorstCaseError, check_siso, response_tube, worst_case_error
-from robustid.identification import Identification, MixedProblem
+from robustid.errors import InputError
+from robustid.guarantees import WorstCaseError, bounds_of_entries, output_errors, worst_case_error
+from robustid.identification import Identification, MixedProblem, entry_name
+
+_log = logging.getLogger("robustid")
 
 _DIRECTIONS, _RTOL = 12, 0.1
 _FREQUENCIES = 24  # of the default candidates, besides those of the parametric poles
@@ -22,6 +26,8 @@ class NextMeasurement:
     """One candidate, and the effect of its measurement on the worst-case error there.
 
     Errors of a frequency are those of the response; errors of a time sample those of the output, divided by the largest input.
+    MIMO: at a frequency the response to one input is measured, at a time sample all outputs are; the numbers are those of the
+    entry that gains most.
 
     Attributes
     ----------
@@ -32,6 +38,10 @@ class NextMeasurement:
         Present worst-case error of the model there: attained, and proved.
     bound : float
         Error bound eps of the measurement.
+    entry : (int, int)
+        Output and input that the errors are about; of a time sample the input that moves this output most.
+    name : str
+        The entry in words; empty for SISO.
     """
 
     kind: str
@@ -39,6 +49,8 @@ class NextMeasurement:
     lower: float
     upper: float
     bound: float
+    entry: tuple[int, int] = (0, 0)
+    name: str = ""
 
     @property
     def remaining(self) -> float:
@@ -57,6 +69,7 @@ class NextMeasurement:
 
     def __str__(self) -> str:
         place = f"{self.at / (2 * np.pi):.5g} Hz" if self.kind == "frequency" else f"time samples to {self.at:.5g} s"
+        place += f" ({self.name})" if self.name else ""
         return (
             f"{place}: worst-case error now {self.upper:.4g} (attained {self.lower:.4g}); measured to {self.bound:.4g} it loses at"
             f" least {self.guaranteed:.4g}"
@@ -65,7 +78,13 @@ class NextMeasurement:
 
 @one_thread()
 def suggest_next(
-    identification: Identification | WorstCaseError, *, candidates: Any = None, bound: Any = None, count: int = 5
+    identification: Identification | WorstCaseError,
+    *,
+    candidates: Any = None,
+    bound: Any = None,
+    count: int = 5,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> list[NextMeasurement]:
     """Rank candidate measurements by the worst-case error that each is guaranteed to remove.
 
@@ -90,16 +109,22 @@ def suggest_next(
         frequency points (and below and above them), and the frequencies of the parametric poles. Where there is a record with
         zero initial conditions, "more time samples" is a candidate too, unless `candidates` are given: the longest record
         continued to twice its length, its last input held, at the sample where the prediction is worst.
-    bound : float, optional
-        eps. Default: the median bound of the frequency points; without any the median of the time bounds, each
-        divided by the largest input of its record. A time sample always takes the median bound of its record.
+    bound : float or (ny, nu) array, optional
+        eps, of every entry. Default: the median bound of its frequency points; without any the median of the time bounds, each
+        divided by the largest input of its record; of an entry that was not measured, that of the others. A time sample
+        always takes the median bound of its record.
     count : int
         Length of the list at most.
+    time_limit : float, optional
+        Seconds; then, and on Ctrl-C, the candidates that are finished are ranked, spread over the range, and a warning says so.
+    progress : callable (done, all), optional
+        Frequencies.
 
     Returns
     -------
     list of NextMeasurement
-        By `guaranteed`, largest first; equal ones by `upper`.
+        By `guaranteed`, largest first; equal ones by `upper`. MIMO: one for every frequency and input, with the output that gains
+        most; entries are compared in units of the prior's scaling.
 
     Raises
     ------
@@ -124,41 +149,89 @@ def suggest_next(
     (1.7, True)
     """
     count = as_count("count", count, least=1)
-    eps = None if bound is None else as_positive("bound", bound)
     kinds = (Identification, WorstCaseError)
     as_kind("identification", identification, kinds, "an Identification or a WorstCaseError")
     given = identification.identification if isinstance(identification, WorstCaseError) else identification
-    check_siso(given.problem, "suggest_next")
+    problem, budget = given.problem, Budget(time_limit)
+    eps = _usual_bounds(problem) if bound is None else _stated(bound, problem)
+    limits: dict[str, Any] = {"time_limit": time_limit, "progress": progress}
     if not isinstance(identification, WorstCaseError):
-        omega = _between(given.problem) if candidates is None else candidates
-        error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL)
+        omega = _between(problem) if candidates is None else candidates
+        error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL, **limits)
+        _tell(error, omega)
     elif candidates is None:
         error = identification
     else:
         directions, model = identification.directions, identification.model
-        error = worst_case_error(given, model=model, omega=candidates, directions=directions)
-    eps = _usual_bound(given.problem) if eps is None else eps
-    ends = zip(error.omega.tolist(), error.lower.ravel().tolist(), error.upper.ravel().tolist(), strict=True)
-    found = [NextMeasurement("frequency", at, low, high, eps) for at, low, high in ends]
-    if candidates is None:
-        found += _continued(given, error.model)
-    return sorted(found, key=lambda item: (-item.guaranteed, -item.upper))[:count]
+        error = worst_case_error(given, model=model, omega=candidates, directions=directions, **limits)
+        _tell(error, candidates)
+    scales = problem.prior.scales(*problem.entries.shape)
+
+    def rank(item: NextMeasurement) -> tuple[float, float]:
+        scale = float(scales[item.entry])
+        return -item.guaranteed / scale, -item.upper / scale
+
+    columns = [
+        [
+            _measured(problem, "frequency", at, error.lower[k, i, j], error.upper[k, i, j], eps[i, j], (i, j))
+            for i in range(problem.entries.outputs)
+        ]
+        for k, at in enumerate(error.omega.tolist())
+        for j in range(problem.entries.inputs)
+    ]
+    found = [min(column, key=rank) for column in columns]
+    if candidates is None and not budget.over:
+        continued = _continued(given, error.model, scales)
+        found += [min(continued, key=rank)] if continued else []
+    return sorted(found, key=rank)[:count]
 
 
-def _usual_bound(problem: MixedProblem) -> float:
-    """Median bound of the frequency points, or of the time samples as a gain."""
-    lines = [frf.bound.outer_radius[:, 0, 0] for frf in problem.frequency]
-    if lines:
-        return float(np.median(np.concatenate(lines)))
-    return float(np.median(np.concatenate([_used_bounds(t) / _drive(t) for t in problem.time])))
+def _tell(error: WorstCaseError, candidates: Any) -> None:
+    """Say how many candidates the time has left out."""
+    if error.omega.size < (asked := np.unique(candidates).size):
+        _log.warning("suggest_next: %d of %d candidate frequencies were finished in time", error.omega.size, asked)
 
 
-def _used_bounds(record: TimeRecord) -> Real:
-    return record.bound.radius[record.bound.used]
+def _measured(
+    problem: MixedProblem, kind: str, at: float, lower: float, upper: float, eps: float, entry: tuple[int, int]
+) -> NextMeasurement:
+    name = entry_name(problem, entry)
+    return NextMeasurement(kind, at, float(lower), float(upper), float(eps), entry, name)
 
 
-def _drive(record: TimeRecord) -> float:
-    return float(np.abs(record.u).max()) or 1.0
+def _stated(bound: Any, problem: MixedProblem) -> Real:
+    """The bound of every entry, checked, (ny, nu)."""
+    shape = problem.entries.shape
+    if np.ndim(bound) == 0:
+        return np.full(shape, as_positive("bound", bound))
+    eps = as_array("bound", bound)
+    if eps.shape != shape or np.any(eps <= 0):
+        raise InputError(f"`bound` must be positive, one number or one of every entry, {shape}; got {eps.tolist()}")
+    return eps
+
+
+def _usual_bounds(problem: MixedProblem) -> Real:
+    """Median bound of the frequency points of every entry, or of the time samples as a gain, (ny, nu)."""
+    lines = [bounds_of_entries(frf, frf.bound.outer_radius) for frf in problem.frequency]
+    eps = np.full(problem.entries.shape, np.nan)
+    for i, j in np.ndindex(*eps.shape):
+        seen = [radius[:, i, j] for radius in lines]
+        if not lines:
+            seen = [_used_bounds(t, i) / drive for t in problem.time if (drive := _drive(t, j)) > 0]
+        known = np.concatenate([np.zeros(0), *seen])
+        known = known[np.isfinite(known)]
+        eps[i, j] = np.median(known) if known.size else np.nan
+    scales = problem.prior.scales(*eps.shape)
+    return np.where(np.isnan(eps), scales * np.nanmedian(eps / scales), eps)
+
+
+def _used_bounds(record: TimeRecord, output: int) -> Real:
+    bounds = record.bound.radius[:, output]
+    return bounds[np.isfinite(bounds)]
+
+
+def _drive(record: TimeRecord, input: int) -> float:
+    return float(np.abs(record.u[:, input]).max())
 
 
 def _between(problem: MixedProblem) -> Real:
@@ -176,16 +249,25 @@ def _between(problem: MixedProblem) -> Real:
     return np.concatenate(grid)
 
 
-def _continued(given: Identification, model: Any) -> list[NextMeasurement]:
-    """The sample of the continued record at which the prediction is worst."""
+def _continued(given: Identification, model: Any, scales: Real) -> list[NextMeasurement]:
+    """Of every output that it measures the sample of the continued record at which the prediction is worst."""
     records = [t for t in given.problem.time if t.initial == "rest"]
     if not records:
         return []
     record = max(records, key=lambda t: t.u.shape[0])
     held = record.u.shape[0]
-    u = np.concatenate([record.u[:, 0], np.full(held, record.u[-1, 0])])
-    samples = np.round(np.linspace(float(held), float(2 * held - 1), min(held, _SAMPLES)))
-    tube = response_tube(given, input=u, model=model, times=np.unique(samples) * record.dt, gap=_RTOL / 5)
-    worst, drive = int(np.argmax(tube.error_upper)), _drive(record)
-    ends = float(tube.error_lower[worst]) / drive, float(tube.error_upper[worst]) / drive
-    return [NextMeasurement("time", float(tube.times[worst]), *ends, float(np.median(_used_bounds(record))) / drive)]
+    u = np.concatenate([record.u, np.repeat(record.u[-1:], held, axis=0)])
+    samples = (
+        np.unique(np.round(np.linspace(float(held), float(2 * held - 1), min(held, _SAMPLES)))).astype(int).tolist()
+    )
+    lower, upper = output_errors(given, u, model, samples, _RTOL / 5)
+    found: list[NextMeasurement] = []
+    for i, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
+        bounds = _used_bounds(record, i)
+        if not bounds.size:
+            continue
+        j = int(np.argmax([scale * _drive(record, k) for k, scale in enumerate(scales[i].tolist())]))
+        worst, drive = int(np.argmax(high)), _drive(record, j) or 1.0
+        ends = low[worst] / drive, high[worst] / drive, float(np.median(bounds)) / drive
+        found.append(_measured(given.problem, "time", samples[worst] * record.dt, *ends, (i, j)))
+    return found

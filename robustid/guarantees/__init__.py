@@ -6,6 +6,7 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
+from robustid.guarantees.horizon import output_errors
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, check_siso, default_grid
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
@@ -18,6 +19,7 @@ from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unite import family
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
+from robustid.guarantees.widening import bounds_of_entries
 from robustid.guarantees.withheld import Band, Coverage, band_of_others, coverage
 from robustid.guarantees.worst_case import LEAST, MOST, WorstCaseError, worst_case_error
 
@@ -46,6 +48,7 @@ __all__ = [
     "WorstCaseOverPoles",
     "as_frequencies",
     "band_of_others",
+    "bounds_of_entries",
     "box_of",
     "chance_of_order",
     "check_siso",
@@ -57,6 +60,7 @@ __all__ = [
     "family",
     "magnitude_weight",
     "norm_of_bounds",
+    "output_errors",
     "ranked",
     "refute",
     "response_tube",

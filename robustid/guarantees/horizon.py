@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, freeze, threads_for
+from robustid.core import Frozen, Real, freeze, simulate, threads_for
 from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consistent_set
 from robustid.identification import Functional, Identification, SupportCertificate
 from robustid.identification.formulation import formulate_over
@@ -106,6 +109,19 @@ def consistent_outputs(identification: Identification, u: Real) -> Outputs:
         # Tails take from the bounds: a set that is thinner has an outer neighbour in its place, whose bounds hold all the more.
         level = max(own.level, identification.margin + 3 * float(posed.data.rows.tail.max()))
         return Outputs(ConsistentSet(posed, analytic_center(posed.data, level), level), u)
+
+
+def output_errors(
+    identification: Identification, u: Real, model: Any, samples: Sequence[int], gap: float
+) -> tuple[Real, Real]:
+    """Largest |y_k - that of a model| of every output at some samples under a known input (T, nu): attained and proved, (k, ny)."""
+    outputs, nominal = consistent_outputs(identification, u), simulate(model, u)[0][list(samples)]
+    lower, upper = np.zeros(nominal.shape), np.zeros(nominal.shape)
+    for row, output, sign in itertools.product(range(len(samples)), range(nominal.shape[1]), (-1.0, 1.0)):
+        found, own = outputs.extreme(samples[row], sign, gap, output), sign * nominal[row, output]
+        lower[row, output] = max(lower[row, output], found.attained - own)
+        upper[row, output] = max(upper[row, output], found.upper - own)
+    return lower, upper
 
 
 def tail_bounds(A: Real, B: Real, C: Real, start: int) -> tuple[Real, Real]:

@@ -57,19 +57,20 @@ def widened_record(record: TimeRecord, rest: Real) -> TimeRecord:
 def smallest_bounds(problem: MixedProblem) -> Real:
     """The smallest bound that a sample gives to every entry, (ny, nu); inf where none sees it."""
     found = [np.full(problem.entries.shape, np.inf)]
-    for points in problem.frequency:
-        radius = points.bound.inner_radius
-        if isinstance(points, TangentialResponse):
-            weights = np.abs(points.weights)
-            shape = weights.shape
-            each = np.divide(radius[..., None, None], weights, out=np.full(shape, np.inf), where=weights > 0)
-            found.append(each.min(axis=(0, 1, 2)))
-        else:
-            found.append(radius.min(axis=0))
+    found += [bounds_of_entries(points, points.bound.inner_radius).min(axis=0) for points in problem.frequency]
     for record in problem.time:
         drive = np.maximum(np.abs(record.u).max(axis=0), np.finfo(float).tiny)
         found.append(record.bound.radius.min(axis=0)[:, None] / drive)
     return np.min(found, axis=0)
+
+
+def bounds_of_entries(points: Points, radius: Real) -> Real:
+    """What the bounds of frequency points leave to every entry alone at best, (F, ny, nu); inf where it isn't seen."""
+    if not isinstance(points, TangentialResponse):
+        return radius
+    weights = np.abs(points.weights)
+    each = np.divide(radius[..., None, None], weights, out=np.full(weights.shape, np.inf), where=weights > 0)
+    return each.min(axis=(1, 2))
 
 
 def _through(weights: np.ndarray, extra: Real) -> Real:

@@ -430,17 +430,6 @@ def test_half_widths_of_matrices_are_below_the_errors():
     assert 0.5 * largest < median == worst <= largest
 
 
-@pytest.mark.parametrize(
-    ("name", "ask"),
-    [
-        ("suggest_next", rid.suggest_next),
-    ],
-)
-def test_what_is_for_one_channel_says_so(error, name, ask):
-    with pytest.raises(rid.InputError, match=f"`{name}` is for one input and one output; got 2 outputs and 2 inputs"):
-        ask(error.identification)
-
-
 @pytest.mark.parametrize("joint", ["column", "matrix"])
 def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
     """At a frequency point sigma(F - N) <= sigma(y - N) + r, where the entries alone would give twice that for 2x2."""

@@ -101,7 +101,7 @@ class ConvexData(Frozen):
 
         Infinite where a parameter is outside its interval.
         """
-        return float(self.rows.ratio(x, p).max()) if self.rows.within(p) else np.inf
+        return float(self.rows.ratio(x, p).max(initial=0.0)) if self.rows.within(p) else np.inf
 
     def direction(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
         """The w with w'q = along'(p - origin)."""
