@@ -158,13 +158,13 @@ def suggest_next(
     if not isinstance(identification, WorstCaseError):
         omega = _between(problem) if candidates is None else candidates
         error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL, **limits)
-        _tell(error, omega)
     elif candidates is None:
         error = identification
     else:
         directions, model = identification.directions, identification.model
         error = worst_case_error(given, model=model, omega=candidates, directions=directions, **limits)
-        _tell(error, candidates)
+    if error.missing.size:
+        _log.warning("suggest_next: %s", error.unfinished)
     scales = problem.prior.scales(*problem.entries.shape)
 
     def rank(item: NextMeasurement) -> tuple[float, float]:
@@ -184,12 +184,6 @@ def suggest_next(
         continued = _continued(given, error.model, scales)
         found += [min(continued, key=rank)] if continued else []
     return sorted(found, key=rank)[:count]
-
-
-def _tell(error: WorstCaseError, candidates: Any) -> None:
-    """Say how many candidates the time has left out."""
-    if error.omega.size < (asked := np.unique(candidates).size):
-        _log.warning("suggest_next: %d of %d candidate frequencies were finished in time", error.omega.size, asked)
 
 
 def _measured(

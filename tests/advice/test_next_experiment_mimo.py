@@ -103,6 +103,6 @@ def test_the_time_ends_it_with_what_is_finished(measured, caplog):
         )
     assert 2 <= len(found) < 100
     assert told[-1][1] == 50
-    assert "of 50 candidate frequencies were finished in time" in caplog.text
+    assert "of 50 frequencies are bounded" in caplog.text
     with pytest.raises(rid.InputError, match=r"`bound` must be positive, one number or one of every entry, \(2, 2\)"):
         suggest_next(error, bound=[0.1, 0.2])
