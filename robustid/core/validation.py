@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core.printing import short_repr
 from robustid.errors import InputError, InputTypeError
@@ -24,6 +25,9 @@ class Signal(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+_SMALL = 100  # numbers that are sent as they are
 
 
 class Frozen:
@@ -67,11 +71,26 @@ class _PackedModel(NamedTuple):
     name: str
 
 
+class _PackedRows(NamedTuple):
+    """An array of which at least half of the rows are zero: what is known of a part, among the numbers of the whole."""
+
+    length: int
+    rows: np.ndarray
+    values: np.ndarray
+
+
 def _pack(value: Any) -> Any:
     if type(value).__module__.startswith("control.") and type(value).__name__ == "StateSpace":
         matrices = (value.A, value.B, value.C, value.D)
         return _PackedModel(*matrices, value.dt, value.input_labels, value.output_labels, value.name)
-    return value
+    return _without_zeros(cast("NDArray[Any]", value)) if isinstance(value, np.ndarray) else value
+
+
+def _without_zeros(array: NDArray[Any]) -> NDArray[Any] | _PackedRows:
+    if array.ndim not in (1, 2) or array.size <= _SMALL:
+        return array
+    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1))
+    return _PackedRows(len(array), rows, array[rows]) if 2 * rows.size <= len(array) else array
 
 
 def _unpack(value: Any) -> Any:
@@ -79,6 +98,10 @@ def _unpack(value: Any) -> Any:
         import control
 
         return control.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
+    if isinstance(value, _PackedRows):
+        whole = np.zeros((value.length, *value.values.shape[1:]), value.values.dtype)
+        whole[value.rows] = value.values
+        return whole
     return value
 
 

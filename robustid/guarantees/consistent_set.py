@@ -281,7 +281,7 @@ class ConsistentSet(Frozen):
         full = np.stack([gamma @ state for state in states], axis=1) + delta[:, :, None] * pair.c[0]
         # Of symmetric matrices the mean of both transposes: it has the same data, and is in the ball.
         start = dataclasses.replace(self.center, x=posed.problem.entries.collapse(full))
-        return ConsistentSet(posed, analytic_center(posed.data, self.level, [start]), self.level)
+        return set_of(posed, self.level, [start])
 
     def spreads(self, omega: Real) -> Real:
         """Half-widths (F, ny, nu) of the values of the entries in an ellipsoid that the set contains, at all frequencies at once.
@@ -339,7 +339,10 @@ def consistent_set(identification: Identification) -> ConsistentSet:
 
 def set_of(posed: Formulation, level: float, starts: Sequence[Candidate]) -> ConsistentSet:
     """The set at a level above the smallest margin; `starts` are points that may be inside."""
-    return ConsistentSet(posed, analytic_center(posed.data, level, starts), level)
+    none = np.zeros(0)  # what proofs the centre has serves nothing here, and would go to every worker
+    return ConsistentSet(
+        posed, dataclasses.replace(analytic_center(posed.data, level, starts), samples=none, ball=none), level
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,24 +13,39 @@ from robustid.guarantees.value_set import ValueSet, closes, directions_at
 from robustid.identification import SupportCertificate
 from robustid.identification.formulation import SINGLE, Entries
 
+_MASKS = "used_samples", "used_left", "used_right"
+
 
 def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
-    """Stacked multipliers of the samples, and the factors of Y behind each other; Y itself where that is smaller."""
+    """Stacked multipliers of the samples, and the factors of Y behind each other; Y itself where that is smaller.
+
+    Of those of a part of a problem without the zeros of the others: which rows are not zero is kept beside.
+    """
     certificates = list(certificates)
-    factors = [_smaller(c) for c in certificates]
-    return {
-        "samples": np.stack([c.samples for c in certificates]) if certificates else np.zeros((0, 0), complex),
+    used = [(c.samples != 0, c.left.any(axis=1), c.right.any(axis=1)) for c in certificates]
+    masks: Arrays = {}
+    if not all(one.all() for each in used for one in each):
+        flat = (np.concatenate(each) for each in zip(*used, strict=True))
+        masks = dict(zip(_MASKS, flat, strict=True))
+    else:
+        used = [(slice(None),) * 3] * len(certificates)
+    parts = [
+        (c.samples[at], *_smaller(c.left[high], c.right[wide]))
+        for c, (at, high, wide) in zip(certificates, used, strict=True)
+    ]
+    join = np.concatenate if masks else np.stack
+    return masks | {
+        "samples": join([samples for samples, *_ in parts]) if parts else np.zeros((0, 0), complex),
         "order": np.array([c.left.shape[0] for c in certificates], int),
         "width": np.array([c.right.shape[0] for c in certificates], int),
-        "rank": np.array([-1 if len(f) == 1 else f[0].shape[1] for f in factors], int),
-        "factors": np.concatenate([np.zeros(0), *(part.ravel() for f in factors for part in f)]),
+        "rank": np.array([-1 if len(f) == 1 else f[0].shape[1] for _, *f in parts], int),
+        "factors": np.concatenate([np.zeros(0), *(part.ravel() for _, *f in parts for part in f)]),
         "level": np.array([c.level for c in certificates], float),
         "value": np.array([c.value for c in certificates], float),
     }
 
 
-def _smaller(certificate: SupportCertificate) -> tuple[Real, ...]:
-    left, right = certificate.left, certificate.right
+def _smaller(left: Real, right: Real) -> tuple[Real, ...]:
     (high, rank), wide = left.shape, right.shape[0]
     return (left @ right.T,) if (high + wide) * rank > high * wide else (left, right)
 
@@ -42,24 +58,54 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
     ValueError
         Arrays that do not fit together.
     """
-    orders, ranks, factors = arrays["order"], arrays["rank"], arrays["factors"]
+    orders, ranks, factors, count = arrays["order"], arrays["rank"], arrays["factors"], arrays["order"].size
     widths = arrays.get("width", orders)  # old files of SISO plants have none
-    ends = np.cumsum(np.where(ranks < 0, orders * widths, (orders + widths) * ranks))
-    if np.any(orders < 0) or np.any(widths < 0) or np.any(ranks < -1) or factors.size != (ends[-1] if ends.size else 0):
-        raise ValueError("the factors of its certificates do not fit together")
-    if {len(arrays[name]) for name in ("samples", "rank", "level", "value")} | {len(widths)} != {orders.size}:
+    if {len(arrays[name]) for name in ("rank", "level", "value")} | {len(widths)} != {count}:
         raise ValueError("the arrays of its certificates differ in length")
+    if np.any(orders < 0) or np.any(widths < 0) or np.any(ranks < -1):
+        raise ValueError("the factors of its certificates do not fit together")
+    samples, left_rows, right_rows = _used(arrays, orders, widths)
+    high, wide = (np.array([one.sum() for one in rows], int) for rows in (left_rows, right_rows))
+    ends = np.cumsum(np.where(ranks < 0, high * wide, (high + wide) * ranks))
+    if factors.size != (ends[-1] if ends.size else 0):
+        raise ValueError("the factors of its certificates do not fit together")
     found: list[SupportCertificate] = []
-    for k, parts in enumerate(np.split(factors, ends[:-1])[: orders.size]):
-        high, wide, rank = orders[k], widths[k], ranks[k]
-        if rank < 0:
-            left, right = parts.reshape(high, wide), np.eye(wide)
+    for k, parts in enumerate(np.split(factors, ends[:-1])[:count]):
+        if ranks[k] < 0:
+            left, right = parts.reshape(high[k], wide[k]), np.eye(wide[k])
         else:
-            left, right = parts[: high * rank].reshape(high, rank), parts[high * rank :].reshape(wide, rank)
-        found.append(
-            SupportCertificate(arrays["samples"][k], left, right, float(arrays["level"][k]), float(arrays["value"][k]))
-        )
+            cut = high[k] * ranks[k]
+            left, right = parts[:cut].reshape(high[k], ranks[k]), parts[cut:].reshape(wide[k], ranks[k])
+        left, right = _spread(left, left_rows[k]), _spread(right, right_rows[k])
+        found.append(SupportCertificate(samples[k], left, right, float(arrays["level"][k]), float(arrays["value"][k])))
     return tuple(found)
+
+
+def _used(arrays: Arrays, orders: Any, widths: Any) -> tuple[Any, list[Any], list[Any]]:
+    """The multipliers of the samples of every certificate, and which rows of its factors are kept."""
+    count, samples = orders.size, arrays["samples"]
+    if _MASKS[0] not in arrays:
+        if len(samples) != count:
+            raise ValueError("the arrays of its certificates differ in length")
+        all_rows = ([np.ones(size, bool) for size in sizes] for sizes in (orders, widths))
+        return samples, next(all_rows), next(all_rows)
+    kept, *sides = (arrays[name] for name in _MASKS)
+    fits = all(one.dtype == bool and one.ndim == 1 for one in (kept, *sides)) and kept.size % max(count, 1) == 0
+    if not (fits and kept.sum() == samples.size and [one.size for one in sides] == [orders.sum(), widths.sum()]):
+        raise ValueError("the arrays of its certificates differ in length")
+    everywhere = np.zeros(kept.size, complex)
+    everywhere[kept] = samples
+    left, right = (
+        np.split(one, np.cumsum(sizes)[:-1])[:count] for one, sizes in zip(sides, (orders, widths), strict=True)
+    )
+    return everywhere.reshape(count, -1), left, right
+
+
+def _spread(factor: Real, rows: Any) -> Real:
+    """The factor with rows of zeros where it was packed without them."""
+    whole = np.zeros((rows.size, factor.shape[1]))
+    whole[rows] = factor
+    return whole
 
 
 def pack_values(values: Sequence[ValueSet]) -> Arrays:
