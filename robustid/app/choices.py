@@ -176,14 +176,17 @@ def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
 
 
 def inflated(data: Any, run: RunFile) -> Any:
-    """Data with all bounds multiplied by the factor of the run file, which their note says."""
+    """Data with all bounds multiplied by the factor of the run file, which their note says.
+
+    What the bound is about stays, and from how many excitations it was taken: a wider bound doesn't measure how the plant varies.
+    Its probability goes: it was stated of the narrower bound.
+    """
     factor = run.identify.inflate
     if factor == 1:
         return data
     why = "as the program found" if run.identify.inflate_note else "as stated"
     note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
-    wider = data.bound.inflated(factor)
-    return data.with_bound(dataclasses.replace(wider, kind="hard", probability=None, dof=None, excitations=None), note)
+    return data.with_bound(dataclasses.replace(data.bound.inflated(factor), probability=None, dof=None), note)
 
 
 def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True) -> tuple[RunFile, MixedProblem]:

@@ -187,8 +187,8 @@ def test_rigid_body_modes_are_asked_of_the_small_model(folder, monkeypatch):
     assert result.run_file.small_model.rigid_body == 1
 
 
-def test_wider_bounds_are_hard_ones_of_the_same_shape():
-    """The size of an error in units of the bound is divided by the factor, whatever the bound is."""
+def test_wider_bounds_keep_their_shape_and_what_they_are_about():
+    """The size of an error in units of the bound is divided by the factor, whatever the bound is; its probability isn't kept."""
     rng = np.random.default_rng(0)
     _, _, frf = measured()
     error = rng.standard_normal(frf.values.shape) + 1j * rng.standard_normal(frf.values.shape)
@@ -202,9 +202,29 @@ def test_wider_bounds_are_hard_ones_of_the_same_shape():
         frf.with_bound(rid.Bound(joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2))),
     ):
         wide = choices.inflated(data, run)
-        assert (wide.bound.joint, wide.bound.kind) == (data.bound.joint, "hard")
+        assert wide.bound.of_kind == data.bound.of_kind | {"probability": None, "dof": None}
+        assert (wide.bound.joint, wide.bound.about) == (data.bound.joint, data.bound.about)
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
         assert "times 3" in wide.note
+
+
+def test_a_run_with_wider_bounds_says_first_that_they_rest_on_one_excitation(tmp_path):
+    """In its findings, in the head of its page, and of what is loaded again."""
+    omega = 2 * np.pi * np.linspace(5.0, 40.0, 12)
+    bound = rid.Bound(0.1, kind="confidence", probability=0.95, dof=20.0, excitations=1)
+    frf = rid.FrequencyResponse(omega, 1 / (np.exp(0.01j * omega) - 0.5), bound=bound, dt=0.01, note=bound.words())
+    prior = rid.Prior(gain_bound=5.0, decay_rate=1.5)
+    found = rid.identify_reduced(frf, modes=[], prior=prior, inflate=2.0, worst_case=False)
+    words = "This is about the mean response and rests on one excitation: variation of the plant was not measured"
+    assert found.findings[0].startswith(words)
+    found.identification.save(tmp_path / "result")
+    again = rid.load(tmp_path / "result")
+    used = again.problem.frequency[0]
+    assert (used.bound.excitations, used.bound.probability) == (1, None)
+    assert used.note == f"{bound.words()}; times 2, as stated"
+    rid.write_report(again, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.index(words) < page.index("times 2, as stated")
 
 
 def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():
