@@ -161,7 +161,8 @@ class Coverage(Frozen):
     @property
     def verdict(self) -> str:
         """What the withheld data say of the band, in one sentence."""
-        what = f"{len(self.names)} {UNITS[self.kind]}"
+        count = self.omega.size if self.kind == "lines" else len(self.names)
+        what = f"{count} {UNITS[self.kind] if count > 1 else UNITS[self.kind].replace(self.kind, self.kind[:-1], 1)}"
         inside = f"{_percent(self.share)} % of the samples of {what} lie inside the band"
         found = f"{self.largest:.4g} of its half-width ({self.where})"
         if not self.contradicted:
@@ -258,7 +259,7 @@ def coverage(band: Any, withheld: Any, *, kind: str = "records", names: Sequence
         raise InputError("`withheld` is empty; give at least one response that the band was not made from")
     for item in items:
         as_kind("withheld", item, FrequencyResponse, "a FrequencyResponse or a sequence of them")
-    labels = [f"{kind.removesuffix('s')} {k}" for k in range(1, len(items) + 1)] if names is None else list(names)
+    labels = list(names) if names is not None else _numbered(kind, len(items))
     if len(labels) != len(items):
         raise InputError(f"`names` must be one for each of {len(items)} withheld responses; got {len(labels)}")
     for item, name in zip(items, labels, strict=True):
@@ -285,6 +286,13 @@ def coverage(band: Any, withheld: Any, *, kind: str = "records", names: Sequence
         kind=kind,
         signals=signals,
     )
+
+
+def _numbered(kind: str, count: int) -> list[str]:
+    """Names of withheld responses: record 1, ...; those of lines hold many of them."""
+    if kind == "lines":
+        return ["withheld lines" + f" {k}" * (count > 1) for k in range(1, count + 1)]
+    return [f"{kind.removesuffix('s')} {k}" for k in range(1, count + 1)]
 
 
 def _check_fits(band: Band, item: FrequencyResponse, name: str) -> None:
