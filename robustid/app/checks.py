@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
@@ -227,3 +228,8 @@ def roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> 
 def _got(value: Any) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def listed(room: str, name: str) -> Callable[[], Iterable[str]]:
+    """The values that a room knows, asked for when they are needed: to import a room takes a while."""
+    return lambda: getattr(importlib.import_module(f"robustid.{room}"), name)

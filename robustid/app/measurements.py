@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from robustid.app.options import RecordSource
 from robustid.app.run_file import DELAY_NOTE, RunFile
+from robustid.app.sources import RecordSource
 from robustid.app.withheld import Split, split
 from robustid.core import digest
 from robustid.data import (

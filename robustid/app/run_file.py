@@ -12,21 +12,17 @@ from robustid._version import __version__
 from robustid.app.checks import AUTO, options, refuse_unknown, section
 from robustid.app.options import (
     Delay,
-    Estimate,
-    FamilyChoice,
     Fit,
     FrequencyPoints,
     General,
     Identify,
-    MemberChoice,
     Modes,
     PriorChoice,
-    RecordSource,
-    ResponseSource,
     SmallModel,
     Withheld,
     WorstCase,
 )
+from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.app.toml import read_toml, write_toml
 from robustid.core import Frozen
 from robustid.errors import InputError, InputTypeError

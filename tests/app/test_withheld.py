@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.options import Estimate, Withheld
+from robustid.app.options import Withheld
 from robustid.app.run_file import RunFile
+from robustid.app.sources import Estimate
 from robustid.app.withheld import looked_at, split, split_points
 from support.families import DT, truth
 

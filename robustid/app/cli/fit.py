@@ -14,7 +14,8 @@ from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import Force, Report, only, words_of
 from robustid.app.cli.stabilisation import Stabilisation
 from robustid.app.cli.terminal import in_words, shown, step, warn
-from robustid.app.options import Fit, FrequencyPoints, ResponseSource
+from robustid.app.options import Fit, FrequencyPoints
+from robustid.app.sources import ResponseSource
 from robustid.errors import InputError
 
 

@@ -13,7 +13,7 @@ from robustid.app.cli import outputs, terminal
 from robustid.app.cli.excite import samples_of
 from robustid.app.cli.options import First, Force, Report, only, words_of
 from robustid.app.cli.terminal import in_words, step
-from robustid.app.options import Estimate, RecordSource
+from robustid.app.sources import Estimate, RecordSource
 from robustid.errors import InputError
 
 _SAME_STEP = 1e-6

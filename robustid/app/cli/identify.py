@@ -12,7 +12,8 @@ import typer
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
 from robustid.app.cli.terminal import counted, shown, step
-from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice, RecordSource, ResponseSource
+from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice
+from robustid.app.sources import RecordSource, ResponseSource
 from robustid.errors import InputError, SizeError
 
 

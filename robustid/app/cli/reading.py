@@ -13,7 +13,7 @@ import numpy as np
 
 from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
-from robustid.app.options import RecordSource, ResponseSource
+from robustid.app.sources import RecordSource, ResponseSource
 from robustid.data import FrequencyResponse, TimeRecord, load
 from robustid.data.io import Origin, origin
 from robustid.errors import FileFormatError, InputError, InputTypeError

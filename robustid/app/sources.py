@@ -1,0 +1,177 @@
+"""The sections of a run file that say where measurements are, what they are of, and how they become a response; see `options`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from robustid.app.checks import (
+    either,
+    key,
+    listed,
+    number,
+    roles,
+    several,
+    table,
+    text,
+    whole,
+)
+from robustid.errors import InputError
+
+USES = ("response", "samples", "noise_floor")
+_SIGNALS = ("u", "y", "reference", "bound")
+_positive = number(above=0)
+_names = table(either(text(), several(either(text(), several(text())))))
+_DIGEST = "Digest of the data that were read, by which other data are noticed; written by the program."
+_DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
+
+
+def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
+    return roles(name, content, _SIGNALS)
+
+
+def _recognised(roles: str) -> str:
+    """Names of columns that are found without being told."""
+    from robustid.data import io
+
+    return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(io, roles).items())
+
+
+def _response_fields() -> str:
+    return (
+        "Name in the file of every role: omega=w, real=Re, imag=Im, values=G.data, bound=eps. Recognised without it, upper or"
+        f" lower case: {_recognised('FREQUENCY')}; in .npz and .mat the sample time as dt, Ts or T."
+    )
+
+
+def _record_fields() -> str:
+    return (
+        "Name in the file of every role, repeated for several signals: time=t, u=current, y=angle, y=speed, reference=setpoint"
+        f" (closed loop), bound=eps. Recognised without it, with numbers for several (u1, u2, ...): {_recognised('TIME')}."
+    )
+
+
+def _probability(name: str, value: Any) -> float:
+    if (wanted := number()(name, value)) <= 0 or wanted >= 1:
+        raise InputError(f"{name} must be between 0 and 1; got {wanted:g}")
+    return wanted
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RecordSource:
+    """A time record: where it is, what is made of it before use, and what it is used for."""
+
+    file: str | None = key(text(), help="File with inputs and outputs, seen from the folder of the run file.")
+    dataset: str | None = key(text(), help="Published measurements by name, in place of a file.")
+    use: str = key(
+        text(USES),
+        "response",
+        help="What the record is for: response (a frequency response is estimated), samples (as they are), or noise_floor (a"
+        " record without excitation that bounds the others).",
+    )
+    fields: Mapping[str, Any] | None = key(
+        _names, help=_record_fields, flag="--time-field", text=_signal_roles, metavar="ROLE=NAME"
+    )
+    dt: float | None = key(_positive, **_DT)
+    bound: float | None = key(
+        _positive, help="Half-width of the error interval of every sample, in units of y.", flag="--time-bound"
+    )
+    initial: str | None = key(
+        text(listed("data", "INITIAL")),
+        help="State before the first sample: rest (zero initial conditions, default), free, or periodic (in steady state).",
+        flag="--initial",
+    )
+    combine: Mapping[str, float] | None = key(
+        table(number()), help="One output in place of all: a weighted sum of outputs, by name."
+    )
+    start: float | None = key(number(least=0), help="Start of the part of the record that is used.", unit="s")
+    stop: float | None = key(_positive, help="End of the part of the record that is used.", unit="s")
+    past: str | None = key(
+        text(listed("data", "PAST")), help="What is known of the input before that part: known, unknown or periodic."
+    )
+    detrend: str | None = key(text(("mean", "linear")), help="Take out the mean or a straight line.")
+    until: float | None = key(_positive, help="The trend is that of the record up to here.", unit="s")
+    decimate: int | None = key(whole(2), help="Keep one sample of so many, after a filter.", unit="samples")
+    member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
+    digest: str | None = key(text(), help=_DIGEST)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ResponseSource:
+    """A frequency response that was measured elsewhere."""
+
+    file: str | None = key(text(), help="File with the response, seen from the folder of the run file.")
+    fields: Mapping[str, Any] | None = key(
+        _names, help=_response_fields, flag="--frequency-field", text=roles, metavar="ROLE=NAME"
+    )
+    dt: float | None = key(_positive, **_DT)
+    bound: float | None = key(
+        _positive,
+        help="Radius of the error disc of every frequency point, in units of the response.",
+        flag="--frequency-bound",
+    )
+    unit: str | None = key(
+        text(("rad/s", "Hz")),
+        help="Unit of an omega column that doesn't say it: rad/s (default) or Hz.",
+        flag="--frequency-unit",
+    )
+    member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
+    digest: str | None = key(text(), help=_DIGEST)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MemberChoice:
+    """A plant of a family: its name, which its records and responses state as member, and the condition of its measurement."""
+
+    name: str = key(text(), "", help="Its name, which its records and responses state.")
+    amplitude: float | None = key(number(), help="Amplitude of the excitation, in the same unit for all members.")
+    position: float | None = key(number(), help="Position of the machine.")
+    load: float | None = key(number(), help="Load on the machine.")
+    date: str | None = key(text(), help="When it was measured.")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FamilyChoice:
+    """What is asked of the members together."""
+
+    schedule: str | None = key(
+        text(("amplitude", "position", "load")),
+        help="The condition by which the members are told apart; default: the only one that every member states, and that differs.",
+    )
+    interval: tuple[float, float] | None = key(
+        several(number(), 2),
+        help="Range of it that is asked about; default: from the smallest to the largest of the members.",
+    )
+    order: int | None = key(
+        whole(1), help="Order of the nominal; default: the smallest whose band is nearly the smallest."
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """The way from the records to a frequency response with bounds."""
+
+    method: str | None = key(
+        text(("periodic", "local", "welch")),
+        help="periodic, local (any excitation) or welch (a first look, smeared). Default: periodic where there is a period,"
+        " else local.",
+        flag="--method",
+    )
+    period: int | None = key(whole(2), help="Period of the excitation.", unit="samples")
+    probability: float = key(
+        _probability,
+        0.95,
+        help="Probability of the bound, for all spectral lines and entries at once.",
+        flag="--probability",
+    )
+    about: str = key(
+        text(("mean", "next record")),
+        "mean",
+        help='What the bound holds for: the "mean" response over all realisations of the excitation, or that in the "next record",'
+        " with what changes from one to the next.",
+        flag="--about",
+    )
+    noise_floor_factor: float = key(
+        number(least=1), 1.5, help="Bounds are so many times the noise floor, where a record gives it."
+    )
