@@ -21,7 +21,8 @@ from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.widening import bounds_of_entries
 from robustid.guarantees.withheld import Band, Coverage, band_of_others, coverage
-from robustid.guarantees.worst_case import LEAST, MOST, WorstCaseError, worst_case_error
+from robustid.guarantees.worst_case import LEAST, MOST, worst_case_error
+from robustid.guarantees.worst_case_result import WorstCaseError
 
 __all__ = [
     "AMPLITUDE",

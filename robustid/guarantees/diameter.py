@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Frozen, Progress, Real, as_kind, freeze
-from robustid.guarantees.worst_case import WorstCaseError, worst_case_error
+from robustid.guarantees.worst_case import worst_case_error
+from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import MixedProblem, identify
 
 

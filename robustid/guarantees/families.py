@@ -23,7 +23,7 @@ from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_s
 from robustid.guarantees.sweep import Progress
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.guarantees.worst_case import WorstCaseError
+from robustid.guarantees.worst_case_result import WorstCaseError
 
 if TYPE_CHECKING:
     import control

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Complex, Frozen, as_count, as_float, digest
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.over_poles import WorstCaseOverPoles
-from robustid.guarantees.worst_case import WorstCaseError
+from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, prior_fields
 
 CONDITIONS = ("amplitude", "position", "load", "date")

@@ -15,7 +15,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.families import Family
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.scores import Ranked, chance_of_order, ranked
-from robustid.guarantees.worst_case import WorstCaseError
+from robustid.guarantees.worst_case_result import WorstCaseError
 
 UNITS = {
     "records": "withheld records",

@@ -380,11 +380,11 @@ def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
 
 
 def test_an_attribute_that_would_take_long_names_the_method(monkeypatch):
-    from robustid.guarantees import worst_case
+    from robustid.guarantees import worst_case_result
 
     error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 12)[0]), omega=[50.0])
     for seconds in (1e-9, 1e-3):  # none at all; so few that nothing converges
-        monkeypatch.setattr(worst_case, "_AT_ONCE", seconds)
+        monkeypatch.setattr(worst_case_result, "_AT_ONCE", seconds)
         with pytest.raises(rid.errors.TimeLimitError, match="on_circle"):
             _ = error.hinf
         assert error.known_circle is None

@@ -1,0 +1,377 @@
+"""What worst_case_error() finds: bounds of the error at every frequency, in every parameter and on the circle, with proofs."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import (
+    Budget,
+    Complex,
+    Frozen,
+    Progress,
+    Real,
+    Savable,
+    as_flag,
+    as_positive,
+    freeze,
+    responses,
+    threads_for,
+)
+from robustid.errors import InputError, TimeLimitError
+from robustid.figures import Drawable
+from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
+from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
+from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder
+from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
+from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.identification import Identification
+
+_AT_ONCE = 10.0  # seconds that an attribute may take
+_COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
+_SECONDS = 2e-10  # for a multiplication of a Newton step
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class WorstCaseError(Frozen, Drawable, Savable):
+    """Largest distance of all consistent systems from a model: proved from above, attained from below.
+
+    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
+    the samples. Data can refute these, never prove them.
+
+    Attributes
+    ----------
+    identification : Identification
+    model : control.StateSpace
+        The nominal that the errors are measured from.
+    values : tuple of ValueSet
+        At each frequency the polygon that contains F, and attained points; MIMO: one for every entry (of symmetric
+        matrices the upper triangle), entry after entry, row by row.
+    parameters : ParameterIntervals
+    directions : int
+    gap : float
+        Part of the distance from the centre to which every support value was found.
+    missing : (k,) array, rad/s
+        Frequencies that were asked for and not finished in the time limit; the parameters may be incomplete then.
+    """
+
+    identification: Identification
+    model: Any
+    values: tuple[ValueSet, ...]
+    parameters: ParameterIntervals
+    directions: int
+    gap: float
+    missing: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
+    _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
+
+    @functools.cached_property
+    def omega(self) -> Real:
+        """Frequencies, rad/s, (F,)."""
+        return freeze(np.array(list(self._sets_at)))
+
+    @functools.cached_property
+    def nominal(self) -> Complex:
+        """Response of the model at them, (F,) complex; MIMO: (F, ny, nu)."""
+        return freeze(self._squeezed(self._nominal))
+
+    @functools.cached_property
+    def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
+        return by_frequency(self.values)
+
+    @functools.cached_property
+    def _nominal(self) -> Complex:
+        return responses(self.model, self.omega * self.identification.problem.dt)
+
+    @functools.cached_property
+    def _errors(self) -> tuple[Errors, ...]:
+        return self._around.at(self._sets_at)
+
+    @functools.cached_property
+    def _around(self) -> ModelError:
+        return ModelError(self.identification, self.model, self.parameters, float(self.omega.min()))
+
+    def _squeezed(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Array (F, ny, nu, ...), of SISO plants without the axes of outputs and inputs."""
+        return self.identification.problem.entries.as_given(array)
+
+    def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
+        """The sets of values of an entry at every frequency; of symmetric matrices of either one."""
+        symmetric = self.identification.problem.entries.symmetric
+        place = (min(output, input), max(output, input)) if symmetric else (output, input)
+        return tuple(one for one in self.values if one.entry == place)
+
+    def _of_entries(self, name: str) -> Real:
+        """A range that all value sets have, (F, ny, nu, 2)."""
+        places = list(np.ndindex(self._nominal.shape[1:]))
+        ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
+        return ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
+
+    @property
+    def upper(self) -> Real:
+        """Guaranteed bound of |F - model| over all consistent F, of every entry, (F, ny, nu)."""
+        return freeze(np.array([e.upper for e in self._errors]))
+
+    @property
+    def lower(self) -> Real:
+        """Error of consistent systems that were found, (F, ny, nu): no bound can be smaller."""
+        return freeze(np.array([e.lower for e in self._errors]))
+
+    @property
+    def sigma_upper(self) -> Real:
+        """Guaranteed bound of the largest singular value of F - model, (F,).
+
+        The norm of the matrix `upper`; or, if that is less, what the class allows whatever the data are,
+        ||G|| + ||q'P - model|| + ||(p - q)'P||, or at a frequency point what a bound of its columns or of the whole matrix
+        leaves. No entry exceeds the norm of its matrix, hence it is at most about sqrt(ny nu)/cos(pi/directions) times the
+        truth, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at least.
+        """
+        return freeze(np.array([e.sigma_upper for e in self._errors]))
+
+    @property
+    def sigma_lower(self) -> Real:
+        """Largest singular value of F - model of consistent systems that were found, (F,)."""
+        return freeze(np.array([e.sigma_lower for e in self._errors]))
+
+    @property
+    def magnitude(self) -> Real:
+        """Guaranteed range of |F|, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
+        return freeze(self._squeezed(self._of_entries("magnitude")))
+
+    @property
+    def phase(self) -> Real:
+        """Guaranteed range of the phase in rad, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
+        return freeze(self._squeezed(self._of_entries("phase")))
+
+    @property
+    def circle(self) -> CircleBound:
+        """The bound on the whole circle that `on_circle` has found, or to 5 % where ten seconds do for it.
+
+        Raises
+        ------
+        TimeLimitError
+            Where they don't: `on_circle` takes as long as you give it, and shows its progress.
+        """
+        if self.known_circle is not None:
+            return self.known_circle
+        remembered = self._circle
+        if _SECONDS * self.consistent_set.posed.work * _COARSE_STEPS < _AT_ONCE:
+            found = self.on_circle(time_limit=_AT_ONCE)
+            if not found.converged:
+                remembered.bound, remembered.unfinished = None, found
+        if remembered.bound is None:
+            raise TimeLimitError(
+                "the bound on the whole circle takes more than ten seconds: call on_circle(progress=..., time_limit=...) of this"
+                " result first; `hinf` and `circle` then are what it found"
+            )
+        return remembered.bound
+
+    @property
+    def known_circle(self) -> CircleBound | None:
+        """The smallest bound on the circle that `on_circle` has found so far; None as long as there is none."""
+        return self._circle.bound
+
+    def with_circle(self, circle: CircleBound) -> WorstCaseError:
+        """Return the same result with a bound on the circle that is known from elsewhere, a file for instance."""
+        result = dataclasses.replace(self)
+        result._circle.take(circle)
+        return result
+
+    @property
+    def hinf(self) -> float:
+        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point).
+
+        That of `on_circle`; computed at once where ten seconds do for it (see `circle`).
+        """
+        return self.circle.largest
+
+    @property
+    def certified(self) -> bool:
+        """Return whether every bound has its certificate and every certificate, evaluated anew, supports it."""
+        return self.verify()
+
+    def verify(self) -> bool:
+        """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
+        with threads_for(self.consistent_set.data.sarason.pair.order):
+            return all(claim.verify() for claim in self.claims()) and self.circle_supported
+
+    def claims(self) -> Iterator[SupportClaim]:
+        """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
+        consistent = self.consistent_set
+        yield from parameter_claims(consistent, self.parameters)
+        for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
+            yield from value_set_claims(consistent, *sets)
+
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return len(self.parameters.certificates) + sum(len(v.certificates) for v in self._sets())
+
+    @property
+    def circle_supported(self) -> bool:
+        """Return whether the certified sets at its edges give the stated bound on the circle; true where there is none."""
+        return self.known_circle is None or supported(self._around, self.known_circle)
+
+    def _sets(self) -> Iterator[ValueSet]:
+        circle, mine = self.known_circle, set(map(id, self.values))
+        yield from self.values
+        yield from (v for v in (circle.values if circle is not None else ()) if id(v) not in mine)
+
+    @functools.cached_property
+    def consistent_set(self) -> ConsistentSet:
+        """All consistent systems, as a convex set."""
+        return consistent_set(self.identification)
+
+    def with_model(self, model: Any) -> WorstCaseError:
+        """Return the same guarantees around another nominal; nothing is solved anew."""
+        return dataclasses.replace(self, model=as_nominal(model, self.identification))
+
+    def completed(self, *, executor: Spread = None) -> WorstCaseError:
+        """Return the result with the intervals of all parameters: itself, unless a time limit left some out."""
+        if self.parameters.complete:
+            return self
+        return dataclasses.replace(self, parameters=parameter_intervals(self.consistent_set, executor))
+
+    def on_circle(
+        self,
+        rtol: float = 0.05,
+        *,
+        everywhere: bool = False,
+        executor: Spread = None,
+        progress: Progress | None = None,
+        resume: Folder | None = None,
+        time_limit: float | None = None,
+    ) -> CircleBound:
+        """Rigorous bound of |F - model| on the whole circle, by adaptive refinement; MIMO: of its singular values.
+
+        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
+        that near to its chord. MIMO: this bounds every entry, and the norm of the matrix of these bounds the largest
+        singular value. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+
+        Parameters
+        ----------
+        rtol : float
+            Tolerance of the largest bound, relative to the largest error at a frequency.
+        everywhere : bool
+            Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
+        executor, progress, resume : optional
+            As in `worst_case_error`.
+        time_limit : float, optional
+            Seconds; then, and on Ctrl-C, the bound so far is returned: it holds, and says that it has not converged. A further
+            call goes on from there.
+
+        Returns
+        -------
+        CircleBound
+
+        Raises
+        ------
+        InputError
+            If a time limit has left parameters without intervals; see `completed`.
+        """
+        rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
+        if not self.parameters.complete:
+            raise InputError(
+                "`parameters` are incomplete: the time limit left intervals out that the bound between frequencies rests on;"
+                " call on_circle of completed()"
+            )
+        consistent = self.consistent_set
+        known = self.values, self.known_circle or self._circle.unfinished
+        settings, spread = (self.directions, self.gap), (executor, progress, resume)
+        with threads_for(consistent.data.sarason.pair.order):
+            found = refine(self._around, consistent, *known, settings, rtol, everywhere, spread, Budget(time_limit))
+        self._circle.take(found)  # for `hinf` and `save`, from now on
+        return found
+
+    def weight(
+        self,
+        *,
+        kind: str = "additive",
+        order: int | None = None,
+        below: float | None = None,
+        executor: Spread = None,
+        progress: Progress | None = None,
+        time_limit: float | None = None,
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
+        as it comes within `time_limit` seconds: W is above it all the same.
+        """
+        limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
+        circle = self.on_circle(0.3, everywhere=True, **limits)
+        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
+
+    def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
+        """Frequencies with the largest bounds: (rad/s, upper, lower, the active constraint of largest dual weight).
+
+        MIMO: `sigma_upper` and `sigma_lower`.
+        """
+        order: list[int] = np.argsort(-self.sigma_upper)[:count].tolist()
+        labels = [
+            f"{r.kind} {r.index + 1} at "
+            + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
+            + which(self.identification.problem, r.entry)
+            for r in self.identification.residuals
+            for at in r.axis
+        ]
+        rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
+        return [(float(self.omega[k]), high, low, labels[self.active_constraint(k)]) for k, high, low in rows]
+
+    def active_constraint(self, index: int) -> int:
+        """Number of the sample with the largest dual weight in the proofs at a frequency (of the samples' part, however small)."""
+        rows = self.consistent_set.data.rows
+        sets = self._sets_at[float(self.omega[index])]
+        return int(np.argmax(sum(c.shares(rows) for one in sets for c in one.certificates)))
+
+    @property
+    def unfinished(self) -> str:
+        """What the time limit has left out, in a sentence; empty where nothing is missing."""
+        if not self.missing.size:
+            return ""
+        done, asked = self.omega.size, self.omega.size + self.missing.size
+        return (
+            f"The time limit ended the sweep: {done} of {asked} frequencies are bounded, nothing is said of the others."
+        )
+
+    def __repr__(self) -> str:
+        return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain text."""
+        upper, lower = self.sigma_upper, self.sigma_lower
+        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
+        relative = upper / np.maximum(size, np.finfo(float).tiny)
+        gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
+        lines = [] if not self.missing.size else [f"unfinished {self.unfinished}"]
+        lines += [
+            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
+            f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
+            f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
+        ]
+        if not self.identification.problem.entries.single:
+            _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
+            name = which(self.identification.problem, (output, input))
+            lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
+            lines.append(f"entry      at most {self.upper.max():.4g}{name}")
+        for w, high, low, label in self.worst():
+            lines.append(
+                f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {label}"
+            )
+        if any(note.startswith("Modes taken") for note in self.identification.notes):
+            lines.append(
+                "warning    the poles were taken from these data, which leave them a pole-uncertainty box: this band does not cover"
+                " it, but that of worst_case_over_poles (robustid bounds --poles) does"
+            )
+        lines.append(
+            "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
+        )
+        return "\n".join(lines)
