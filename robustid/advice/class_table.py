@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Frozen, Real, freeze
+from robustid.core import Frozen, Real, freeze, responses
 from robustid.errors import InputError
-from robustid.guarantees import PoleCell, worst_case_error, worst_case_over_poles
+from robustid.guarantees import PoleCell, norm_of_bounds, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
 
 _CELLS, _DIRECTIONS = 8, 6
@@ -32,13 +32,14 @@ class ClassCandidate(Frozen):
     modes : KautzSuggestion or None
         Poles that come from the data with the pole-uncertainty box that the error covers; None for poles that were given.
     cell : PoleCell or None
-        Repeated pairs that cover a pole-uncertainty box: ``cell.remainder(omega*dt).sum(axis=1)`` is what the systems of the box
+        Repeated pairs that cover a pole-uncertainty box: ``cell.slack(omega*dt)`` is what the entries of the systems of the box
         can differ from those of `problem`, on top of their worst case. Single pairs: see `worst_case_over_poles`.
     margin : float
-    upper : (F,) array
-        Proved bound of |F - model|.
+    upper : (F,) array; MIMO: (F, ny, nu)
+        Proved bound of |F - model|, of every entry.
     error : (F,) array
-        `upper` relative to the response of the model; inf where there is no bound, NaN where it was not computed.
+        `upper` relative to the response of the model; inf where there is no bound, NaN where it was not computed. MIMO: largest
+        singular values of both, entries in units of the prior's scaling.
     note : str
         Why it was not computed.
     """
@@ -82,22 +83,43 @@ class ClassCandidate(Frozen):
         return self.modes is not None and self.pairs > 0
 
     def guaranteed(self, omega: Real) -> tuple[Identification, Real]:
-        """Identification of `problem` and proved bound of |F - model| at frequencies in rad/s, for all poles covered."""
+        """Identification of `problem` and proved bound of |F - model| at frequencies in rad/s, for all poles covered.
+
+        The bound is (F,); MIMO: (F, ny, nu), that of every entry.
+        """
         if self.problem is None:
             raise InputError(f"this candidate has no problem: {self.note}")
-        result = identify(self.problem)
+        result, entries = identify(self.problem), self.problem.entries
         grid, place = np.unique(omega, return_inverse=True)
         options: dict[str, Any] = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1}
         if not result.consistent:
-            return result, np.full(place.size, np.nan)
+            return result, entries.as_given(np.full((place.size, *entries.shape), np.nan))
         if self.modes is not None and self.pairs and self.cell is None:
             box = self.modes.omega_interval, self.modes.damping_interval
-            band = worst_case_over_poles(result, *box, delay=self.modes.delay, cells=_CELLS, **options)
-            return result, band.upper[place, 0, 0]
-        upper = worst_case_error(result, **options).upper[:, 0, 0]
+            upper = worst_case_over_poles(result, *box, delay=self.modes.delay, cells=_CELLS, **options).upper
+        else:
+            upper = worst_case_error(result, **options).upper
         if self.cell is not None:
-            upper = upper + self.cell.remainder(grid * self.problem.dt).sum(axis=1)
-        return result, upper[place]
+            upper = upper + self.cell.slack(grid * self.problem.dt)
+        return result, entries.as_given(upper[place])
+
+    def evaluated(self, omega: Real) -> ClassCandidate:
+        """The candidate with its margin and its errors at frequencies in rad/s."""
+        result, upper = self.guaranteed(omega)
+        if not result.consistent:
+            return dataclasses.replace(self, margin=result.margin)
+        entries, model = result.problem.entries, responses(result.model, omega * result.problem.dt)
+        scaled = model / result.problem.prior.scales(*entries.shape)
+        size = np.abs(model[:, 0, 0]) if entries.single else np.linalg.norm(scaled, 2, axis=(1, 2))
+        found = dataclasses.replace(self, margin=result.margin, upper=upper)
+        return dataclasses.replace(found, error=found.largest / np.maximum(size, np.finfo(float).tiny))
+
+    @property
+    def largest(self) -> Real:
+        """Proved bound of the largest singular value of F - model, in units of the prior's scaling, (F,)."""
+        if self.upper.ndim == 1 or self.problem is None:
+            return self.upper
+        return norm_of_bounds(self.upper / self.problem.prior.scales(*self.problem.entries.shape))
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,12 +12,13 @@ import numpy as np
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion, choice, rank
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.prior import suggest_prior
+from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread, response
+from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
-from robustid.guarantees import PoleCell, box_of, check_siso
+from robustid.guarantees import PoleCell, box_of
 from robustid.identification import MixedProblem, Prior, identify
 
 _log = logging.getLogger("robustid")
@@ -35,6 +36,7 @@ def suggest_class(
     time: TimeRecord | Sequence[TimeRecord] | None = None,
     modes: Any = None,
     delay: int | None = None,
+    scaling: Any = None,
     time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> ClassSuggestion:
@@ -42,7 +44,8 @@ def suggest_class(
 
     Every candidate parametric part gets the consistent (K, rho) with the smallest slope bound (`suggest_prior`, K twice the
     smallest that the data allow), is identified, and its worst case is bounded at the modes and at 7 frequencies over the
-    range of the frequency points; with the best part two further (K, rho) are tried. Seconds to minutes.
+    range of the frequency points; with the best part two further (K, rho) are tried. Seconds to minutes. MIMO: the pairs are common
+    to all entries, and the error is the largest singular value.
 
     Parameters
     ----------
@@ -54,6 +57,8 @@ def suggest_class(
         leave to them.
     delay : int, samples
         Of the pairs; default what the data suggest, 1 where the modes are given.
+    scaling : (ny, nu) array, optional
+        MIMO: of every prior, and the units in which entries are compared; default `suggest_scaling`.
     time_limit : float, optional
         Seconds after which no further candidate is evaluated; the first one always is. So it is on Ctrl-C.
     progress : callable (done, all), optional
@@ -67,7 +72,7 @@ def suggest_class(
     ------
     InputError
         No frequency response to take the modes from; a time record with other than zero initial conditions (the pole-uncertainty
-        box does not cover what it does to the initial state); data without bounds, or MIMO data.
+        box does not cover what it does to the initial state); data without bounds; data that do not suggest a scaling.
 
     Notes
     -----
@@ -88,7 +93,9 @@ def suggest_class(
     (1, True)
     """
     data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
-    check_siso(data, "suggest_class")
+    if not data.entries.single:
+        scaling = suggest_scaling(data) if scaling is None else scaling
+        data = dataclasses.replace(data, prior=dataclasses.replace(_ANY, scaling=scaling))
     wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
     if modes is None:
         parts, resonances = _from_data(data, wanted)
@@ -97,7 +104,7 @@ def suggest_class(
     omega = np.unique(np.append(default_points(data), resonances))
     rows = _evaluated(parts, omega, budget)
     best = choice(rows)
-    line = None if best is None else float(omega[int(np.argmax(best.upper))])
+    line = None if best is None else float(omega[int(np.argmax(best.largest))])
     return ClassSuggestion(omega=omega, candidates=tuple(rows), next_line=line)
 
 
@@ -128,13 +135,9 @@ class _Part(NamedTuple):
         if note or problem is None:
             return found
         try:
-            result, upper = found.guaranteed(omega)
+            found = found.evaluated(omega)
         except SolverError as error:
             return dataclasses.replace(found, note=str(error))
-        size = np.abs(response(result.model, omega * problem.dt))
-        found = dataclasses.replace(
-            found, margin=result.margin, upper=upper, error=upper / np.maximum(size, np.finfo(float).tiny)
-        )
         _log.info("%s: mean guaranteed error %.4g", problem.prior, found.mean)
         return found
 
@@ -182,7 +185,8 @@ def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_P
 
 def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], Real]:
     """The modes that the data show, one fewer and one more."""
-    if not data.frequency:
+    frf = next((one for one in data.frequency if isinstance(one, FrequencyResponse)), None)
+    if frf is None:
         raise InputError("`frequency` is needed to take the modes from; or give the `modes` that you know")
     for record in data.time:
         if record.initial != "rest":
@@ -190,7 +194,6 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], Real
                 f'`time` has a record with initial="{record.initial}": what poles in a pole-uncertainty box do to its initial'
                 " state is not bounded; leave it out here, or give the `modes` that you know"
             )
-    frf = data.frequency[0]
     found = suggest_kautz(frf, delay=delay)
     parts = _box_parts(data, found, "")
     for count in (found.omega.size - 1, found.omega.size + 1):
@@ -228,7 +231,8 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
         return [single._replace(note=f"the pole-uncertainty box that the data leave can't be covered: {error}")]
     if relaxed is None:
         return [single]
-    ends = np.array(relaxed.parameter_bounds).reshape(pairs, -1, 2, 2)
+    ends = np.array(relaxed.parameter_bounds)
+    ends = ends.reshape(pairs, -1, 2, *ends.shape[1:])
     parts = [single]
     for repeat in _REPEATS[1:]:
         free = ends.copy()
@@ -238,7 +242,7 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
                 data,
                 pairs,
                 repeat,
-                lambda free=free: dataclasses.replace(relaxed, parameter_bounds=free.reshape(-1, 2)),
+                lambda free=free: dataclasses.replace(relaxed, parameter_bounds=free.reshape(-1, *free.shape[3:])),
                 modes,
                 cell,
             )

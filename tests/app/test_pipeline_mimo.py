@@ -43,8 +43,6 @@ def test_the_whole_way_of_a_matrix_in_python():
     assert found.identification.problem.prior == prior
     assert found.reduction.order <= 4
     np.testing.assert_allclose(found.identification.problem.frequency[0].bound, 1.5 * frf.bound)
-    with pytest.raises(rid.InputError, match=r"suggest_class.*one input and one output"):
-        rid.advice.suggest_class(frequency=frf)
     same = rid.identify_reduced(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False)
     assert f"scaling = {SCALING}" in same.run_file.text()
 
