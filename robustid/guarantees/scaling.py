@@ -1,0 +1,181 @@
+r"""Diagonal scalings with which the small-gain condition says most about an uncertainty of known structure.
+
+Cut :math:`\Delta` into blocks, one for each group of rows and of columns, with :math:`\bar\sigma(\Delta_{ij}) \le b_{ij}`. For
+positive numbers :math:`\alpha_i, \beta_j`, one a group, :math:`I + \Delta M` is regular for all of them if
+
+.. math:: \bar\sigma(\operatorname{diag}(\beta)\, M \operatorname{diag}(\alpha))\;
+          \|\operatorname{diag}(\alpha)^{-1} [b_{ij}] \operatorname{diag}(\beta)^{-1}\|_2 < 1.
+
+The smallest such number is that of the D-scaled bound of the structured singular value with a scaling d for every block: there the
+two factors are :math:`\beta_j^2 = \sum_i d_{ij}^2 b_{ij}^2` and :math:`\alpha_i^2 = \sum_j d_{ij}^{-2}`; and by Cauchy and Schwarz the
+norm of the second matrix above is then at most one, while its singular vectors give such d for any :math:`\alpha, \beta`. So a matrix
+of 2x2 takes two unknowns and not three, one of 4x4 six and not fifteen. Both factors are log-convex in the logarithms of
+:math:`\alpha, \beta` (three-lines theorem), so that Newton's method finds the smallest product.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
+
+_FLOOR = 1e-9  # of the largest entry: channels that don't meet have scalings all the same
+# The largest singular value is the limit of the norms of these powers, each of which is smooth; at the last one, 0.1 % is left.
+_POWERS = (4, 16, 64, 256, 1024)
+_STEPS = 5  # of Newton at each of them
+_FARTHEST = 2.0  # of a step, in the logarithm of a scaling
+_SHORTEST = 2.0**-6
+
+
+class Scaling(NamedTuple):
+    """Logarithms of the factors of the columns (K, q) and of the rows (K, p) of the uncertainty, for K matrices."""
+
+    columns: Real
+    rows: Real
+
+    def gain(self, values: Complex, bound: Real) -> tuple[Real, Real]:
+        """Largest singular values of ``diag(beta) M diag(alpha)`` and of ``diag(1/alpha) [b] diag(1/beta)``, (K,)."""
+        return _norms(self.loop(values)), _norms(self.uncertainty(bound))
+
+    def loop(self, values: NDArray[Any]) -> NDArray[Any]:
+        """``diag(beta) M diag(alpha)``, (K, nu, ny), of M or of radii around it."""
+        columns, rows = (_spread(part, size) for part, size in zip(self, values.shape[1:], strict=True))
+        return np.exp(columns)[:, :, None] * values * np.exp(rows)[:, None, :]
+
+    def uncertainty(self, bound: Real) -> Real:
+        """``diag(1/alpha) [b] diag(1/beta)``, (K, p, q)."""
+        return np.exp(-self.rows)[:, :, None] * bound * np.exp(-self.columns)[:, None, :]
+
+
+def _spread(part: Real, size: int) -> Real:
+    """One number for every signal from one for each group of them: a group is a single signal, or all."""
+    return np.broadcast_to(part, (part.shape[0], size))
+
+
+def _norms(matrices: Complex) -> Real:
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
+
+
+def perron_scaling(values: Complex, bound: Real) -> Scaling:
+    """The scaling that is best where all entries of M are non-negative: there the product is the spectral radius of ``[b] |M|``.
+
+    Parameters
+    ----------
+    values : (K, nu, ny) array
+        M.
+    bound : (K, p, q) array
+        p is ny or 1, q is nu or 1.
+    """
+    _, p, q = bound.shape
+    sizes = np.abs(values)
+    if p == 1:
+        sizes = np.linalg.norm(sizes, axis=2, keepdims=True)
+    if q == 1:
+        sizes = np.linalg.norm(sizes, axis=1, keepdims=True)
+    sizes = sizes + _FLOOR * sizes.max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+    right = _leading(bound @ sizes)
+    left = _leading(np.swapaxes(bound @ sizes, 1, 2))
+    through = np.einsum("kji,ki->kj", sizes, right), np.einsum("kij,ki->kj", bound, left)
+    return Scaling(np.log(through[1] / through[0]) / 2, np.log(right / left) / 2)
+
+
+def _leading(matrices: Real) -> Real:
+    """Perron vectors of positive matrices, (K, n)."""
+    values, vectors = np.linalg.eig(matrices)
+    leading = np.take_along_axis(vectors, np.argmax(np.real(values), axis=1)[:, None, None], axis=2)[..., 0]
+    return np.abs(leading) + _FLOOR * np.abs(leading).max(axis=1, keepdims=True)
+
+
+def best_scaling(values: Complex, bound: Real) -> Scaling:
+    """The scaling of the smallest product, from `perron_scaling` by Newton steps.
+
+    Whatever it is, the product proves its bound; how near to the smallest it comes decides only how sharp that is.
+
+    Parameters
+    ----------
+    values, bound
+        As in `perron_scaling`.
+    """
+    start = perron_scaling(values, bound)
+    _, p, q = bound.shape
+    if p == q == 1:
+        return start
+    k = values.shape[0]
+    # In units in which the start is 1 and both norms are near 1.
+    loop, size = start.loop(values), start.uncertainty(bound)
+    loop = loop / np.maximum(_norms(loop), np.finfo(float).tiny)[:, None, None]
+    first, second = _dilated(loop), _dilated(np.swapaxes(size / _norms(size)[:, None, None], 1, 2))
+    groups = np.zeros((sum(values.shape[1:]), q + p))
+    for place, (count, at) in enumerate([(values.shape[1], 0), (values.shape[2], q)]):
+        rows = slice(place * values.shape[1], place * values.shape[1] + count)
+        groups[rows, at : at + (q, p)[place]] = np.eye(count) if (q, p)[place] == count else 1.0
+    y = np.zeros((k, q + p))
+    for power in _POWERS:
+        for _ in range(_STEPS):
+            value, slope, curve = _objective(y, first, second, groups, power)
+            ridge = 1e-9 * np.trace(curve, axis1=1, axis2=2) + 1e-12
+            step = -np.linalg.solve(curve + ridge[:, None, None] * np.eye(q + p), slope[..., None])[..., 0]
+            step *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+            length = np.ones(k)
+            worse = np.ones(k, dtype=bool)
+            while worse.any():
+                worse = (length > 0) & (_values(y + length[:, None] * step, first, second, groups, power) > value)
+                length[worse] = np.where(length[worse] > _SHORTEST, length[worse] / 2, 0.0)
+            y = y + length[:, None] * step
+            if np.abs(length[:, None] * step).max(initial=0.0) < 0.01 / power:
+                break
+    return Scaling(start.columns + y[:, :q], start.rows + y[:, q:])
+
+
+def _dilated(matrices: Complex) -> Complex:
+    """``[[0, M], [M*, 0]]``, whose eigenvalues are the singular values of M and their negatives."""
+    k, m, n = matrices.shape
+    whole = np.zeros((k, m + n, m + n), dtype=complex)
+    whole[:, :m, m:] = matrices
+    whole[:, m:, :m] = np.conj(np.swapaxes(matrices, 1, 2))
+    return whole
+
+
+def _scaled(x: Real, matrices: Complex) -> Complex:
+    return np.exp(x)[:, :, None] * matrices * np.exp(x)[:, None, :]
+
+
+def _objective(y: Real, first: Complex, second: Complex, groups: Real, power: int) -> tuple[Real, Real, Real]:
+    """Logarithm of the product of the two norms, its gradient and Hessian in y."""
+    value, slope, curve = _log_norm(_scaled(y @ groups.T, first), power)
+    other, other_slope, other_curve = _log_norm(_scaled(-y, second), power)
+    return value + other, slope @ groups - other_slope, groups.T @ curve @ groups + other_curve
+
+
+def _values(y: Real, first: Complex, second: Complex, groups: Real, power: int) -> Real:
+    found = (np.linalg.eigvalsh(_scaled(x, m)) for x, m in ((y @ groups.T, first), (-y, second)))
+    return sum((_log_sum(np.abs(each), power)[0] for each in found), start=np.zeros(y.shape[0]))
+
+
+def _log_sum(sizes: Real, power: int) -> tuple[Real, Real]:
+    """``log(sum |lambda|^p)/p`` of sizes (K, n), and the parts of the sum."""
+    top = np.maximum(sizes.max(axis=1, keepdims=True), np.finfo(float).tiny)
+    parts = (sizes / top) ** power
+    total = parts.sum(axis=1, keepdims=True)
+    return (np.log(top) + np.log(total) / power)[:, 0], parts / total
+
+
+def _log_norm(matrices: Complex, power: int) -> tuple[Real, Real, Real]:
+    """Value, gradient and Hessian at x = 0 of ``log tr|e^X H e^X|^p / p``, ``X = diag(x)``.
+
+    First order: ``2 sum_k w_k |q_k|^2`` with the eigenvectors q_k and ``w_k = |lambda_k|^p / tr``. Second order: divided differences of
+    ``|lambda|^p`` between all pairs of eigenvalues.
+    """
+    eigenvalues, vectors = np.linalg.eigh(matrices)
+    value, weights = _log_sum(np.abs(eigenvalues), power)
+    slope = 2 * np.einsum("kl,kil->ki", weights, np.abs(vectors) ** 2)
+    a, b, low, high = eigenvalues[:, :, None], eigenvalues[:, None, :], weights[:, :, None], weights[:, None, :]
+    apart = np.abs(a - b) > 1e-7 * np.abs(eigenvalues).max(axis=1)[:, None, None]
+    quotients = np.where(apart, (a + b) * (low - high) / np.where(apart, a - b, 1.0), power * (low + high))
+    k, n = eigenvalues.shape
+    pairs = (np.conj(vectors)[:, :, None, :] * vectors[:, None, :, :]).reshape(k, n * n, n)
+    curve = 2 * np.real(np.sum((pairs @ quotients) * np.conj(pairs), axis=2)).reshape(k, n, n)
+    return value, slope, curve - power * slope[:, :, None] * slope[:, None, :]
