@@ -26,7 +26,7 @@ _DEPTH = 34  # halvings of a cell: what is left then is rounding
 
 
 class Cells(NamedTuple):
-    """Edges in rad/s, the same as angles in rad (the last is pi), and the bound (C,) or (C, ny, nu)."""
+    """Edges in rad/s, the same as angles in rad (the last is pi), and the bound (C,) or (C, p, q): see `structures`."""
 
     edges: Real
     angles: Real
@@ -44,7 +44,8 @@ class Cells(NamedTuple):
             )
         shapes: list[tuple[int, ...]] = [(edges.size - 1,)]
         if plant is not None:
-            shapes.append((edges.size - 1, plant.noutputs, plant.ninputs))
+            ny, nu = plant.noutputs, plant.ninputs
+            shapes += dict.fromkeys((edges.size - 1, p, q) for p, q in ((ny, nu), (1, nu), (ny, 1), (1, 1)))
         if bound.shape not in shapes:
             raise InputError(
                 f"`bound` must have shape {' or '.join(map(str, shapes))}, one value for each of the {edges.size - 1} cells"

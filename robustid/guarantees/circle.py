@@ -87,9 +87,9 @@ class Remembered:
         self.bound, self.unfinished = bound, bound
 
     def take(self, bound: CircleBound) -> None:
-        """Remember a bound, unless one at most as large is known."""
+        """Remember a bound, unless one at most as large is known; of two as large (without end, say) that of more arcs."""
         self.unfinished = None
-        if self.bound is None or bound.largest < self.bound.largest:
+        if self.bound is None or (bound.largest, -bound.bound.size) < (self.bound.largest, -self.bound.bound.size):
             self.bound = bound
 
 

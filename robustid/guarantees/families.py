@@ -19,7 +19,7 @@ from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.member import Bounded, Member
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.spread import Spread
-from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
+from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Progress
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
@@ -207,9 +207,9 @@ class Family(Frozen, Drawable, Savable):
     def robust_stability_margin(
         self, controller: control.StateSpace, *, kind: str = "additive"
     ) -> RobustStabilityMargin:
-        """`robust_stability_margin` of a controller against every system of every member."""
-        edges, bound = self.cover(kind)
-        return robust_stability_margin(self.model, controller, edges, bound, kind=kind)
+        """`robust_stability_margin` of a controller against every system of every member, as of a `WorstCaseError`."""
+        circle = self.circle
+        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
     def drivers(self) -> list[Driver]:
         """Who drives the band where: ranges of frequencies with the member whose bound is largest there, from low to high."""

@@ -7,9 +7,9 @@ positive numbers :math:`\alpha_i, \beta_j`, one a group, :math:`I + \Delta M` is
           \|\operatorname{diag}(\alpha)^{-1} [b_{ij}] \operatorname{diag}(\beta)^{-1}\|_2 < 1.
 
 The smallest such number is that of the D-scaled bound of the structured singular value with a scaling d for every block: there the
-two factors are :math:`\beta_j^2 = \sum_i d_{ij}^2 b_{ij}^2` and :math:`\alpha_i^2 = \sum_j d_{ij}^{-2}`; and by Cauchy and Schwarz the
-norm of the second matrix above is then at most one, while its singular vectors give such d for any :math:`\alpha, \beta`. So a matrix
-of 2x2 takes two unknowns and not three, one of 4x4 six and not fifteen. Both factors are log-convex in the logarithms of
+two factors are :math:`\beta_j^2 = \sum_i d_{ij}^2 b_{ij}^2` and :math:`\alpha_i^2 = \sum_j d_{ij}^{-2}`; by Cauchy and Schwarz
+the norm of the second matrix above is then at most one, while its singular vectors give such d for any :math:`\alpha, \beta`. So
+a matrix of 2x2 takes two unknowns and not three, one of 4x4 six and not fifteen. Both factors are log-convex in the logarithms of
 :math:`\alpha, \beta` (three-lines theorem), so that Newton's method finds the smallest product.
 """
 
@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
@@ -55,7 +56,7 @@ def _spread(part: Real, size: int) -> Real:
     return np.broadcast_to(part, (part.shape[0], size))
 
 
-def _norms(matrices: Complex) -> Real:
+def _norms(matrices: NDArray[Any]) -> Real:
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
 
 
@@ -69,7 +70,9 @@ def perron_scaling(values: Complex, bound: Real) -> Scaling:
     bound : (K, p, q) array
         p is ny or 1, q is nu or 1.
     """
-    _, p, q = bound.shape
+    k, p, q = bound.shape
+    if p == q == 1:
+        return Scaling(np.zeros((k, 1)), np.zeros((k, 1)))
     sizes = np.abs(values)
     if p == 1:
         sizes = np.linalg.norm(sizes, axis=2, keepdims=True)
@@ -103,34 +106,28 @@ def best_scaling(values: Complex, bound: Real) -> Scaling:
     _, p, q = bound.shape
     if p == q == 1:
         return start
-    k = values.shape[0]
-    # In units in which the start is 1 and both norms are near 1.
+    # In units in which the start is 1 and both norms are 1.
     loop, size = start.loop(values), start.uncertainty(bound)
     loop = loop / np.maximum(_norms(loop), np.finfo(float).tiny)[:, None, None]
-    first, second = _dilated(loop), _dilated(np.swapaxes(size / _norms(size)[:, None, None], 1, 2))
-    groups = np.zeros((sum(values.shape[1:]), q + p))
-    for place, (count, at) in enumerate([(values.shape[1], 0), (values.shape[2], q)]):
-        rows = slice(place * values.shape[1], place * values.shape[1] + count)
-        groups[rows, at : at + (q, p)[place]] = np.eye(count) if (q, p)[place] == count else 1.0
-    y = np.zeros((k, q + p))
+    size = size / _norms(size)[:, None, None]
+    spread = scipy.linalg.block_diag(_groups(values.shape[1], q), _groups(values.shape[2], p))
+    product = _Product(_dilated(loop), _dilated(np.swapaxes(size, 1, 2)), spread)
+    y = np.zeros((values.shape[0], q + p))
     for power in _POWERS:
         for _ in range(_STEPS):
-            value, slope, curve = _objective(y, first, second, groups, power)
-            ridge = 1e-9 * np.trace(curve, axis1=1, axis2=2) + 1e-12
-            step = -np.linalg.solve(curve + ridge[:, None, None] * np.eye(q + p), slope[..., None])[..., 0]
-            step *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-            length = np.ones(k)
-            worse = np.ones(k, dtype=bool)
-            while worse.any():
-                worse = (length > 0) & (_values(y + length[:, None] * step, first, second, groups, power) > value)
-                length[worse] = np.where(length[worse] > _SHORTEST, length[worse] / 2, 0.0)
-            y = y + length[:, None] * step
-            if np.abs(length[:, None] * step).max(initial=0.0) < 0.01 / power:
+            step = product.step(y, power)
+            y = y + step
+            if np.abs(step).max(initial=0.0) < 0.01 / power:
                 break
     return Scaling(start.columns + y[:, :q], start.rows + y[:, q:])
 
 
-def _dilated(matrices: Complex) -> Complex:
+def _groups(size: int, count: int) -> Real:
+    """The signals (rows) of every group (columns): a group is a single signal, or all."""
+    return np.eye(size) if count == size else np.ones((size, 1))
+
+
+def _dilated(matrices: NDArray[Any]) -> Complex:
     """``[[0, M], [M*, 0]]``, whose eigenvalues are the singular values of M and their negatives."""
     k, m, n = matrices.shape
     whole = np.zeros((k, m + n, m + n), dtype=complex)
@@ -143,16 +140,37 @@ def _scaled(x: Real, matrices: Complex) -> Complex:
     return np.exp(x)[:, :, None] * matrices * np.exp(x)[:, None, :]
 
 
-def _objective(y: Real, first: Complex, second: Complex, groups: Real, power: int) -> tuple[Real, Real, Real]:
-    """Logarithm of the product of the two norms, its gradient and Hessian in y."""
-    value, slope, curve = _log_norm(_scaled(y @ groups.T, first), power)
-    other, other_slope, other_curve = _log_norm(_scaled(-y, second), power)
-    return value + other, slope @ groups - other_slope, groups.T @ curve @ groups + other_curve
+class _Product(NamedTuple):
+    """Logarithm of the product of both norms in the logarithms y of the scalings of the groups, (K, q + p).
 
+    `first` are the dilations of the scaled loops, `second` those of the scaled bounds; `spread` takes groups to signals.
+    """
 
-def _values(y: Real, first: Complex, second: Complex, groups: Real, power: int) -> Real:
-    found = (np.linalg.eigvalsh(_scaled(x, m)) for x, m in ((y @ groups.T, first), (-y, second)))
-    return sum((_log_sum(np.abs(each), power)[0] for each in found), start=np.zeros(y.shape[0]))
+    first: Complex
+    second: Complex
+    spread: Real
+
+    def values(self, y: Real, power: int) -> Real:
+        """Smoothed by a power, (K,)."""
+        scaled = _scaled(y @ self.spread.T, self.first), _scaled(-y, self.second)
+        first, second = (_log_sum(np.abs(np.linalg.eigvalsh(each)), power)[0] for each in scaled)
+        return first + second
+
+    def step(self, y: Real, power: int) -> Real:
+        """A step of Newton, halved until it no longer ascends."""
+        value, slope, curve = _log_norm(_scaled(y @ self.spread.T, self.first), power)
+        other, other_slope, other_curve = _log_norm(_scaled(-y, self.second), power)
+        value, slope = value + other, slope @ self.spread - other_slope
+        curve = self.spread.T @ curve @ self.spread + other_curve
+        ridge = 1e-9 * np.trace(curve, axis1=1, axis2=2) + 1e-12
+        curve = curve + ridge[:, None, None] * np.eye(y.shape[1])
+        step = np.asarray(np.linalg.solve(curve, -slope[..., None]), dtype=float)[..., 0]
+        length = np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), np.finfo(float).tiny))
+        shortest, worse = _SHORTEST * length, np.ones(y.shape[0], dtype=bool)
+        while worse.any():
+            worse = (length > 0) & (self.values(y + length[:, None] * step, power) > value)
+            length[worse] = np.where(length[worse] > shortest[worse], length[worse] / 2, 0.0)
+        return length[:, None] * step
 
 
 def _log_sum(sizes: Real, power: int) -> tuple[Real, Real]:
@@ -166,8 +184,8 @@ def _log_sum(sizes: Real, power: int) -> tuple[Real, Real]:
 def _log_norm(matrices: Complex, power: int) -> tuple[Real, Real, Real]:
     """Value, gradient and Hessian at x = 0 of ``log tr|e^X H e^X|^p / p``, ``X = diag(x)``.
 
-    First order: ``2 sum_k w_k |q_k|^2`` with the eigenvectors q_k and ``w_k = |lambda_k|^p / tr``. Second order: divided differences of
-    ``|lambda|^p`` between all pairs of eigenvalues.
+    First order: ``2 sum_k w_k |q_k|^2`` with the eigenvectors q_k and ``w_k = |lambda_k|^p / tr``. Second order: divided
+    differences of ``|lambda|^p`` between all pairs of eigenvalues.
     """
     eigenvalues, vectors = np.linalg.eigh(matrices)
     value, weights = _log_sum(np.abs(eigenvalues), power)

@@ -1,4 +1,4 @@
-"""robust_stability_margin(): the small-gain condition of one controller for every plant of a set, on whole arcs of the circle."""
+"""robust_stability_margin(): the small-gain condition, scaled, of one controller for every plant of a set, on whole arcs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, one_thread
+from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
-from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
+from robustid.guarantees.cells import INPUT, KINDS, Pieces, check_plant, enclose
+from robustid.guarantees.covers import cover_bound
+from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
+from robustid.guarantees.structures import as_bounds, structure_of
 from robustid.identification import check_model
 from robustid.reduction import doubtful_distance
 
@@ -20,6 +23,9 @@ if TYPE_CHECKING:
     import control
 
 _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the condition has
+_CURVE = 0.05  # the same for the margins on the cells, as long as
+_LEAST = 1e-9  # of the largest bound: smaller ones are none
+_SHOWN = 30.0  # they are at most so many times the least one
 
 
 class MarginStatus(enum.Enum):
@@ -42,11 +48,27 @@ class RobustStabilityMargin(Frozen):
     frequency : float
         Where it is smallest, in rad/s.
     status : MarginStatus
+    structure : str
+        Whose bound gives the margin there: "full", "input", "output" or "entry".
+    shares : (ny, nu) array
+        Part that the bound of every entry has in it there, 1 in all: a bound smaller by one per cent gives a margin larger by so
+        many per cent (of a block of several entries, what its worst uncertainty has there).
+    edges : (C + 1,) array
+        Edges of the cells, rad/s.
+    margins : (C,) array
+        The margin on every cell by itself, at most 5 % below what the condition gives there, or beyond 30 times the least one.
     """
 
     margin: float
     frequency: float
     status: MarginStatus
+    structure: str = "full"
+    shares: Real = dataclasses.field(default_factory=lambda: np.ones((1, 1)))
+    edges: Real = dataclasses.field(default_factory=lambda: np.zeros(1))
+    margins: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(getattr(self, name)) for name in ("shares", "edges", "margins")})
 
     def __repr__(self) -> str:
         return f"<RobustStabilityMargin: {self.status.name.lower()}, margin {self.margin:.6g} at {self.frequency:.6g} rad/s>"
@@ -55,6 +77,12 @@ class RobustStabilityMargin(Frozen):
     def guaranteed(self) -> bool:
         """Return whether every plant of the set is stabilised."""
         return self.status is MarginStatus.GUARANTEED
+
+    @property
+    def entry(self) -> tuple[int, int]:
+        """Output and input, from 0, of the entry with the largest share: a smaller bound there helps most."""
+        output, entry = np.unravel_index(np.argmax(self.shares), self.shares.shape)
+        return int(output), int(entry)
 
 
 @one_thread()
@@ -69,9 +97,12 @@ def robust_stability_margin(
     .. math:: b\,\bar\sigma(K S) < 1, \quad b\,\bar\sigma(T) < 1, \quad b\,\bar\sigma(T_u) < 1, \quad b\,\bar\sigma(S) < 1
 
     for an additive, multiplicative (at the outputs, at the inputs: ``T_u = K S F_id``) and inverse multiplicative bound b.
-    The margin is the smallest reciprocal of the left side. For a bound per entry (additive) it is that of the spectral
-    radius of :math:`[b_{ij}]\,[|KS|_{ij}]`, which does not
-    depend on the units of the signals.
+    The margin is the smallest reciprocal of the left side. For bounds of parts of an additive error the condition is
+
+    .. math:: \min_{\alpha, \beta > 0} \bar\sigma(\operatorname{diag}(\beta)\, K S \operatorname{diag}(\alpha))\;
+              \|\operatorname{diag}(\alpha)^{-1} [b_{ij}] \operatorname{diag}(\beta)^{-1}\|_2 < 1,
+
+    the upper bound of the structured singular value by diagonal scaling, which does not depend on the units of the signals.
 
     Parameters
     ----------
@@ -81,8 +112,10 @@ def robust_stability_margin(
         K, from the outputs to the inputs of the nominal model, with its sample time.
     edges : (C + 1,) array
         Edges of the cells in rad/s, from 0 to pi/dt.
-    bound : (C,) or (C, ny, nu) array
-        Bound of ``|F - F_id|`` on each cell, or of the relative error (see `uncertainty_weight`).
+    bound : (C,) or (C, ny, nu), (C, 1, nu), (C, ny, 1) array, or a tuple of such arrays
+        Bound on each cell of the largest singular value of F - F_id, or of the relative error (see `uncertainty_weight`). Of
+        additive errors also of every entry, of the norm of every column (the error that an input causes), or of every row (the
+        error at an output). Of a tuple all bounds hold at the same time.
     kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
 
     Returns
@@ -98,12 +131,17 @@ def robust_stability_margin(
     Notes
     -----
     Assumes what `identify` gives: all plants have the unstable poles of the nominal model and no others (for a bound of
-    the relative error, so does ``F - F_id``). Frequencies between the edges are enclosed, not sampled. The
-    stability of the nominal loop is that of its computed eigenvalues, with a first-order bound of their rounding.
+    the relative error, so does ``F - F_id``). Then a loop is stable if ``I + t (F - F_id) K S`` is regular at every frequency for
+    all t from 0 to 1. That is asked at each frequency by itself: of several bounds that hold, any one may answer, on every cell
+    another one. For bounds of entries those of rows, columns and the whole matrix are taken too, where they are smaller.
+
+    Frequencies between the edges are enclosed, not sampled: scalings are sought at the middle of a piece of arc and kept on all of
+    it. The proof does not depend on how they were found. The stability of the nominal loop is that of its computed eigenvalues,
+    with a first-order bound of their rounding.
 
     References
     ----------
-    Zhou, Doyle and Glover, chapter 9 `zhou1996`; the spectral radius of non-negative matrices, `horn2013` section 8.1.
+    Zhou, Doyle and Glover, chapters 9 and 11 `zhou1996`; the spectral radius of non-negative matrices, `horn2013` section 8.1.
 
     Examples
     --------
@@ -116,15 +154,15 @@ def robust_stability_margin(
     (6.7, True)
     """
     plant = check_plant(nominal)
-    cells = Cells.read(edges, bound, float(plant.dt), plant)
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
+    cells, bounds = as_bounds(plant, edges, bound)
     if cells.angles[0] > 0:
         raise InputError(
             f"`edges` must start at 0; got {cells.edges[0]:g} rad/s, and nothing bounds the error below. Where the plant has"
             ' an integrator, take a relative bound: uncertainty_weight(..., kind="multiplicative", below=...)'
         )
-    if kind != "additive" and cells.bound.ndim > 1 and cells.bound[0].size > 1:
+    if kind != "additive" and any(b.shape[1:] != (1, 1) for b in bounds):
         raise InputError(f"`bound` of kind {kind!r} must have shape (C,): one bound of the largest singular value")
     controller = _check_controller(controller, plant)
     # K F_id (I + K F_id)^-1 is what the loop with both exchanged has at its outputs.
@@ -133,11 +171,42 @@ def robust_stability_margin(
     poles, doubt = doubtful_distance(loop.A)
     if np.any(1 - np.abs(poles) <= doubt):
         worst = poles[np.argmax(np.abs(poles))]
-        return RobustStabilityMargin(0.0, float(np.abs(np.angle(worst)) / plant.dt), MarginStatus.UNSTABLE)
-    gain, angle = _largest_gain(loop, cells)
+        frequency, shares = float(np.abs(np.angle(worst)) / plant.dt), np.zeros((plant.noutputs, plant.ninputs))
+        none = np.zeros(cells.edges.size - 1)
+        return RobustStabilityMargin(0.0, frequency, MarginStatus.UNSTABLE, "full", shares, cells.edges, none)
+    condition = _Condition(loop, cells.angles, bounds)
+    gain, angle = condition.largest()
     margin = 1 / gain if gain else np.inf
     status = MarginStatus.GUARANTEED if margin > 1 else MarginStatus.OPEN
-    return RobustStabilityMargin(float(margin), float(angle / plant.dt), status)
+    structure, shares = condition.limit(angle)
+    margins = np.maximum(margin, 1 / np.maximum(condition.on_cells(gain), np.finfo(float).tiny))
+    return RobustStabilityMargin(
+        float(margin), float(angle / plant.dt), status, structure, shares, cells.edges, margins
+    )
+
+
+def margin_of_circle(
+    nominal: Any, controller: Any, circle: tuple[Real, Real, Real], kind: str
+) -> RobustStabilityMargin:
+    """`robust_stability_margin` against a bound (C,) of the largest singular value and bounds (C, ny, nu) of the entries at once.
+
+    Parameters
+    ----------
+    nominal, controller : control.StateSpace
+    circle : (C + 1,), (C,) and (C, ny, nu) arrays
+        Edges in rad/s and the bounds.
+    kind : str
+        For the relative kinds both bounds give one of the relative error, see `cover_bound`.
+    """
+    edges, bound, entries = circle
+    if kind != "additive":
+        return robust_stability_margin(
+            nominal, controller, edges, cover_bound(nominal, edges, bound, entries, kind), kind=kind
+        )
+    if entries.shape[1:] == (1, 1):
+        return robust_stability_margin(nominal, controller, edges, bound)
+    known = np.maximum(entries, _LEAST * entries.max())  # entries that are known exactly
+    return robust_stability_margin(nominal, controller, edges, (bound, known))
 
 
 def _check_controller(controller: Any, plant: Any) -> Any:
@@ -174,30 +243,91 @@ def _loop(plant: Any, controller: Any, kind: str) -> Any:
     )
 
 
-def _largest_gain(loop: Any, cells: Cells) -> tuple[float, float]:
-    """Guaranteed maximum over the circle of the left side of the condition, and where."""
-    reached = 0.0
+@dataclasses.dataclass(frozen=True)
+class _Condition:
+    """The left side of the condition, on pieces of arc.
 
-    def coarse(pieces: Pieces) -> NDArray[np.bool_]:
-        nonlocal reached
-        reached = max(reached, float(_gains(pieces._replace(radius=np.zeros(pieces.radius.shape)), cells.bound).max()))
-        return _gains(pieces, cells.bound) > reached * (1 + _TOLERANCE)
+    Attributes
+    ----------
+    loop : control.StateSpace
+        KS, T or S.
+    angles : (C + 1,) array, rad
+    bounds : tuple of (C, p, q) arrays
+        All of them hold.
+    """
 
-    pieces = enclose(loop, cells.angles, coarse)
-    gains = _gains(pieces, cells.bound)
-    worst = int(np.argmax(gains))
-    return float(gains[worst]) * (1 + 1e-12), float(pieces.middle[worst])
+    loop: Any
+    angles: Real
+    bounds: tuple[Real, ...]
+
+    def largest(self) -> tuple[float, float]:
+        """Guaranteed maximum over the circle, and where."""
+        reached = 0.0
+
+        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+            nonlocal reached
+            middle, arc = self.on(pieces, reached)
+            reached = max(reached, float(middle.max()))
+            return arc > reached * (1 + _TOLERANCE)
+
+        pieces = enclose(self.loop, self.angles, coarse)
+        gains = self.on(pieces, reached)[1]
+        worst = int(np.argmax(gains))
+        return float(gains[worst]) * (1 + 1e-12), float(pieces.middle[worst])
+
+    def on_cells(self, largest: float) -> Real:
+        """Guaranteed maximum on every cell, (C,)."""
+        little = largest / _SHOWN
+
+        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+            middle, arc = self.on(pieces, little)
+            return arc > np.maximum(middle * (1 + _CURVE), little)
+
+        pieces = enclose(self.loop, self.angles, coarse)
+        gains = np.zeros(self.angles.size - 1)
+        np.maximum.at(gains, pieces.cell, self.on(pieces, little)[1])
+        return gains * (1 + 1e-12)
+
+    def limit(self, angle: float) -> tuple[str, Real]:
+        """Structure whose bound answers at a frequency, and the shares (ny, nu) of its blocks."""
+        cell = min(int(np.searchsorted(self.angles, angle, side="right")) - 1, self.angles.size - 2)
+        values = np.asarray(self.loop(np.exp(1j * angle), squeeze=False), dtype=complex)[None]
+        found = [(best_scaling(values, bound[[cell]]), bound[[cell]]) for bound in self.bounds]
+        gains = [np.prod(scaling.gain(values, bound)) for scaling, bound in found]
+        scaling, bound = found[int(np.argmin(gains))]
+        nu, ny = values.shape[1:]
+        sizes = scaling.uncertainty(bound)[0]
+        u, _, v = np.linalg.svd(sizes)
+        blocks = np.abs(u[:, :1] * sizes * v[:1])
+        left, _, right = np.linalg.svd(scaling.loop(values)[0])
+        # Where a block has several entries: those of the uncertainty of norm one that closes the loop.
+        within = np.outer(np.abs(right[0]), np.abs(left[:, 0])) ** 2 + np.finfo(float).tiny
+        p, q = blocks.shape
+        whole = within.sum(axis=tuple(axis for axis, count in enumerate((p, q)) if count == 1), keepdims=True)
+        shares = blocks * (within / whole if (p, q) != (ny, nu) else 1.0)
+        return structure_of(bound, (ny, nu)), shares / shares.sum()
+
+    def on(self, pieces: Pieces, enough: float) -> tuple[Real, Real]:
+        """Left side at the middle of each piece, and its upper bound on all of the piece.
+
+        Where that is at most `enough`, scalings are not improved.
+        """
+        middle, arc = np.full((2, pieces.cell.size), np.inf)
+        for bound in self.bounds:
+            here = bound[pieces.cell]
+            scaling = perron_scaling(pieces.values, here)
+            open_ = (arc > enough) & (_scaled_gain(pieces, here, scaling)[1] > enough)
+            if open_.any():
+                better = best_scaling(pieces.values[open_], here[open_])
+                for old, new in zip(scaling, better, strict=True):
+                    old[open_] = new
+            found = _scaled_gain(pieces, here, scaling)
+            middle, arc = np.minimum(middle, found[0]), np.minimum(arc, found[1])
+        return middle, arc
 
 
-def _gains(pieces: Pieces, bound: Real) -> Real:
-    """Upper bound of the condition's left side on each piece."""
-    here = bound[pieces.cell]
-    if here.ndim == 1 or here[0].size == 1:
-        size = np.linalg.norm(pieces.values, 2, axis=(1, 2)) + np.linalg.norm(pieces.radius, axis=(1, 2))
-        return here.reshape(-1) * size
-    product = here @ (np.abs(pieces.values) + pieces.radius)
-    # Any positive x gives rho <= max (Mx)_i/x_i; the Perron vector gives equality.
-    values, vectors = np.linalg.eig(product)
-    leading = np.take_along_axis(vectors, np.argmax(np.real(values), axis=1)[:, None, None], axis=2)[..., 0]
-    x = np.abs(leading) + 1e-9 * np.abs(leading).max(axis=1, keepdims=True)
-    return (np.einsum("kij,kj->ki", product, x) / x).max(axis=1)
+def _scaled_gain(pieces: Pieces, bound: Real, scaling: Scaling) -> tuple[Real, Real]:
+    """Left side with given scalings at the middle of each piece, and its upper bound on all of the piece."""
+    size, uncertainty = scaling.gain(pieces.values, bound)
+    radius = np.linalg.norm(scaling.loop(pieces.radius), axis=(1, 2))
+    return uncertainty * size, uncertainty * (size + radius)

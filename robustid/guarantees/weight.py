@@ -137,9 +137,9 @@ def uncertainty_weight(
         F_id, discrete.
     edges : (C + 1,) array
         Edges of the cells in rad/s, rising, to pi/dt. Where the plant has an integrator, the first is above 0.
-    bound : (C,) or (C, ny, nu) array
-        On each cell, of the largest singular value of ``F - F_id``, or of each entry: then the norm of the matrix of bounds
-        is taken, which depends on the units of the signals (`entry_weights` doesn't).
+    bound : (C,) or (C, ny, nu), (C, 1, nu), (C, ny, 1) array
+        On each cell, of the largest singular value of ``F - F_id``, or of each entry, column or row: then the norm of the array of
+        bounds is taken, which depends on the units of the signals (`entry_weights` and `structured_weight` don't).
     kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
         The relative kinds take ``bound/sigma_min(F_id)``, at the outputs or the inputs, and
         ``bound/(sigma_min(F_id) - bound)``, at the outputs; as many inputs as outputs.
@@ -216,7 +216,7 @@ def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options
     """
     plant = check_plant(nominal)
     cells = Cells.read(edges, bound, float(plant.dt), plant)
-    if cells.bound.ndim != 3:
+    if cells.bound.shape[1:] != (plant.noutputs, plant.ninputs):
         raise InputError(f"`bound` must have shape (C, ny, nu), a bound per entry; got {cells.bound.shape}")
     weights = np.empty(cells.bound.shape[1:], dtype=object)
     for i, j in np.ndindex(weights.shape):

@@ -31,6 +31,7 @@ from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, cons
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.spread import Spread
+from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Folder
 from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
@@ -309,6 +310,26 @@ class WorstCaseError(Frozen, Drawable, Savable):
         limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
         circle = self.on_circle(0.3, everywhere=True, **limits)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
+
+    def robust_stability_margin(self, controller: Any, *, kind: str = "additive") -> RobustStabilityMargin:
+        """`robust_stability_margin` of a controller for `model` against every consistent system.
+
+        From the bounds that `on_circle` has found, or to 5 % where ten seconds do for it; MIMO: those of the largest singular value
+        and of the entries at the same time.
+
+        Parameters
+        ----------
+        controller : control.StateSpace
+            From the outputs to the inputs, ``u = -K y``.
+        kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
+
+        Raises
+        ------
+        TimeLimitError
+            As `circle`.
+        """
+        circle = self.circle
+        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the active constraint of largest dual weight).

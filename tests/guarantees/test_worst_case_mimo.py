@@ -9,6 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice.sensitivity import guaranteed
+from robustid.guarantees.circle import CircleBound, Remembered
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.value_set import along, norm_of_bounds, schur_bound
@@ -325,12 +326,27 @@ def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
     cell = np.tile(np.arange(circle.bound.size), 20)
     off = truth(omega.ravel()) - response(error.model, omega.ravel())
     assert np.all(np.abs(off) <= circle.entries[cell])
+    # The margin: at least that of either bound, of the norm and of the entries.
+    gain = control.ss([], [], [], 0.05 * np.ones((q, p)) / error.hinf, error.model.dt)
+    found = error.robust_stability_margin(gain)
+    for bound in (circle.bound, circle.entries):
+        alone = rid.robust_stability_margin(error.model, gain, circle.edges, bound)
+        assert found.margin >= 0.999 * alone.margin
+        assert found.guaranteed or not alone.guaranteed
     assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= circle.bound[cell])
     assert error.claim_count == len(list(error.claims()))
     assert error.certified
     for part in ("bound", "entries"):
         forged = dataclasses.replace(circle, **{part: 0.9 * getattr(circle, part)})
         assert not error.with_circle(forged).certified
+
+
+def test_a_circle_that_is_still_unbounded_goes_on_from_its_arcs():
+    remembered = Remembered()
+    for arcs in (2, 3, 2):
+        bound = np.append(np.ones(arcs - 1), np.inf)
+        remembered.take(CircleBound(np.linspace(0, np.pi, arcs + 1), bound, 0.5, False, ()))
+    assert remembered.bound.bound.size == 3
 
 
 @pytest.mark.slow
