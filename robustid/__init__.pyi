@@ -57,6 +57,8 @@ from .guarantees import family as family
 from .guarantees import refute as refute
 from .guarantees import response_tube as response_tube
 from .guarantees import robust_stability_margin as robust_stability_margin
+from .guarantees import structured_weight as structured_weight
+from .guarantees import structured_weights as structured_weights
 from .guarantees import uncertainty_weight as uncertainty_weight
 from .guarantees import worst_case_error as worst_case_error
 from .guarantees import worst_case_over_poles as worst_case_over_poles

@@ -19,6 +19,12 @@ from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unite import family
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
+from robustid.guarantees.weight_structures import (
+    StructuredPlant,
+    StructuredWeight,
+    structured_weight,
+    structured_weights,
+)
 from robustid.guarantees.widening import bounds_of_entries
 from robustid.guarantees.withheld import Band, Coverage, band_of_others, coverage
 from robustid.guarantees.worst_case import LEAST, MOST, worst_case_error
@@ -43,6 +49,8 @@ __all__ = [
     "Refutation",
     "ResponseTube",
     "RobustStabilityMargin",
+    "StructuredPlant",
+    "StructuredWeight",
     "UncertaintyWeight",
     "ValueSet",
     "WorstCaseError",
@@ -66,6 +74,8 @@ __all__ = [
     "refute",
     "response_tube",
     "robust_stability_margin",
+    "structured_weight",
+    "structured_weights",
     "uncertainty_weight",
     "worst_case_error",
     "worst_case_over_poles",

@@ -46,22 +46,27 @@ class ControlPair(Frozen):
 
     def controller(self, continuous: control.StateSpace) -> control.StateSpace:
         """The discrete controller of a continuous one that was synthesised for this pair."""
-        import control
+        return discrete(continuous, self.dt)
 
-        system = check_model("continuous", continuous)
-        if system.nstates and system.dt != 0:
-            raise InputError(f"`continuous` must be in continuous time; got dt = {system.dt}")
-        a, half = np.asarray(system.A), self.dt / 2
-        inverse = np.linalg.inv(np.eye(a.shape[0]) - half * a)
-        root = np.sqrt(self.dt)
-        return control.StateSpace(
-            inverse @ (np.eye(a.shape[0]) + half * a),
-            root * inverse @ system.B,
-            root * system.C @ inverse,
-            system.D + half * system.C @ inverse @ system.B,
-            self.dt,
-            remove_useless_states=False,
-        )
+
+def discrete(continuous: Any, dt: float) -> Any:
+    """The discrete model with the same values as a continuous one at s = (2/dt)(z - 1)/(z + 1)."""
+    import control
+
+    system = check_model("continuous", continuous)
+    if system.nstates and system.dt != 0:
+        raise InputError(f"`continuous` must be in continuous time; got dt = {system.dt}")
+    a, half = np.asarray(system.A), dt / 2
+    inverse = np.linalg.inv(np.eye(a.shape[0]) - half * a)
+    root = np.sqrt(dt)
+    return control.StateSpace(
+        inverse @ (np.eye(a.shape[0]) + half * a),
+        root * inverse @ system.B,
+        root * system.C @ inverse,
+        system.D + half * system.C @ inverse @ system.B,
+        dt,
+        remove_useless_states=False,
+    )
 
 
 def bilinear(model: Any) -> Any:

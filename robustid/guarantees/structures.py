@@ -102,4 +102,5 @@ def log_volume(bound: Real, size: tuple[int, int]) -> Real:
     ball = m * n * math.log(math.pi)
     ball += sum(math.lgamma(k + 1) for k in range(m)) + sum(math.lgamma(k + 1) for k in range(n))
     ball -= sum(math.lgamma(k + 1) for k in range(m + n))
-    return (p * q * ball + 2 * m * n * np.log(bound).sum(axis=(1, 2))) / (2 * size[0] * size[1])
+    radii = np.asarray(np.log(bound).sum(axis=(1, 2)), dtype=float)
+    return (p * q * ball + 2 * m * n * radii) / (2 * size[0] * size[1])
