@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from robustid.bases import Sections, input_normal_pair
-from robustid.identification.formulation.ball import DenseMap, TurnedMap
+from robustid.identification.entries import Entries
+from robustid.identification.formulation.ball import DenseMap, SymmetricBall, TurnedBall
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
@@ -45,6 +46,24 @@ def check_ball(ball, H, rng, tolerance=1e-13):
     assert np.abs(ball.curvature(pairs) - curvature).max() <= 10 * tolerance * n * size
 
 
+def check_blocks(ball, A, rng, tolerance=1e-13):
+    """The blocks of a ball against the stored A_kj, (n, s, s) each."""
+    n = ball.size
+    x, sizes = rng.standard_normal(n), [one.shape[1] for one in A]
+    Z, M = [definite(rng, s) for s in sizes], [rng.standard_normal((s, s)) for s in sizes]
+    dense = [np.tensordot(x, one, 1) for one in A]
+    for found, wanted in zip(ball.matrices(x), dense, strict=True):
+        assert np.abs(found - wanted).max() <= tolerance * n * np.abs(wanted).max()
+    adjoint = sum(np.einsum("jab,ba->j", one, z) for one, z in zip(A, Z, strict=True))
+    assert np.linalg.norm(ball.adjoint(Z) - adjoint) <= tolerance * n * sum(np.linalg.norm(z) for z in Z)
+    for found, wanted, right in zip(ball.times(x, M), dense, M, strict=True):
+        assert np.linalg.norm(found - wanted @ right) <= tolerance * np.linalg.norm(x) * n * np.linalg.norm(right)
+    pairs = [(definite(rng, s), definite(rng, s)) for s in sizes]
+    curvature = sum(np.einsum("iab,jba->ij", a @ P, a @ Q, optimize=True) for a, (P, Q) in zip(A, pairs, strict=True))
+    size = sum(np.linalg.norm(P) * np.linalg.norm(Q) for P, Q in pairs)
+    assert np.abs(ball.curvature(pairs) - curvature).max() <= 10 * tolerance * n * size
+
+
 @pytest.mark.parametrize("n", [1, 2, 7, 30])
 def test_balls_against_stored_matrices(n):
     for seed in range(5):
@@ -60,8 +79,22 @@ def test_balls_against_stored_matrices(n):
         basis = PairMap(sections.pair).symmetric_basis
         check_ball(BlockHankelMap(SectionMap(sections)), basis, rng)
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
-        turned = TurnedMap(BlockHankelMap(SectionMap(sections)), axes)
-        check_ball(turned, np.tensordot(axes.T, basis, 1), rng)
+        turned = TurnedBall(SymmetricBall(BlockHankelMap(SectionMap(sections))), axes)
+        check_blocks(turned, [sign * np.tensordot(axes.T, basis, 1) for sign in (-1, 1)], rng)
+
+
+@pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])
+@pytest.mark.parametrize("zeros", [[0.5j], [0.3 + 0.4j, -0.2], [0.1, 0.7]])
+def test_the_matrix_ball_of_a_repeated_section_against_stored_matrices(entries, zeros):
+    rng, sarason = np.random.default_rng(0), SectionMap(Sections(np.array(zeros), 3), entries)
+    H = np.array([sarason.turned(X) for X in sarason.unit_matrices])
+    high, A = sarason.shape[0], np.zeros((sarason.size, sum(sarason.shape), sum(sarason.shape)))
+    A[:, :high, high:], A[:, high:, :high] = H, H.transpose(0, 2, 1)
+    check_blocks(sarason.ball(), [A], rng)
+    axes = np.linalg.qr(rng.standard_normal((sarason.size, sarason.size)))[0]
+    check_blocks(sarason.ball(axes), [np.tensordot(axes.T, A, 1)], rng)
+    x = rng.standard_normal(sarason.size)
+    assert np.abs(sarason.matrix(x) - np.tensordot(x, sarason.unit_matrices, 1)).max() <= 1e-12 * np.linalg.norm(x)
 
 
 def test_a_long_hankel_ball_against_its_definition():

@@ -96,10 +96,9 @@ def test_two_records_that_move_alike_together_move_both():
     assert (len(problem.outputs), len(problem.inputs)) == (2, 2)
 
 
-def test_forms_of_one_channel_say_so():
-    for form in ("sections", "classical"):
-        with pytest.raises(rid.InputError, match=r'`form` = ".*" is for one input and one output; got 2x2'):
-            rid.identify(rid.MixedProblem(frequency=FRF, prior=PRIOR), form=form)
+def test_the_form_of_the_paper_says_that_its_theorem_is_about_one_channel():
+    with pytest.raises(rid.InputError, match=r"whose theorem is about one input and one output; got 2x2\. Take form"):
+        rid.identify(rid.MixedProblem(frequency=FRF, prior=PRIOR), form="classical")
 
 
 def test_a_mode_that_no_sample_of_an_entry_shows_is_named():

@@ -159,28 +159,36 @@ class DenseMap(SymmetricMap):
         return total
 
 
-class TurnedMap(SymmetricMap):
-    """H(V y) of another map, V orthogonal."""
+class TurnedBall(Ball):
+    """The blocks of another ball in the coordinates y of x = V y, V orthogonal."""
 
-    def __init__(self, ball: SymmetricMap, axes: Real):
-        self._ball, self._axes, self.size = ball, axes, ball.size
+    def __init__(self, ball: Ball, axes: Real):
+        self._ball, self._axes, self.size, self.blocks = ball, axes, ball.size, ball.blocks
 
-    def matrix(self, x: Real) -> Real:
-        """H(V x)."""
-        return self._ball.matrix(self._axes @ x)
+    def matrices(self, x: Real) -> list[Real]:
+        """The A_k(V y)."""
+        return self._ball.matrices(self._axes @ x)
 
-    def adjoint(self, Y: Real) -> Real:
+    def adjoint(self, Z: list[Real]) -> Real:
         """V' times the adjoint."""
-        return self._axes.T @ self._ball.adjoint(Y)
+        return self._axes.T @ self._ball.adjoint(Z)
 
-    def times(self, x: Real, M: Real) -> Real:
-        """H(V x) M."""
+    def times(self, x: Real, M: list[Real]) -> list[Real]:
+        """The A_k(V y) M_k."""
         return self._ball.times(self._axes @ x, M)
 
     def curvature(self, pairs: Pairs) -> Real:
         """V' times the curvature times V."""
         turned = self._axes.T @ self._ball.curvature(pairs) @ self._axes
         return (turned + turned.T) / 2
+
+    def multiplier(self, Z: list[Real]) -> Real:
+        """That of the ball, whatever the coordinates."""
+        return self._ball.multiplier(Z)
+
+    def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
+        """The blocks in y."""
+        return self._ball.inequalities(X, H, turned)._replace(change=self._axes.T)
 
 
 class MatrixBall(Ball):
@@ -281,6 +289,16 @@ class EntryProducts(abc.ABC):
         """The block of the curvature of the entries (a, b) and (c, d), of transforms."""
 
 
+def products_of_blocks(P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> tuple[tuple[Any, Any], ...]:
+    """The parts of the four products U * V in the curvature of two entries, see `MatrixBall`."""
+    return (
+        (P[2, 1][b][c], Q[1, 2][a][d]),
+        (P[2, 2][b][d], Q[1, 1][a][c]),
+        (P[1, 1][a][c], Q[2, 2][b][d]),
+        (P[1, 2][a][d], Q[2, 1][b][c]),
+    )
+
+
 class DenseProducts(EntryProducts):
     """Any basis, stored; [U * V]_kl = <U'H_k, H_l V'>."""
 
@@ -305,12 +323,7 @@ class DenseProducts(EntryProducts):
 
     def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
         """The block of the curvature of two entries."""
-        terms = (
-            (P[2, 1][b][c], Q[1, 2][a][d]),
-            (P[2, 2][b][d], Q[1, 1][a][c]),
-            (P[1, 1][a][c], Q[2, 2][b][d]),
-            (P[1, 2][a][d], Q[2, 1][b][c]),
-        )
+        terms = products_of_blocks(P, Q, a, b, c, d)
         return np.asarray(sum(before @ after.T for (before, _), (_, after) in terms))
 
     def _before(self, U: Real) -> Real:

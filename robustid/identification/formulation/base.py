@@ -178,8 +178,7 @@ class Formulation(Frozen, Functions):
         ------
         SizeError
         """
-        kind, longest = self._kind
-        limit = int(longest / math.sqrt(self.problem.entries.count))  # dense matrices of all unknowns
+        kind, limit = self._kind[0], self._limit
         if self.count > limit:
             raise SizeError(
                 f"`problem` has {self.problem.coefficients} coefficients in the exact form, and needs {self.count} {kind} for"
@@ -187,6 +186,11 @@ class Formulation(Frozen, Functions):
                 " possible. Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin"
                 " the data: frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance"
             )
+
+    @property
+    def _limit(self) -> int:
+        """Largest number of coefficients: dense matrices of all unknowns."""
+        return int(self._kind[1] / math.sqrt(self.problem.entries.count))
 
     @property
     @abc.abstractmethod

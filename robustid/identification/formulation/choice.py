@@ -15,6 +15,7 @@ _KINDS = {kind.name: kind for kind in (ExactFormulation, ClassicalFormulation, T
 FORMS = ("auto", *_KINDS)
 
 _QUICK = 5e8  # multiplications per Newton step up to which no other form is looked for: a second in all
+_FINITE = 1e300  # multiplications: beyond are those of forms that are too large
 _CLEARLY = 0.5  # of the work of the other forms: what sections may take
 _MANY, _FAR_LESS = 60, 0.03  # coefficients of an exact form that is slow in bounds; of its work what replaces it takes
 _BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) take as long as n^2/30 Taylor coefficients
@@ -23,12 +24,13 @@ _BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) ta
 def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4) -> Formulation:
     """The formulation that is called `form`, with tails below a tenth of the accuracy.
 
-    "auto" takes the exact form while it is quick, then the form with the least work; sections only where they clearly save.
+    "auto" takes the exact form while it is quick, then the form with the least work; sections only where they clearly save,
+    for MIMO only where the others are too large: far from the frequency points their tails are as large as the class.
 
     Raises
     ------
     InputError
-        A form for SISO only.
+        The classical form for MIMO.
     SizeError
         Too many coefficients.
     """
@@ -36,7 +38,10 @@ def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4)
         found = _quickest(problem, accuracy)
     elif not _KINDS[form].takes(problem):
         p, q = problem.entries.shape
-        raise InputError(f'`form` = "{form}" is for one input and one output; got {p}x{q}')
+        raise InputError(
+            f'`form` = "{form}" is the one of the paper, whose theorem is about one input and one output; got {p}x{q}. Take'
+            ' form="orthonormal": the same conditions in another basis, for matrices too'
+        )
     else:
         found = _KINDS[form].within(problem, accuracy)
     found.check_size(accuracy)
@@ -48,7 +53,7 @@ def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
     if exact.quick:
         return exact
     best = min((TaylorFormulation.within(problem, accuracy), exact), key=lambda form: form.work)
-    if SectionsFormulation.takes(problem) and best.work > _QUICK:
+    if best.work > (_QUICK if problem.entries.single else _FINITE):
         found = SectionsFormulation.within(problem, accuracy)
         if found.work < _CLEARLY * best.work:
             return found

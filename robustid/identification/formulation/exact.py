@@ -19,7 +19,7 @@ from robustid.identification.problem import MixedProblem
 
 QUICK_EXACT = 100  # coefficients; minutes begin at LARGEST_EXACT
 
-_MOST_PRODUCTS = 1e8  # numbers held at once: 0.8 GB
+MOST_PRODUCTS = 1e8  # numbers held at once: 0.8 GB
 _SAME_NODE = 1e-12
 
 
@@ -113,7 +113,7 @@ class ExactFormulation(Formulation):
 
     def _mimo_work(self) -> float:
         (p, q), n = self.problem.entries.shape, self.count
-        if n > LARGEST_EXACT or 4 * (p + q) ** 2 * n**3 > _MOST_PRODUCTS:
+        if n > LARGEST_EXACT or 4 * (p + q) ** 2 * n**3 > MOST_PRODUCTS:
             return math.inf
         return self._dense_work(p * q) + 4.0 * p**2 * q**2 * n**4
 

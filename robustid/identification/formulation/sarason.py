@@ -22,7 +22,7 @@ from robustid.identification.formulation.ball import (
     MatrixBall,
     SymmetricBall,
     SymmetricMap,
-    TurnedMap,
+    TurnedBall,
 )
 from robustid.identification.interpolant import Interpolants, interpolants
 
@@ -127,10 +127,12 @@ class SarasonMap(Frozen, abc.ABC):
 
     def ball(self, axes: NDArray[np.float64] | None = None) -> Ball:
         """||X|| <= b as semidefinite blocks of x, of its coordinates along `axes` where they are given, in the fastest form."""
-        if not self.entries.single:
-            return MatrixBall(self.entries, self.pair.order, self._products())
-        symmetric = self._symmetric_map()
-        return SymmetricBall(symmetric if axes is None else TurnedMap(symmetric, axes))
+        ball: Ball
+        if self.entries.single:
+            ball = SymmetricBall(self._symmetric_map())
+        else:
+            ball = MatrixBall(self.entries, self.pair.order, self._products())
+        return ball if axes is None else TurnedBall(ball, axes)
 
     def inequalities(self) -> Inequalities:
         """||X|| <= b as linear matrix inequalities of stored matrices, for general solvers."""

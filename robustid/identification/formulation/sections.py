@@ -15,8 +15,9 @@ from robustid.bases import InputNormalPair, Sections
 from robustid.core import freeze
 from robustid.errors import SizeError
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.ball import SymmetricMap
+from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap, products_of_blocks
 from robustid.identification.formulation.base import Formulation
+from robustid.identification.formulation.exact import MOST_PRODUCTS
 from robustid.identification.formulation.sarason import PairMap, SarasonMap
 from robustid.identification.formulation.section_choice import shortest_sections
 from robustid.identification.formulation.tails import SHARE, taylor_tail
@@ -30,7 +31,10 @@ _MOST_STORED = 4e7  # complex entries of the columns of all points: 0.6 GB, of w
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SectionsFormulation(Formulation):
-    """The functions of a repeated section; the remainder is theta times a function that is bounded by the tails. SISO only.
+    """The functions of a repeated section; the remainder is theta times a function that is bounded by the tails.
+
+    MIMO: the same section for every entry. u'Gv has the coefficients u'x v for all unit vectors u and v, hence what bounds the
+    remainder of one entry bounds the largest singular value of that of the matrix.
 
     Parameters
     ----------
@@ -46,11 +50,6 @@ class SectionsFormulation(Formulation):
     def within(cls, problem: MixedProblem, accuracy: float) -> Formulation:
         """The shortest repeated section whose tails are below a tenth of the accuracy; the delay where no other is shorter."""
         return of_sections(problem, shortest_sections(problem, SHARE * accuracy))
-
-    @classmethod
-    def takes(cls, problem: MixedProblem) -> bool:
-        """Say whether the problem is SISO."""
-        return problem.entries.single
 
     @property
     def count(self) -> int:
@@ -73,13 +72,14 @@ class SectionsFormulation(Formulation):
         return self.sections
 
     def _sarason(self) -> SectionMap:
-        return SectionMap(self.sections)
+        return SectionMap(self.sections, self.problem.entries)
 
     @property
     def description(self) -> str:
         """The number of coefficients, the degree of the section and how often it is taken."""
         degree, repeats = self.sections.degree, self.sections.repeats
-        return f"{self.count} coefficients of an all-pass section of degree {degree}, taken {repeats} times"
+        each = self.problem.entries.each
+        return f"{self.count} coefficients{each} of an all-pass section of degree {degree}, taken {repeats} times"
 
     def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Values at exp(j angle), (F, n)."""
@@ -94,20 +94,21 @@ class SectionsFormulation(Formulation):
     def response_tail(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """K |theta(zeta)| (2/pi) K(1/rho) at zeta = exp(-j angle)/rho, by Cauchy's formula on the circle, (F,).
 
-        With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)).
+        With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)); of a
+        matrix, whose rows have norm 1, sqrt(ny) times as much.
         """
         prior, sections, eps = self.problem.prior, self.sections, np.finfo(float).eps
         inside = (1 - 1 / prior.decay_rate) * (1 + 1 / prior.decay_rate)  # 1 - |zeta|^2
         size = np.abs(sections.all_pass(np.exp(-1j * angles) / prior.decay_rate)) + 8 * sections.degree * eps / inside
         rounding = 8 * (sections.order + 1 / inside) * eps / np.sqrt(inside)
-        return taylor_tail(prior, 0) * size**sections.repeats + prior.gain_bound * rounding
+        return taylor_tail(prior, 0) * size**sections.repeats + prior.gain_bound * self._rows * rounding
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to the input, (T, n)."""
         return self._driven(u)[0] @ (self.problem.prior.gain_bound * self.sections.pair.symmetry())
 
     def time_tail(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """K (sum_j ||v_(n-j)||^2 rho^-2j)^(1/2), v the response of theta(z/rho) to u, (T,).
+        """K (sum_j ||v_(n-j)||^2 rho^-2j)^(1/2), v the responses of theta(z/rho) to the inputs u, (T,).
 
         Sample n is an inner product with h_n = sum_j u_(n-j) rho^-j zeta^j; P_+(conj(theta) h_n) has the coefficients
         v_(n-j) rho^-j. No digits cancel: [A B; c d] is orthogonal, and what its rounding adds is bounded along the way.
@@ -137,7 +138,24 @@ class SectionsFormulation(Formulation):
         return 40.0 * n**3 + 3.0 * points * n**2 if n <= LONGEST_SECTIONS and points * n <= _MOST_STORED else math.inf
 
     def _mimo_work(self) -> float:
-        return math.inf
+        (p, q), n = self.problem.entries.shape, self.count
+        points = sum(points.omega.size for points in self.problem.frequency)
+        if n > self._limit or points * n > _MOST_STORED:
+            return math.inf
+        return self._dense_work(p * q) + 4.0 * p**2 * q**2 * n**4
+
+    @property
+    def _limit(self) -> int:
+        """Largest number of coefficients; MIMO: those whose products with all blocks can be stored."""
+        p, q = self.problem.entries.shape
+        return (
+            super()._limit if self.problem.entries.single else math.floor((MOST_PRODUCTS / 4 / (p + q) ** 2) ** (1 / 3))
+        )
+
+    @property
+    def _rows(self) -> float:
+        """Norm of a vector of ones over the outputs."""
+        return math.sqrt(self.problem.entries.outputs)
 
     @property
     def _kind(self) -> tuple[str, int]:
@@ -160,8 +178,9 @@ class SectionMap(SarasonMap):
 
     sections: Sections
 
+    entries: Entries = SINGLE
+
     pair: InputNormalPair = dataclasses.field(init=False, repr=False)
-    entries: Entries = dataclasses.field(default=SINGLE, init=False)
 
     graded: ClassVar[bool] = False
 
@@ -189,10 +208,15 @@ class SectionMap(SarasonMap):
         return blocks
 
     def _matrices(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return antidiagonal_blocks(self.diagonals(x))[::-1].reshape(1, 1, self.pair.order, self.pair.order)
+        order, entries = self.pair.order, x.reshape(-1, self.pair.order)
+        blocks = [antidiagonal_blocks(self.diagonals(one))[::-1].reshape(order, order) for one in entries]
+        return np.reshape(blocks, (*x.shape[:2], order, order))
 
     def _symmetric_map(self) -> SymmetricMap:
         return BlockHankelMap(self)
+
+    def _products(self) -> EntryProducts:
+        return SectionProducts(self)
 
 
 def antidiagonal_blocks(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -236,26 +260,79 @@ class BlockHankelMap(SymmetricMap):
 
     def curvature(self, pairs: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> NDArray[np.float64]:
         """Sum of tr(H_i P H_j Q)."""
-        (M, m), N, R = self._shape, self._length, self._length // 2 + 1
-        wave = np.exp(2j * np.pi / N * np.arange(N))[:, None, None, None]
-        left = (self._U + wave * self._V).reshape(N, m * m, m)
-        right = (self._U + wave[:R] * self._V).reshape(R, m * m, m)
+        (_, m), N, R = self._shape, self._length, self._length // 2 + 1
         total = np.zeros((N, R, m, m), complex)
         for P, Q in pairs:
             for k, (p, q) in enumerate(zip(self._transform(P), self._transform(Q), strict=True)):
-                above = (left[k] @ p.reshape(m, -1)).reshape(m, m, R, m).transpose(2, 0, 3, 1).reshape(R, m, m * m)
-                below = (right @ q.transpose(1, 2, 0)).reshape(R, m, m * m)
-                total[k] += above @ below.transpose(0, 2, 1)
-        last = slice(M - 1, 2 * M - 1)
-        half = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
-        full = np.asarray(scipy.fft.irfft(half, N, axis=1))[:, last].transpose(0, 2, 1, 3).reshape(self.size, self.size)
+                total[k] += self._above(p[None], k)[0] @ self._below(q[None])[0].transpose(0, 2, 1)
+        full = self.back(total)
         return (full + full.T) / 2
+
+    def before(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """What tr(H_i P H_j Q') needs of P, (N, N/2 + 1, m, m^2): `back` of the products with the transposes of `after`."""
+        return self._above(self._transform(P))
+
+    def after(self, Q: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """What tr(H_i P H_j Q') needs of Q, (N, N/2 + 1, m, m^2)."""
+        return self._below(self._transform(Q))
+
+    def back(self, total: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """The (n, n) array of transforms (N, N/2 + 1, m, m)."""
+        last = slice(self._shape[0] - 1, 2 * self._shape[0] - 1)
+        half = np.asarray(scipy.fft.ifft(total, axis=0, overwrite_x=True))[last]
+        full = np.asarray(scipy.fft.irfft(half, self._length, axis=1))[:, last]
+        return full.transpose(0, 2, 1, 3).reshape(self.size, self.size)
+
+    @functools.cached_property
+    def _turned(self) -> NDArray[np.complex128]:
+        """U_a + w V_a at every w, (N, m^2, m)."""
+        wave = np.exp(2j * np.pi / self._length * np.arange(self._length))[:, None, None, None]
+        return np.asarray(self._U + wave * self._V, dtype=complex).reshape(self._length, -1, self._shape[1])
+
+    def _above(self, p: NDArray[np.complex128], first: int = 0) -> NDArray[np.complex128]:
+        """(U_a + w V_a) P at the w from one on, (K, N/2 + 1, m, m^2), of (K, m, N/2 + 1, m)."""
+        count, m, R, _ = p.shape
+        found = (self._turned[first : first + count] @ p.reshape(count, m, -1)).reshape(count, m, m, R, m)
+        return found.transpose(0, 3, 1, 4, 2).reshape(count, R, m, m * m)
+
+    def _below(self, q: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """(U_b + w' V_b) Q' likewise."""
+        count, m, R, _ = q.shape
+        return (self._turned[:R] @ q.transpose(0, 2, 3, 1)).reshape(count, R, m, m * m)
 
     def _transform(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
         """(N, m, N/2 + 1, m)."""
         M, m = self._shape
         half = scipy.fft.rfft(P.reshape(M, m, M, m), self._length, axis=2)
         return np.asarray(scipy.fft.fft(half, self._length, axis=0, overwrite_x=True))
+
+
+class SectionProducts(EntryProducts):
+    """The products U * V of a repeated section as two-dimensional convolutions over the block indices, see `BlockHankelMap`."""
+
+    def __init__(self, sarason: SectionMap):
+        self._one = BlockHankelMap(sarason)
+
+    def matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H of every entry, (p, q, n, n)."""
+        return np.array([[self._one.matrix(entry) for entry in row] for row in x])
+
+    def adjoint(self, Y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Inner products <H_j, Y> of every entry, (p, q, n)."""
+        return np.array([[self._one.adjoint(entry.T) for entry in row] for row in Y])
+
+    def transforms(self, corners: Corners) -> Parts:
+        """What tr(H_k U H_l V') needs of U and of V, of all blocks."""
+        return {
+            place: [[(self._one.before(one), self._one.after(one)) for one in row] for row in block]
+            for place, block in corners.items()
+        }
+
+    def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> NDArray[np.float64]:
+        """The block of the curvature of two entries."""
+        terms = products_of_blocks(P, Q, a, b, c, d)
+        total = sum(before @ after.transpose(0, 1, 3, 2) for (before, _), (_, after) in terms)
+        return self._one.back(np.asarray(total, dtype=complex))
 
 
 def _symmetrised(stack: NDArray[np.float64]) -> NDArray[np.float64]:
