@@ -76,7 +76,7 @@ def test_the_box_of_poles_from_the_data_is_covered_in_every_entry():
 
 @pytest.mark.slow
 def test_two_modes_of_a_matrix_and_their_box():
-    truth, _, frf = measured(bound=0.005, count=40)
+    truth, _, frf = measured(bound=0.005, count=20)
     found = suggest_class(frequency=frf)
     best = found.recommended
     assert best.pairs == 2
