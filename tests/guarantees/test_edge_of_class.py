@@ -34,3 +34,33 @@ def test_a_plant_at_the_edge_is_inside_every_band_and_interval(seed):
     # Of every entry a consistent system is as near to the bound as was asked for.
     assert np.all(error.lower >= 0.9 * error.upper)
     assert error.certified
+
+
+def impulse_of(truth, horizon, size=4096):
+    """The first samples of the impulse response, (horizon, ny, nu), from the values all around the circle."""
+    return np.fft.irfft(truth(2 * np.pi * np.arange(size // 2 + 1) / size), size, axis=0)[:horizon]
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 50))])
+def test_a_plant_at_the_edge_is_inside_every_tube(seed):
+    problem, truth, _ = edge_problem(seed)
+    result, horizon = rid.identify(problem), 4
+    response = impulse_of(truth, horizon)
+    for entry in np.ndindex(*response.shape[1:]) if seed else [(1, 0)]:
+        tube = rid.response_tube(result, input="impulse", horizon=horizon, entry=entry)
+        inside = response[:, *entry]
+        assert np.all((tube.lower <= inside) & (inside <= tube.upper))
+        assert np.all(np.abs(inside - tube.nominal) <= tube.error_upper)
+        assert np.all(tube.error_lower <= tube.error_upper)
+        assert tube.verify()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_certificates_of_a_plant_at_the_edge_hold_in_ball_arithmetic(seed):
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    result = rid.identify(edge_problem(seed)[0])
+    error = rid.worst_case_error(result, omega=[0.7], rtol=0.1)
+    claims = list(error.claims())
+    assert claims
+    assert all(claim.verify(exact=True) for claim in claims[:: max(len(claims) // 8, 1)])
