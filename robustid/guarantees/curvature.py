@@ -12,6 +12,9 @@ from robustid.core import Real
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, Prior, parametric_states
 
+_DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are nearly dependent
+_CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
+
 StateSpace = tuple[Real, Real, Real]  # A, B, C
 
 
@@ -53,7 +56,7 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     basis, own = identification.problem.parametric, is_own(model, identification)
     parts = interpolant_part(identification) if own else known_part(model, identification)
     reach = parameters.reach(identification.parameters)
-    functions = None if basis is None or not basis.states else (basis.A, basis.B, basis.C)
+    functions = None if basis is None or not basis.states else input_normal(basis.A, basis.B, basis.C)
     # A reduced interpolant is near the ball, not in it.
     inside = own and identification.formulation.exact
     shape = len(identification.problem.outputs), len(identification.problem.inputs)
@@ -87,17 +90,17 @@ def second_derivative(A: Real, B: Real, C: Real, low: float, high: float) -> Rea
     # R(z) = R (I + (z - middle) R)^-1, hence |C R(z)^k B| <= |C R| |R B| |R|^(k-2) grown^k.
     powers = [rows * columns * size ** (k - 2) * grown**k for k in (2, 3, 4)]
     third = powers[0] + 3 * 2 * powers[1] + 6 * powers[2]
-    return (middle + half * third) * (1 + 1e-9)
+    return (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
 
 
 def known_part(model: Any, identification: Identification) -> StateSpace:
-    """State space (A, B, C) of q'P - model, each scaled by itself so that norms are not dominated by bad units."""
-    A, B, C = _scaled(np.asarray(model.A), np.asarray(model.B), -np.asarray(model.C))
+    """State space (A, B, C) of q'P - model, each in coordinates of its own."""
+    A, B, C = input_normal(np.asarray(model.A), np.asarray(model.B), -np.asarray(model.C))
     problem = identification.problem
     if problem.parametric is None or not problem.parametric.states:
         return A, B, C
     residues = identification.parameters.reshape(-1, *model.D.shape)
-    a, b, c, _ = parametric_states(problem, residues)
+    a, b, c = input_normal(*parametric_states(problem, residues)[:3])
     return scipy.linalg.block_diag(A, a), np.vstack([B, b]), np.hstack([C, c])
 
 
@@ -105,12 +108,24 @@ def interpolant_part(identification: Identification) -> StateSpace:
     """State space of minus the non-parametric part of its own model, whose parametric part is q'P exactly, its states the last."""
     model, basis = identification.model, identification.problem.parametric
     n = model.nstates - (0 if basis is None else basis.states * min(model.D.shape))
-    return _scaled(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
+    return input_normal(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
 
 
-def _scaled(A: Real, B: Real, C: Real) -> StateSpace:
-    """A similar realisation with diagonal scaling by powers of two."""
+def input_normal(A: Real, B: Real, C: Real) -> StateSpace:
+    """A similar realisation whose states are orthonormal: its resolvent is hardly larger than its poles make it.
+
+    Of repeated light poles by far: 1/distance^2 becomes 2.4/distance. Where the states are nearly dependent, or a pole is on the
+    circle, a diagonal scaling by powers of two.
+    """
     if not A.shape[0]:
         return A, B, C
+    if np.abs(np.linalg.eigvals(A)).max() < 1:
+        gramian = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T)
+        if np.all(np.diag(gramian) > 0):
+            unit = 2.0 ** np.round(-0.5 * np.log2(np.diag(gramian)))  # exact, and repeated poles become well conditioned
+            size, V = np.linalg.eigh(gramian * unit * unit[:, None])
+            if size[0] > _DEPENDENT * size[-1]:
+                there, back = V / unit[:, None] * np.sqrt(size), (V / np.sqrt(size)).T * unit
+                return back @ A @ there, back @ B, C @ there
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     return balanced, B / scale[:, None], C * scale

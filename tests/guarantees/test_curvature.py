@@ -1,0 +1,57 @@
+"""Bounds of second derivatives along arcs: against dense sampling, and near to what repeated light poles do."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.guarantees.curvature import input_normal, second_derivative
+
+
+def sampled(A, B, C, low, high, count=401):
+    """Largest second derivative along the angle at many points, from differences of the response: no state space of it."""
+    step = 1e-4
+    angles = np.linspace(low, high, count)[:, None] + step * np.arange(-1, 2)
+    states = np.exp(1j * angles)[..., None, None] * np.eye(len(A)) - A
+    values = C @ np.linalg.solve(states, np.broadcast_to(B, (*states.shape[:2], *B.shape)))
+    return np.abs(values[:, 0] - 2 * values[:, 1] + values[:, 2]).max(axis=0) / step**2
+
+
+@pytest.mark.parametrize("repeat", [1, 2, 3])
+def test_repeated_light_poles_are_bounded_on_arcs_as_long_as_their_distance(repeat):
+    basis = rid.kautz([0.5], [0.01], dt=1.0, delay=1, repeat=repeat)
+    A, B, C = input_normal(basis.A, basis.B, basis.C)
+    distance = 1 - np.abs(basis.poles).max()
+    for middle in (0.2, 0.45, 0.5, 0.6):
+        arc = middle, middle + 0.3 * max(distance, abs(middle - 0.5) - 0.5 * distance) / repeat
+        bound, least = second_derivative(A, B, C, *arc), sampled(basis.A, basis.B, basis.C, *arc)
+        assert np.all(least <= bound * (1 + 1e-4))
+        assert np.all(np.isfinite(bound))
+        assert bound.max() < 12 * least.max()
+
+
+def test_its_coordinates_change_no_value():
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((5, 5))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    B, C = rng.standard_normal((5, 2)), rng.standard_normal((3, 5))
+    a, b, c = input_normal(A, B, C)
+    np.testing.assert_allclose(a @ a.T + b @ b.T, np.eye(5), atol=1e-12)
+    for z in np.exp(1j * np.array([0.0, 0.3, 2.0])):
+        one, other = (H @ np.linalg.solve(z * np.eye(5) - F, G) for F, G, H in ((A, B, C), (a, b, c)))
+        np.testing.assert_allclose(other, one, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("A", "B"),
+    [
+        (np.diag([1.0, 0.5]), np.ones((2, 1))),  # a pole on the circle
+        (np.diag([0.5, 0.5 + 1e-9]), np.ones((2, 1))),  # nearly dependent states
+        (np.diag([0.5, 0.7]), np.array([[1.0], [0.0]])),  # a state that no input reaches
+    ],
+)
+def test_where_there_are_no_orthonormal_states_nothing_is_lost(A, B):
+    C = np.array([[1e6, 1e-6]])
+    a, b, c = input_normal(A, B, C)
+    z = np.exp(0.4j)
+    one, other = (H @ np.linalg.solve(z * np.eye(2) - F, G) for F, G, H in ((A, B, C), (a, b, c)))
+    np.testing.assert_allclose(other, one, rtol=1e-12)
