@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import further_mode
 from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
-from robustid.core import Complex, Frozen, Real, as_kind, one_thread
+from robustid.core import Budget, Complex, Frozen, Progress, Real, as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem
@@ -20,6 +20,7 @@ from robustid.identification.solver import margin_path
 
 _log = logging.getLogger("robustid")
 
+_MOVED = "poles moved"
 _DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
 _SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
 
@@ -43,11 +44,14 @@ class Diagnosis(Frozen):
     active : tuple of (kind, experiment, rad/s or s, weight)
         Active constraints: samples with their dual weight in the proof, largest first; all weights sum to one.
     trials : tuple of Trial
+    left_out : tuple of str
+        Changes for which there was no time.
     """
 
     inflation: float
     active: tuple[tuple[str, int, float, float], ...]
     trials: tuple[Trial, ...]
+    left_out: tuple[str, ...] = ()
 
     def best(self) -> Trial | None:
         """The change with the smallest margin."""
@@ -75,6 +79,8 @@ class Diagnosis(Frozen):
             f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
             for trial in self.trials
         ]
+        if self.left_out:
+            lines.append(f"  no time was left for: {', '.join(self.left_out)}")
         lines.append(
             "More pairs add assumptions that the data can test; a larger K or a smaller rho only asks less, and its guarantee"
             " between the samples is weaker."
@@ -89,7 +95,9 @@ class Diagnosis(Frozen):
 
 
 @one_thread()
-def diagnose(identification: Identification) -> Diagnosis:
+def diagnose(
+    identification: Identification, *, time_limit: float | None = None, progress: Progress | None = None
+) -> Diagnosis:
     """Name the active constraints of a result, what inflation of the bounds makes the data consistent, and what else would.
 
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
@@ -101,6 +109,10 @@ def diagnose(identification: Identification) -> Diagnosis:
     ----------
     identification : Identification
         Usually of inconsistent data.
+    time_limit : float, optional
+        Seconds after which no further change is tried; margins that were reached by then are kept. So it is on Ctrl-C.
+    progress : callable (done, all), optional
+        Changes.
 
     Returns
     -------
@@ -138,25 +150,42 @@ def diagnose(identification: Identification) -> Diagnosis:
     changes.append(("rho - 1 halved", problem.with_prior(decay_rate=1 + (rho - 1) / 2)))
     if problem.parameter_bounds is not None:
         changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
+    moving = not identification.consistent and problem.coefficients <= QUICK_EXACT
+    budget, count = Budget(time_limit, progress), len(changes) + moving
     trials: list[Trial] = []
-    for text, changed in changes:
-        try:
-            trials.append(Trial(text, _reachable_margin(changed), changed))
-        except InputError as error:  # functions that the samples can't tell apart
-            _log.info("%s: left out (%s)", text, error)
-    if not identification.consistent and problem.coefficients <= QUICK_EXACT:
-        trials += _moved_poles(problem)
+    waiting = [*(text for text, _ in changes), *([_MOVED] * moving)]
+    try:
+        for text, changed in changes:
+            if budget.over:
+                break
+            try:
+                margin = _reachable_margin(changed, budget)
+            except InputError as error:  # functions that the samples can't tell apart
+                _log.info("%s: left out (%s)", text, error)
+            else:
+                if np.isinf(margin):  # no system was reached in time
+                    break
+                trials.append(Trial(text, margin, changed))
+            waiting.remove(text)
+            budget.tell(count - len(waiting), count)
+        if moving and not budget.over:
+            trials += _moved_poles(problem, budget)
+            waiting.remove(_MOVED)
+            budget.tell(count, count)
+    except KeyboardInterrupt:
+        _log.warning("interrupted: the changes that were tried so far are returned")
     return Diagnosis(
         inflation=identification.margin,
         active=tuple(identification.conflicting_samples()),
         trials=tuple(trials),
+        left_out=tuple(waiting),
     )
 
 
-def _moved_poles(problem: MixedProblem) -> list[Trial]:
+def _moved_poles(problem: MixedProblem, budget: Budget) -> list[Trial]:
     """The trial with the poles of the pairs moved, where there are pairs and that helps."""
     try:
-        found = improve_kautz(problem, repeat=False)
+        found = improve_kautz(problem, repeat=False, time_limit=budget.seconds)
     except (InputError, SolverError) as error:
         _log.info("poles moved: left out (%s)", error)
         return []
@@ -173,11 +202,11 @@ def _effect(margin: float, before: float) -> str:
     return f"{before / margin:.3g} times smaller" + (", still inconsistent" if margin > 1 else "")
 
 
-def _reachable_margin(problem: MixedProblem) -> float:
-    """A margin that some system reaches, within 0.1 % (or 0.001) of the smallest."""
+def _reachable_margin(problem: MixedProblem, budget: Budget) -> float:
+    """A margin that some system reaches, within 0.1 % (or 0.001) of the smallest, or as near as there is time for."""
     margin = np.inf
     for _, margin, gap in margin_path(formulate(problem, accuracy=_DIGITS).data):
-        if gap <= _DIGITS * max(margin, 1.0):
+        if gap <= _DIGITS * max(margin, 1.0) or budget.over:
             break
     return float(margin)
 

@@ -11,7 +11,19 @@ import numpy as np
 from robustid.advice.kautz import KautzSuggestion, line_data
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
-from robustid.core import Complex, Frozen, Real, as_flag, as_kind, as_positive, freeze, one_thread, threads_for
+from robustid.core import (
+    Budget,
+    Complex,
+    Frozen,
+    Progress,
+    Real,
+    as_flag,
+    as_kind,
+    as_positive,
+    freeze,
+    one_thread,
+    threads_for,
+)
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import (
@@ -117,7 +129,14 @@ class KautzImprovement(Frozen):
 
 
 @one_thread()
-def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = True) -> KautzImprovement:
+def improve_kautz(
+    problem: MixedProblem,
+    *,
+    target: float = 1.0,
+    repeat: bool = True,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+) -> KautzImprovement:
     """Repair Kautz pairs with which the data are inconsistent: repeat them, then move their poles until the margin is small.
 
     Tried in this order, up to the first margin <= `target`: the pairs as given; each repeated once more (terms k a^k absorb
@@ -136,6 +155,10 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
         Margin at which the search ends. Below 1 the poles follow the errors of the measurement more and more.
     repeat : bool
         False: move the poles at once, without repeated pairs.
+    time_limit : float, optional
+        Seconds; then, and on Ctrl-C, the best pairs found so far are returned, and `reason` says so.
+    progress : callable (done, all), optional
+        Steps of the search; all are seldom needed.
 
     Returns
     -------
@@ -176,7 +199,7 @@ def improve_kautz(problem: MixedProblem, *, target: float = 1.0, repeat: bool = 
     target, pairs, repeat = as_positive("target", target), pairs_of(problem), as_flag("repeat", repeat)
     formulation = formulate(problem, accuracy=_DIGITS)
     with threads_for(formulation.count):
-        search = _Search(formulation, pairs, target)
+        search = _Search(formulation, pairs, target, Budget(time_limit, progress))
         best, reason = search.run(repeat)
         return _result(search, best, reason)
 
@@ -198,8 +221,9 @@ class _Point:
 class _Search:
     """The trials of one problem."""
 
-    def __init__(self, formulation: Formulation, pairs: MovingPairs, target: float) -> None:
+    def __init__(self, formulation: Formulation, pairs: MovingPairs, target: float, budget: Budget) -> None:
         self.problem, self.formulation, self.target = formulation.problem, formulation, target
+        self.budget = budget
         self.given = self._point(formulation.problem, pairs, pairs.start)
         self.trials: list[PoleTrial] = []
 
@@ -208,6 +232,8 @@ class _Search:
         best = given = self.given
         self._note("as given", given, kept=True)
         done = [f"as given the margin is {given.margin:.4g}"]
+        if given.claim.stopped:
+            return best, f"{done[0]}: {given.claim.stopped}"
         if repeat and best.margin > self.target:
             try:
                 doubled = self._at(given.pairs.repeated(), given.poles)
@@ -229,14 +255,24 @@ class _Search:
         radius, slopes = _RADIUS, None
         for step in range(1, _MOST_STEPS + 1):
             unit = units(self.problem, at.poles)
+            if self.budget.over:
+                return at, f"the time was over after {step - 1} steps"
+            self.budget.tell(step, _MOST_STEPS)
             if slopes is None:
                 slopes = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
             try:
-                d, promised = _linearised(at.formulation.data, slopes, radius)
+                claim = _linearised(at.formulation.data, slopes, radius, self._limit)
+                d, promised = claim.p[-slopes.shape[1] :], claim.margin
+                if claim.stopped:
+                    return at, f"{claim.stopped} in step {step}"
                 if promised > (1 - _WORTH) * at.margin:
                     reach = 100 * radius * float(unit[:, 0].max())
                     return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
                 new = self._at(at.pairs, at.pairs.inside(at.poles + unit * d.reshape(-1, 2)))
+                if new.claim.stopped:
+                    return at, f"{new.claim.stopped} in step {step}"
+            except KeyboardInterrupt:
+                return at, f"interrupted in step {step}"
             except (InputError, SolverError) as error:  # poles that meet, or that the samples don't feel
                 _log.info("step %d: shortened (%s)", step, error)
                 radius /= 4
@@ -262,7 +298,12 @@ class _Search:
 
     def _point(self, problem: MixedProblem, pairs: MovingPairs, poles: Real) -> _Point:
         formulation = self.formulation.of(problem)
-        return _Point(pairs, poles, formulation, prove_margin(formulation.data, "structured", _DIGITS)[0])
+        return _Point(pairs, poles, formulation, prove_margin(formulation.data, "structured", _DIGITS, self._limit)[0])
+
+    @property
+    def _limit(self) -> Budget:
+        """The time that is left, without the receiver: it counts steps."""
+        return Budget(self.budget.seconds)
 
     def _note(self, change: str, point: _Point, kept: bool) -> None:
         omega, damping = freeze(np.exp(point.poles[:, 0])), freeze(np.exp(point.poles[:, 1]))
@@ -271,14 +312,13 @@ class _Search:
         _log.info("%s: margin %.6g%s", change, point.margin, "" if kept else " (not taken)")
 
 
-def _linearised(data: ConvexData, D: Complex, radius: float) -> tuple[Real, float]:
-    """The d in [-radius, radius] that minimises the margin of y - E x - P p - D d, and that margin."""
+def _linearised(data: ConvexData, D: Complex, radius: float, budget: Budget) -> Claim:
+    """The smallest margin of y - E x - P p - D d, d in [-radius, radius]: d are the last parameters."""
     rows, more = data.rows, D.shape[1]
     ends = np.vstack([rows.ends, np.tile([-radius, radius], (more, 1))])
     scale = np.concatenate([rows.column_scale, np.ones(more)])
     wider = dataclasses.replace(rows, P=np.hstack([rows.P, D]), ends=ends, column_scale=scale)
-    claim, _ = prove_margin(ConvexData(wider, data.sarason), "structured", _DIGITS)
-    return claim.p[-more:], claim.margin
+    return prove_margin(ConvexData(wider, data.sarason), "structured", _DIGITS, budget)[0]
 
 
 def margin_slope(pairs: MovingPairs, formulation: Formulation, claim: Claim, poles: Real) -> Real:

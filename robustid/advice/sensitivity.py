@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind, one_thread
+from robustid.core import Budget, Frozen, Progress, Real, as_kind, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -55,10 +55,13 @@ class Sensitivity(Frozen):
     omega : (F,) array, rad/s
     variations : tuple of Variation
         As stated first.
+    left_out : tuple of str
+        Variations for which there was no time.
     """
 
     omega: Real
     variations: tuple[Variation, ...]
+    left_out: tuple[str, ...] = ()
 
     def curve(self, kind: str) -> tuple[Real, Real]:
         """Abscissa, ascending, and median half-width: of what was stated and the variations of one kind.
@@ -77,6 +80,8 @@ class Sensitivity(Frozen):
         for row in self.variations:
             band = f"{100 * row.median:9.3g}%{100 * row.worst:9.3g}%" if row.margin <= 1 else f"{'refuted':>20}"
             lines.append(f"{row.what:34}{row.margin:9.4g}{band}")
+        if self.left_out:
+            lines.append(f"No time was left for: {', '.join(self.left_out)}.")
         lines.append(
             "Half-width of the guaranteed band relative to the response. A bound that moves much with an assumption rests on"
             " it: data can refute assumptions, never prove them."
@@ -85,7 +90,9 @@ class Sensitivity(Frozen):
 
 
 @one_thread()
-def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
+def sensitivity(
+    problem: MixedProblem, *, omega: Any = None, time_limit: float | None = None, progress: Progress | None = None
+) -> Sensitivity:
     """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer frequency points.
 
     Parameters
@@ -93,6 +100,10 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
     problem : MixedProblem
     omega : (F,) array, rad/s, optional
         Where the error is evaluated; default 7 frequencies over the range of the frequency points.
+    time_limit : float, optional
+        Seconds after which no further variation is evaluated; the first one always is. So it is on Ctrl-C.
+    progress : callable (done, all), optional
+        Variations.
 
     Returns
     -------
@@ -113,11 +124,19 @@ def sensitivity(problem: MixedProblem, *, omega: Any = None) -> Sensitivity:
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
+    budget, asked = Budget(time_limit, progress), list(_variations(problem))
     rows: list[Variation] = []
-    for what, kind, changed in _variations(problem):
-        prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
-        rows.append(Variation(what, kind, prior.gain_bound, prior.decay_rate, lines, *guaranteed(changed, grid)))
-    return Sensitivity(grid, tuple(rows))
+    try:
+        for what, kind, changed in asked:
+            if rows and budget.over:
+                break
+            prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
+            rows.append(Variation(what, kind, prior.gain_bound, prior.decay_rate, lines, *guaranteed(changed, grid)))
+            budget.tell(len(rows), len(asked))
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+    return Sensitivity(grid, tuple(rows), tuple(what for what, _, _ in asked[len(rows) :]))
 
 
 def guaranteed(problem: MixedProblem, omega: Real) -> tuple[float, float, float]:

@@ -31,6 +31,11 @@ class Budget:
         return self._deadline - time.monotonic()
 
     @property
+    def seconds(self) -> float | None:
+        """What is left, as the `time_limit` of another call, positive; None without a limit."""
+        return None if math.isinf(self.left) else max(self.left, 1e-9)
+
+    @property
     def over(self) -> bool:
         """True if the time is up."""
         return self.left <= 0

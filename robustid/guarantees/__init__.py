@@ -8,7 +8,7 @@ from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
 from robustid.guarantees.horizon import output_errors
 from robustid.guarantees.member import Member
-from robustid.guarantees.nominal import as_frequencies, check_siso, default_grid
+from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
@@ -60,7 +60,6 @@ __all__ = [
     "bounds_of_entries",
     "box_of",
     "chance_of_order",
-    "check_siso",
     "consistent_set",
     "coverage",
     "default_grid",

@@ -70,12 +70,3 @@ def default_grid(identification: Identification) -> Real:
     if basis is not None and basis.has_integrator and lines.size:
         grid = grid[grid >= lines.min()]
     return np.unique(np.clip(grid, lowest if basis is not None and basis.has_integrator else 0.0, top))
-
-
-def check_siso(problem: MixedProblem, what: str) -> None:
-    """Refuse matrices, and say the way out."""
-    if not problem.entries.single:
-        raise InputError(
-            f"`{what}` is for one input and one output; got {problem.entries.outputs} outputs and {problem.entries.inputs} inputs."
-            " Identify an entry by itself, from frf.entry(output, input), and take that"
-        )

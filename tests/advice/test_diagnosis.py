@@ -71,6 +71,18 @@ def test_diagnosis_of_a_basis_with_real_poles_only():
     assert changes[0].startswith("one more pair")
 
 
+def test_the_time_ends_the_trials_and_says_which_are_left():
+    record, told = rid.TimeRecord([1.0, 0.0], [0.5, 2.0], dt=1.0, bound=0.1), []
+    result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
+    found = diagnose(result, time_limit=1e-9)
+    assert found.trials == ()
+    assert found.left_out == ("K times 2", "K times 10", "rho - 1 halved", "poles moved")
+    assert "no time was left for: K times 2, K times 10" in found.summary()
+    whole = diagnose(result, progress=lambda *at: told.append(at))
+    assert whole.left_out == ()
+    assert told == [(k, 4) for k in (1, 2, 3, 4)]
+
+
 def test_diagnose_refuses_other_things():
     with pytest.raises(InputTypeError, match="`identification` must be an Identification; got int"):
         diagnose(3)

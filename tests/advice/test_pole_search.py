@@ -184,6 +184,21 @@ def test_repeated_pairs_absorb_a_small_error_and_keep_the_poles():
     assert moved.margin <= 1
 
 
+def test_the_time_ends_the_search_with_the_best_pairs_so_far():
+    """At once: the given ones with what is proved of their margin; in a step: it says in which."""
+    problem, told = structure([[1, 1], [1.01, 1]]), []
+    found = rid.improve_kautz(problem, time_limit=1e-6)
+    assert "stopped at the time limit" in found.reason
+    assert not found.moved
+    assert found.margin_lower <= found.trials[0].margin == found.margin
+    assert len(found.trials) == 1
+    found = rid.improve_kautz(problem, repeat=False, progress=lambda *at: told.append(at))
+    assert told == [(step, 40) for step in range(1, len(told) + 1)]
+    assert found.margin <= 1
+    with pytest.raises(rid.InputError, match="`time_limit` must be positive"):
+        rid.improve_kautz(problem, time_limit=0.0)
+
+
 def test_consistent_pairs_stay_as_they_are():
     problem = structure(np.ones((2, 2)))
     found = rid.improve_kautz(problem)

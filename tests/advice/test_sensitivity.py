@@ -37,6 +37,18 @@ def test_larger_classes_and_fewer_lines_have_wider_bands():
         found.curve("poles")
 
 
+def test_the_time_ends_the_table_and_says_what_is_missing():
+    record, told = rid.TimeRecord([1.0, 0.0], [0.5, 0.2], dt=1.0, bound=0.1), []
+    problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5))
+    found = rid.sensitivity(problem, omega=[0.5], time_limit=1e-9)
+    assert [row.what for row in found.variations] == ["as stated"]
+    assert found.left_out[:2] == ("gain bound x 0.5", "gain bound x 2")
+    assert "No time was left for: gain bound x 0.5" in found.summary()
+    whole = rid.sensitivity(problem, omega=[0.5], progress=lambda *at: told.append(at))
+    assert whole.left_out == ()
+    assert told == [(k, len(whole.variations)) for k in range(1, 6)]
+
+
 def test_a_refuted_variation_says_so():
     frf = rid.FrequencyResponse([10.0, 60.0], [1.0, -1.0], bound=0.1, dt=0.01)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2))
