@@ -7,8 +7,7 @@ import dataclasses
 import functools
 import itertools
 import logging
-from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,31 +17,24 @@ from robustid.core import (
     Frozen,
     Progress,
     Real,
-    as_array,
-    as_count,
     as_kind,
     as_positive,
     freeze,
     one_thread,
     simulate,
 )
-from robustid.data import signal_index
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
 from robustid.guarantees.curvature import known_part
+from robustid.guarantees.drive import as_entry, as_samples, as_signal, driven
 from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
-from robustid.identification import Identification, MixedProblem, SupportCertificate
+from robustid.identification import Identification, SupportCertificate
 
 _log = logging.getLogger("robustid")
-
-SIGNALS = ("impulse", "step")
-_MOST = 60  # samples of a default tube
-_FADED = 1e-2  # of the gain bound: where the class lets the non-parametric part end, for a default horizon
-_LONGEST = 500
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -104,7 +96,7 @@ class ResponseTube(Frozen, Drawable):
 
     @functools.cached_property
     def _simulated(self) -> Real:
-        return simulate(self.model, _driven(self.u, self.entry, self.identification))[0][:, self.entry[0]]
+        return simulate(self.model, driven(self.u, self.entry, self.identification))[0][:, self.entry[0]]
 
     @property
     def response(self) -> Real:
@@ -180,7 +172,7 @@ class ResponseTube(Frozen, Drawable):
 
     @functools.cached_property
     def _outputs(self) -> Outputs:
-        return consistent_outputs(self.identification, _driven(self.u, self.entry, self.identification))
+        return consistent_outputs(self.identification, driven(self.u, self.entry, self.identification))
 
     @property
     def _reach(self) -> Real:
@@ -229,7 +221,7 @@ class ResponseTube(Frozen, Drawable):
     def _impulses(self) -> tuple[Real, Real, Real]:
         """Impulse responses: q'P - nominal (H,), the functions P_i (H, m) and the bound K rho^-k of |g_k| (H,)."""
         problem, count = self.identification.problem, self.u.size
-        known = -simulate(self.model, _driven(np.eye(count, 1)[:, 0], self.entry, self.identification))[0][
+        known = -simulate(self.model, driven(np.eye(count, 1)[:, 0], self.entry, self.identification))[0][
             :, self.entry[0]
         ]
         functions = np.zeros((count, 0)) if problem.parametric is None else problem.parametric.impulse(count)
@@ -347,11 +339,11 @@ def response_tube(
     (array([0. , 0.1]), array([0. , 0.5]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    at = _entry(entry, identification.problem)
-    kind, u = _signal(input, horizon, identification)
-    samples = _samples(times, u.size, identification.problem.dt)
+    at = as_entry(entry, identification.problem)
+    kind, u = as_signal(input, horizon, identification)
+    samples = as_samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
-    outputs = consistent_outputs(identification, _driven(u, at, identification))
+    outputs = consistent_outputs(identification, driven(u, at, identification))
     samples, found = _bounded(outputs, at[0], samples, gap, executor, Budget(time_limit, progress))
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
@@ -368,28 +360,6 @@ def response_tube(
         gap=gap,
         entry=at,
     )
-
-
-def _entry(entry: Any, problem: MixedProblem) -> tuple[int, int]:
-    """The output and input of a tube, checked."""
-    if entry is None:
-        if problem.entries.single:
-            return 0, 0
-        raise InputError(
-            "`entry` is missing: a tube is about one output and one input, the others being 0; give entry=(output, input),"
-            f" by number or name, of {[s.name for s in problem.outputs]} and {[s.name for s in problem.inputs]}"
-        )
-    if not isinstance(entry, tuple | list) or len(cast("Sequence[Any]", entry)) != 2:
-        raise InputError(f"`entry` must be (output, input), by number or name; got {entry!r}")
-    output, input = cast("Sequence[Any]", entry)
-    return signal_index("output", output, problem.outputs), signal_index("input", input, problem.inputs)
-
-
-def _driven(u: Real, entry: tuple[int, int], identification: Identification) -> Real:
-    """The input of an entry, and zeros for the others, (H, nu)."""
-    out = np.zeros((u.size, identification.problem.entries.inputs))
-    out[:, entry[1]] = u
-    return out
 
 
 def _bounded(
@@ -421,38 +391,3 @@ def _bounded(
 
 def _ends(outputs: Outputs, output: int, gap: float, sample: int) -> tuple[Extreme, Extreme]:
     return outputs.extreme(sample, -1.0, gap, output), outputs.extreme(sample, 1.0, gap, output)
-
-
-def _signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, Real]:
-    """Kind of the input and its samples over the horizon, checked."""
-    problem = identification.problem
-    count = None if horizon is None else as_count("horizon", horizon, least=1)
-    if isinstance(value, str):
-        if value not in SIGNALS:
-            raise InputError(f"`input` must be one of {SIGNALS} or an array of samples; got {value!r}")
-        faded = int(np.ceil(np.log(1 / _FADED) / np.log(problem.prior.decay_rate)))
-        count = count or max(problem.taylor, min(faded, _LONGEST))
-        return value, np.eye(1, count)[0] if value == "impulse" else np.ones(count)
-    u = as_array("input", value)
-    if u.ndim != 1 or u.size == 0:
-        raise InputError(f"`input` must have shape (H,), one input over the horizon; got {u.shape}")
-    if count is not None and count > u.size:
-        raise InputError(f"`horizon` must not exceed the {u.size} samples of `input`; got {count}")
-    return "given", u[:count]
-
-
-def _samples(times: Any, horizon: int, dt: float) -> NDArray[np.intp]:
-    """Numbers of the samples, checked and sorted."""
-    if times is None:
-        return np.unique(np.round(np.linspace(0, horizon - 1, min(horizon, _MOST))).astype(int))
-    wanted = np.unique(np.atleast_1d(as_array("times", times)))
-    if wanted.ndim != 1 or wanted.size == 0:
-        raise InputError("`times` is empty; give at least one sample instant in s")
-    samples = np.round(wanted / dt).astype(int)
-    bad = (np.abs(wanted / dt - samples) > 1e-6 * np.maximum(1, samples)) | (samples < 0) | (samples >= horizon)
-    if np.any(bad):
-        raise InputError(
-            f"`times` must be sample instants of the horizon, 0 to {(horizon - 1) * dt:g} s in steps of dt = {dt:g} s;"
-            f" got {wanted[bad][0]:g}"
-        )
-    return np.unique(samples)
