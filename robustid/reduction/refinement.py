@@ -31,6 +31,7 @@ _STEPS = 40  # of one descent
 _NONE = np.zeros(0, complex)
 _UNLIMITED = Budget()
 _FLAT = 1e-3  # relative gain of a step below which a descent ends
+_UNSEEN = 1e-9  # of the change that the largest move makes: less is none, beside numerators
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-4  # of the trust region, in units of a pole's distance to the circle
 
 
@@ -241,14 +242,28 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
         def only_turned(d: Real) -> Pair:
             return Pair(pair.A, pair.C + d.reshape(h, n))
 
-        return Moves(turned, turned_size, only_turned)
+        return _seen(samples, U, Moves(turned, turned_size, only_turned))
 
     def turned_and_moved(d: Real) -> Pair:
         first, second = d[: h * n].reshape(h, n), d[h * n :].reshape(h, n)
         return inside(Pair(pair.A - first.T @ pair.C, pair.C + second), radius)
 
     columns = np.hstack([pole_columns(samples, pair, fit.outputs), turned])
-    return Moves(columns, np.concatenate([np.outer(samples.weights, size).ravel(), turned_size]), turned_and_moved)
+    sizes = np.concatenate([np.outer(samples.weights, size).ravel(), turned_size])
+    return _seen(samples, U, Moves(columns, sizes, turned_and_moved))
+
+
+def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
+    """Moves without those, in units of their sizes, that other numerators undo: similarities, above all.
+
+    What is left has one set of steps for one change of the residuals, so that a region of trust holds the numerators nowhere.
+    U has the span of the numerators' columns.
+    """
+    J = samples.real(ways.columns) * ways.size
+    _, values, right = np.linalg.svd(np.linalg.qr(J - U @ (U.T @ J), mode="r"))
+    kept = right[: values.size][values > _UNSEEN * values.max(initial=0.0)].T
+    turn = ways.size[:, None] * kept
+    return Moves(ways.columns @ turn, np.ones(kept.shape[1]), lambda d: ways.step(turn @ d))
 
 
 def descended(

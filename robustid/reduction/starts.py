@@ -250,15 +250,20 @@ def _gain(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[float
     return float(np.linalg.norm(gain)), left / samples.weights
 
 
+def integrals(samples: SampleMap, fit: Fit) -> Real:
+    """Coefficients (count, ny, nu) of 1/(z - 1), 1/(z - 1)^2, ... in a fit."""
+    count, entries = samples.integrators, samples.outputs * samples.inputs
+    return fit.fixed[entries : entries * (1 + count)].reshape(count, samples.outputs, samples.inputs)
+
+
 def statespace(samples: SampleMap, fit: Fit, like: Any) -> Any:
     """The model of a fit, poles at z = 1 exact, with the signals of another model."""
     import control
 
     h, count, entries = samples.heads, samples.integrators, samples.outputs * samples.inputs
     chain = np.eye(count) + np.eye(count, k=1)
-    powers = fit.fixed[entries : entries * (1 + count)]
     D = fit.fixed[:entries].reshape(samples.outputs, samples.inputs)
-    gains = powers.reshape(count, samples.outputs, samples.inputs)
+    gains = integrals(samples, fit)
     gains = gains.swapaxes(1, 2) if samples.flipped else gains
     A = scipy.linalg.block_diag(fit.pair.A, np.kron(chain, np.eye(h)))
     B = np.vstack([fit.X, gains.reshape(count * h, samples.tails)])

@@ -5,43 +5,23 @@ from __future__ import annotations
 import dataclasses
 import enum
 import logging
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from robustid.core import Budget, Progress, as_kind, one_thread
-from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.identification import Identification, largest_ratio
+from robustid.identification import Identification
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
-from robustid.reduction.guard import Guard
-from robustid.reduction.refinement import (
-    Fit,
-    Pair,
-    apart,
-    descended,
-    inside,
-    least_squares,
-    levelled,
-    pole_functions,
-    with_poles,
-)
-from robustid.reduction.sample_map import SampleMap, sample_map, with_lines
+from robustid.reduction.best_models import REFINED, BestModels
 
 _log = logging.getLogger("robustid")
 
 _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
-_REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
-_QUICK, _ALL, _KEPT = 6, 40, 3  # steps of the first look at every start and to the end; starts that are followed to it
-_NEAR = 1.5  # times the limit: where further starts are followed too
-_EXCHANGES = 6  # times that points where nothing was measured are added at one order
-_STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
-_CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
-_ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
 
 
 class SearchStatus(enum.Enum):
@@ -137,13 +117,12 @@ def near_fit(identification: Identification, model: Any) -> Any:
 
     All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
     """
-    search = _Search(identification, 0)
+    models = BestModels(identification, 0)
     if not identification.consistent:
-        search.limit = identification.margin * (1 + _ROUNDING)
+        models.widen()
     A, B, C = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C))
-    search.attempt(starts.of_model(A, B, C, search.samples))
-    found = search.found.get(model.nstates)
-    return None if found is None or found.judged > search.limit else found.model
+    models.refine(starts.of_model(A, B, C, models.samples))
+    return models.found[model.nstates].model if models.within(model.nstates) else None
 
 
 def _integrators(identification: Identification, rigid_body: Any) -> int:
@@ -168,36 +147,16 @@ def _integrators(identification: Identification, rigid_body: Any) -> int:
     return max(held, 2)
 
 
-class _Found(NamedTuple):
-    """The best model of an order."""
-
-    judged: float  # the larger of its margin and of the distance where nothing was measured
-    margin: float
-    model: Any
-
-
 class _TimeIsOver(Exception):
     """Ends a search."""
 
 
 class _Search:
-    """Orders tried, with the best fit of each."""
+    """Orders tried, with the best model of each."""
 
-    def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
-        self.identification, self.budget = identification, Budget() if budget is None else budget
-        self.samples: SampleMap = sample_map(identification.problem, integrators)
-        self.chains = integrators * self.samples.heads
-        self.guard = Guard(identification, integrators, max(1.0, identification.margin))
-        self.holding = False
-        self.families = starts.truncations(identification, self.samples)
-        basis = identification.problem.parametric
-        self.held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
-        poles = starts.without_integrators(identification.model.poles(), self.chains)
-        self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
-        self.limit = 1.0
-        self.fits: dict[int, Fit] = {}
-        self.found: dict[int, _Found] = {}
-        self.target = self._target()
+    def __init__(self, identification: Identification, integrators: int, budget: Budget):
+        self.identification, self.budget = identification, budget
+        self.models = BestModels(identification, integrators, budget)
 
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
@@ -212,12 +171,12 @@ class _Search:
 
     def _searched(self) -> int:
         if not self.identification.consistent:
-            few = [order for order in self._ladder() if order < _ONE_BY_ONE + self.chains]
+            few = [order for order in self._ladder() if order < _ONE_BY_ONE + self.models.chains]
             first = self._first(few)
             if first is not None:
                 return self._downwards(first)
-            self._widen()
-        return self._smallest()
+            self.models.widen()
+        return self._downwards(self._smallest() if self.models.samples.heads == 1 else self._smallest_of_matrix())
 
     def _first(self, orders: list[int]) -> int | None:
         """The first of these orders that suffices."""
@@ -228,58 +187,45 @@ class _Search:
                 return order
         return None
 
-    def _widen(self) -> None:
-        """From now on within the bounds times the margin of the data."""
-        self.limit = self.identification.margin * (1 + _ROUNDING)
-        self.guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
-        # What missed the narrower one wasn't compared with the identified model.
-        self.found = {k: f for k, f in self.found.items() if f.margin > self.limit or self._stays(f.model)}
-
     def _so_far(self) -> int:
         """The smallest order found within the limit; where there is none, the first of some truncations with new numerators."""
+        models = self.models
         for widen in (False, True):
-            if widen and not self.identification.consistent and self.limit == 1:
-                self._widen()
-            within = [k for k, found in self.found.items() if found.judged <= self.limit]
+            if widen and not self.identification.consistent and models.limit == 1:
+                models.widen()
+            within = [order for order in models.found if models.within(order)]
             if within:
                 return min(within)
-        low, high = max(self.found, default=self.chains), self.identification.order
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self._truncation_suffices(middle) else (middle, high)
-        return high
-
-    def _truncation_suffices(self, order: int) -> bool:
-        """Tell whether the balanced truncation of an order, with the numerators of least squares, keeps the limit."""
-        pair = self.families[0](order - self.chains)
-        fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self.radius)))
-        if fit is None:
-            return False
-        model = starts.statespace(self.samples, fit, self.identification.model)
-        margin = largest_ratio(self.identification.problem, model)
-        if margin > self.limit or not self._stays(model):
-            return False
-        self.found[order] = _Found(margin, margin, model)
-        return True
-
-    def _stays(self, model: Any) -> bool:
-        """Tell whether a model stays near the identified one."""
-        return self.guard.check(model, self.limit)[1] is None
+        return _between(max(models.found, default=models.chains), self.identification.order, models.truncate)
 
     def _smallest(self) -> int:
-        """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap; then down."""
+        """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap."""
         full, ladder = self.identification.order, self._ladder()
         first = self._first(ladder)
         high = full if first is None else first
-        low = max((order for order in ladder if order < high), default=self.chains - 1)
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self.suffices(middle) else (middle, high)
-        return self._downwards(high)
+        low = max((order for order in ladder if order < high), default=self.models.chains - 1)
+        return _between(low, high, self.suffices)
+
+    def _smallest_of_matrix(self) -> int:
+        """Twice as many poles until they suffice, and the orders between by halves: fits of matrices take time, and start cold."""
+        chains, full = self.models.chains, self.identification.order
+        low, count = chains - 1, 2
+
+        def sufficient(order: int) -> bool:
+            self.budget.tell(max(order - chains, 1), full - chains)
+            return self.suffices(order)
+
+        while low < chains + REFINED and low < full - 1:
+            order = min(chains + min(count, REFINED), full - 1)
+            if sufficient(order):
+                return _between(low, order, sufficient)
+            low, count = order, 2 * count
+        first = self._first([order for order in self._ladder() if order > low])
+        return _between(low, full if first is None else first, self.suffices)
 
     def _ladder(self) -> list[int]:
         """Orders on the way up, with gaps from some order on."""
-        orders, order = list[int](), self.chains
+        orders, order = list[int](), self.models.chains
         while order < self.identification.order:
             orders.append(order)
             order += max(1, (order - _ONE_BY_ONE) // 6)
@@ -287,9 +233,8 @@ class _Search:
 
     def _downwards(self, order: int) -> int:
         """The lowest order that truncation leads to, from a model to one of the order below, and so on."""
-        while order in self.fits and order > self.chains:
-            start = starts.truncated(self.samples, self.fits[order], order - 1 - self.chains)
-            self._try(order - 1, [start])
+        while order in self.models.fits and order > self.models.chains:
+            self.models.shorten(order - 1)
             if not self.suffices(order - 1):
                 break
             order -= 1
@@ -299,142 +244,16 @@ class _Search:
         """Tell whether a model of this order was found that keeps the limit."""
         if self.budget.over:
             raise _TimeIsOver
-        if order not in self.found:
-            self._try(order, self._starts(order - self.chains))
-        return order in self.found and self.found[order].judged <= self.limit
-
-    def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
-        """Refine these starts; the best model of the order is kept, judged anew at every sample.
-
-        Where it leaves the identified model too far between or beyond them, points are added there, for all orders to come, and it
-        is refined again.
-        """
-        n = order - self.chains
-        fit = self._refined(n, pairs)
-        for _ in range(_EXCHANGES):
-            if fit is None:
-                return
-            model = starts.statespace(self.samples, fit, self.identification.model)
-            margin = largest_ratio(self.identification.problem, model)
-            between, missed = self.guard.check(model, self.limit) if margin <= self.limit else (0.0, None)
-            judged = max(margin, between)
-            if order not in self.found or judged < self.found[order].judged:
-                self.found[order] = _Found(judged, margin, model)
-                self.fits[order] = fit
-            _log.info("order %d: margin %.4g", order, self.found[order].judged)
-            if missed is None:
-                return
-            self._hold(missed)
-            fit = self._best([fit.pair], n)
-
-    def attempt(self, pair: Pair) -> None:
-        """Refine these functions alone."""
-        self.held = np.zeros(0, complex)
-        self._try(pair.A.shape[0] + self.chains, [pair])
-
-    def _hold(self, lines: FrequencyResponse) -> None:
-        """Further frequency points with the identified model as data; with the first of them some everywhere."""
-        problem = self.identification.problem
-        if not self.holding:
-            self.holding, self.samples = True, with_lines(self.samples, self.guard.spread, problem)
-        self.samples = with_lines(self.samples, lines, problem)
-        self.target = self._target()
-
-    def _refined(self, n: int, pairs: Iterable[Pair | None]) -> Fit | None:
-        fit = self._parametric_kept(n)
-        if fit is not None and fit.worst <= self.limit:
-            return fit
-        return self._best(pairs, n)
-
-    def _parametric_kept(self, n: int) -> Fit | None:
-        """The best fit with the poles of the parametric part, a short non-parametric part refined, the numerators minimax."""
-        held, best = self.held, None
-        if not held.size or not held.size <= n <= _REFINED:
-            return None
-        for pair in self._with_held(n):
-            if pair is not None:
-                fit = _quiet(lambda p=pair: self._rest_refined(p))
-                best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
-        return best
-
-    def _with_held(self, n: int) -> Iterator[Pair | None]:
-        """Functions with the poles of the parametric part, the others inside; with several heads those poles alone."""
-        rest = n - self.held.size
-        if self.samples.heads > 1:
-            yield self.families[1](n) if not rest else None
-            return
-        spread = pole_functions(np.append(self.held, starts.spread(self.samples, rest)))
-        for pair in (*(family(n) for family in self.families[1:]), spread):
-            if pair is not None:
-                moving = inside(pole_functions(apart(pair.poles, self.held)), self.radius)
-                yield pole_functions(np.concatenate([self.held, moving.poles]))
-
-    def _rest_refined(self, pair: Pair) -> Fit:
-        samples, radius, held = self.samples, self.radius, self.held
-        fit = descended(samples, least_squares(samples, pair), radius, held=held, budget=self.budget)
-        steps = _STEPS if fit.cost <= self.limit else 0
-        return levelled(samples, fit, radius, self.limit, steps, held, self.budget)
-
-    def _target(self) -> Fit:
-        """A rich model in the coordinates of the samples."""
-        most = min(starts.RICH, self.identification.order - self.chains)
-        pair = next(p for n in range(most, -1, -1) if (p := self.families[0](n)) is not None)
-        return least_squares(self.samples, inside(pair, self.radius))
-
-    def _starts(self, n: int) -> Iterator[Pair | None]:
-        """Functions to start from, n of them."""
-        yield from (family(n) for family in self.families)
-        if n > _REFINED:
-            return
-        yield starts.from_lines(self.identification, self.samples, n)
-        yield starts.sanathanan_koerner(self.samples, self.target, n)
-        for step in (1, 2):
-            below = self.fits.get(n + self.chains - step)
-            if below is not None:
-                yield from starts.grown(self.samples, below, n)
-
-    def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
-        """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
-        samples, radius = self.samples, self.radius
-        usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
-        fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
-        if n <= _REFINED:
-            fits = [self._descended(f, _QUICK) for f in fits if f is not None]
-        ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
-        best = None
-        for group in (ranked[:_KEPT], ranked[_KEPT:]):
-            for found in self._followed(group, n):
-                best = found if best is None or found.worst < best.worst else best
-            if best is None or not self.limit < best.worst < _NEAR * self.limit:
-                break
-        return best
-
-    def _descended(self, fit: Fit, steps: int) -> Fit | None:
-        """The fit at its least squares, or so many steps nearer."""
-        return _quiet(lambda: descended(self.samples, fit, self.radius, steps, budget=self.budget))
-
-    def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
-        """These fits at their least squares, then minimax, the first that is within the limit last."""
-        samples, radius = self.samples, self.radius
-        if n <= _REFINED:
-            ends = [self._descended(f, _ALL) for f in fits]
-            fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
-        for fit in fits:
-            # No model with the largest ratio s has a root mean square above s: no hope near this one.
-            hopeful = fit.cost <= self.limit and n <= _REFINED
-            steps = _STEPS if hopeful else _FEW * (n <= _REFINED)
-            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s, budget=self.budget))
-            if found is not None:
-                yield found
-            if not hopeful or (found is not None and found.worst <= self.limit):
-                return
+        if order not in self.models.found:
+            self.models.search(order)
+        return self.models.within(order)
 
     def _result(self, order: int) -> Reduction:
         identification = self.identification
         whole = balanced_truncations(identification.model)(identification.order)
-        tried = {k: found.judged for k, found in self.found.items()}
-        if order in self.found and self.found[order].judged <= self.limit:
-            _, margin, model = self.found[order]
+        tried = {k: found.judged for k, found in self.models.found.items()}
+        if self.models.within(order):
+            _, margin, model = self.models.found[order]
             status, bound = self._status(margin), np.inf
         else:
             # Its own free responses, not refitted ones: the residuals that identify verified.
@@ -458,11 +277,9 @@ class _Search:
         return SearchStatus.OUTSIDE if margin <= 1 else SearchStatus.INFLATED
 
 
-def _quiet(attempt: Callable[[], Fit]) -> Fit | None:
-    """The fit, None where numbers overflow on the way or a factorisation fails: that start leads nowhere."""
-    try:
-        with np.errstate(all="ignore"):
-            fit = attempt()
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    return fit if np.isfinite(fit.cost) else None
+def _between(low: int, high: int, suffices: Callable[[int], bool]) -> int:
+    """The order that suffices after one that doesn't, by halves, between `low`, which doesn't, and `high`, which is to do so."""
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if suffices(middle) else (middle, high)
+    return high

@@ -201,7 +201,7 @@ def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
 
 
 def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
-    monkeypatch.setattr("robustid.reduction.within_bounds.largest_ratio", lambda problem, model: 1.5)
+    monkeypatch.setattr("robustid.reduction.best_models.largest_ratio", lambda problem, model: 1.5)
     data = rid.flexible_structure(lines=3, samples=5)
     prior = rid.Prior(gain_bound=10, decay_rate=1.015)
     result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior))

@@ -1,0 +1,269 @@
+"""The best model found of each order: refined from several starts, judged anew, held near the identified one between samples."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.core import Budget
+from robustid.data import FrequencyResponse
+from robustid.identification import Identification, largest_ratio
+from robustid.reduction import starts
+from robustid.reduction.guard import Guard
+from robustid.reduction.refinement import (
+    Fit,
+    Pair,
+    apart,
+    descended,
+    inside,
+    least_squares,
+    levelled,
+    pole_functions,
+    with_poles,
+)
+from robustid.reduction.response_fits import ResponseFits
+from robustid.reduction.sample_map import SampleMap, sample_map, with_lines
+
+_log = logging.getLogger("robustid")
+
+REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
+_QUICK, _ALL, _KEPT = 6, 40, 3  # steps of the first look at every start and to the end; starts that are followed to it
+_NEAR = 1.5  # times the limit: where further starts are followed too
+_EXCHANGES = 6  # times that points where nothing was measured are added at one order
+_STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
+_FROM_ABOVE = 4  # orders above from which a model is truncated as a start
+_CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
+_ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
+
+
+class Found(NamedTuple):
+    """The best model of an order."""
+
+    judged: float  # the larger of its margin and of the distance where nothing was measured
+    margin: float
+    model: Any
+
+
+class BestModels:
+    """The best model found of each order that was tried, and how near to the bounds it comes.
+
+    Attributes
+    ----------
+    found : dict
+        Order to model.
+    fits : dict
+        Order to the same model in the coordinates of the samples.
+    limit : float
+        What a model must keep to: 1, or of inconsistent data, once `widen` was called, their margin.
+    chains : int
+        States of the integrators.
+    """
+
+    def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
+        self.identification, self._budget = identification, Budget() if budget is None else budget
+        self.samples: SampleMap = sample_map(identification.problem, integrators)
+        self.chains = integrators * self.samples.heads
+        self._guard = Guard(identification, integrators, max(1.0, identification.margin))
+        self._holding = False
+        self._families = starts.truncations(identification, self.samples)
+        basis = identification.problem.parametric
+        self._held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
+        poles = starts.without_integrators(identification.model.poles(), self.chains)
+        self._radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
+        self.limit = 1.0
+        self.fits: dict[int, Fit] = {}
+        self.found: dict[int, Found] = {}
+        self._target = self._rich()
+        integrals = starts.integrals(self.samples, self._target)
+        self._responses = ResponseFits(identification.problem, integrals) if self.samples.heads > 1 else None
+
+    def within(self, order: int) -> bool:
+        """Tell whether a model of this order is known that keeps the limit."""
+        return order in self.found and self.found[order].judged <= self.limit
+
+    def widen(self) -> None:
+        """From now on within the bounds times the margin of the data."""
+        self.limit = self.identification.margin * (1 + _ROUNDING)
+        self._guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
+        # What missed the narrower one wasn't compared with the identified model.
+        self.found = {k: f for k, f in self.found.items() if f.margin > self.limit or self._stays(f.model)}
+
+    def search(self, order: int) -> None:
+        """Refine from every start; of a matrix from a fit of the responses first, and from others where that comes near."""
+        n = order - self.chains
+        if self._responses is not None and n <= REFINED:
+            self._try(order, [self._fitted(n)])
+            hopeless = self._responses.alone and order in self.found and self.found[order].margin > _NEAR * self.limit
+            if self.within(order) or hopeless:
+                return
+        self._try(order, self._starts(n))
+
+    def shorten(self, order: int) -> None:
+        """Refine what truncation leaves of the model of the order above."""
+        self._try(order, [starts.truncated(self.samples, self.fits[order + 1], order - self.chains)])
+
+    def refine(self, pair: Pair) -> None:
+        """Refine these functions alone, with no poles held."""
+        self._held = np.zeros(0, complex)
+        self._try(pair.A.shape[0] + self.chains, [pair])
+
+    def truncate(self, order: int) -> bool:
+        """Tell whether the balanced truncation of an order, with the numerators of least squares, keeps the limit."""
+        pair = self._families[0](order - self.chains)
+        fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self._radius)))
+        if fit is None:
+            return False
+        model = starts.statespace(self.samples, fit, self.identification.model)
+        margin = largest_ratio(self.identification.problem, model)
+        if margin > self.limit or not self._stays(model):
+            return False
+        self.found[order] = Found(margin, margin, model)
+        return True
+
+    def _stays(self, model: Any) -> bool:
+        """Tell whether a model stays near the identified one."""
+        return self._guard.check(model, self.limit)[1] is None
+
+    def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
+        """Refine these starts; the best model of the order is kept, judged anew at every sample.
+
+        Where it leaves the identified model too far between or beyond them, points are added there, for all orders to come, and it
+        is refined again.
+        """
+        n = order - self.chains
+        fit = self._refined(n, pairs)
+        for _ in range(_EXCHANGES):
+            if fit is None:
+                return
+            model = starts.statespace(self.samples, fit, self.identification.model)
+            margin = largest_ratio(self.identification.problem, model)
+            between, missed = self._guard.check(model, self.limit) if margin <= self.limit else (0.0, None)
+            judged = max(margin, between)
+            if order not in self.found or judged < self.found[order].judged:
+                self.found[order] = Found(judged, margin, model)
+                self.fits[order] = fit
+            _log.info("order %d: margin %.4g", order, self.found[order].judged)
+            if missed is None:
+                return
+            self._hold(missed)
+            fit = self._best([fit.pair], n)
+
+    def _hold(self, lines: FrequencyResponse) -> None:
+        """Further frequency points with the identified model as data; with the first of them some everywhere."""
+        problem = self.identification.problem
+        if not self._holding:
+            self._holding, self.samples = True, with_lines(self.samples, self._guard.spread, problem)
+        self.samples = with_lines(self.samples, lines, problem)
+        self._target = self._rich()
+
+    def _refined(self, n: int, pairs: Iterable[Pair | None]) -> Fit | None:
+        fit = self._parametric_kept(n)
+        if fit is not None and fit.worst <= self.limit:
+            return fit
+        return self._best(pairs, n)
+
+    def _parametric_kept(self, n: int) -> Fit | None:
+        """The best fit with the poles of the parametric part, a short non-parametric part refined, the numerators minimax."""
+        held, best = self._held, None
+        if not held.size or not held.size <= n <= REFINED:
+            return None
+        for pair in self._with_held(n):
+            if pair is not None:
+                fit = _quiet(lambda p=pair: self._rest_refined(p))
+                best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
+        return best
+
+    def _with_held(self, n: int) -> Iterator[Pair | None]:
+        """Functions with the poles of the parametric part, the others inside; with several heads those poles alone."""
+        rest = n - self._held.size
+        if self.samples.heads > 1:
+            yield self._families[1](n) if not rest else None
+            return
+        spread = pole_functions(np.append(self._held, starts.spread(self.samples, rest)))
+        for pair in (*(family(n) for family in self._families[1:]), spread):
+            if pair is not None:
+                moving = inside(pole_functions(apart(pair.poles, self._held)), self._radius)
+                yield pole_functions(np.concatenate([self._held, moving.poles]))
+
+    def _rest_refined(self, pair: Pair) -> Fit:
+        samples, radius, held = self.samples, self._radius, self._held
+        fit = descended(samples, least_squares(samples, pair), radius, held=held, budget=self._budget)
+        steps = _STEPS if fit.cost <= self.limit else 0
+        return levelled(samples, fit, radius, self.limit, steps, held, self._budget)
+
+    def _rich(self) -> Fit:
+        """A model of many states in the coordinates of the samples, which stands for the data."""
+        most = min(starts.RICH, self.identification.order - self.chains)
+        pair = next(p for n in range(most, -1, -1) if (p := self._families[0](n)) is not None)
+        return least_squares(self.samples, inside(pair, self._radius))
+
+    def _fitted(self, n: int) -> Pair | None:
+        """The functions of a matrix fraction fitted to the responses."""
+        responses = self._responses
+        model = None if responses is None else responses.model(n, self._budget)
+        return None if model is None else starts.of_model(model.A, model.B, model.C, self.samples)
+
+    def _starts(self, n: int) -> Iterator[Pair | None]:
+        """Functions to start from, n of them."""
+        yield from (family(n) for family in self._families)
+        if n > REFINED:
+            return
+        yield starts.from_lines(self.identification, self.samples, n)
+        yield starts.sanathanan_koerner(self.samples, self._target, n)
+        for step in (1, 2):
+            below = self.fits.get(n + self.chains - step)
+            if below is not None:
+                yield from starts.grown(self.samples, below, n)
+        for step in range(1, _FROM_ABOVE + 1) if self.samples.heads > 1 else ():
+            above = self.fits.get(n + self.chains + step)
+            if above is not None:
+                yield starts.truncated(self.samples, above, n)
+
+    def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
+        """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
+        samples, radius = self.samples, self._radius
+        usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
+        fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
+        if n <= REFINED:
+            fits = [self._descended(f, _QUICK) for f in fits if f is not None]
+        ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
+        best = None
+        for group in (ranked[:_KEPT], ranked[_KEPT:]):
+            for found in self._followed(group, n):
+                best = found if best is None or found.worst < best.worst else best
+            if best is None or not self.limit < best.worst < _NEAR * self.limit:
+                break
+        return best
+
+    def _descended(self, fit: Fit, steps: int) -> Fit | None:
+        """The fit at its least squares, or so many steps nearer."""
+        return _quiet(lambda: descended(self.samples, fit, self._radius, steps, budget=self._budget))
+
+    def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
+        """These fits at their least squares, then minimax, the first that is within the limit last."""
+        samples, radius = self.samples, self._radius
+        if n <= REFINED:
+            ends = [self._descended(f, _ALL) for f in fits]
+            fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
+        for fit in fits:
+            # No model with the largest ratio s has a root mean square above s: no hope near this one.
+            hopeful = fit.cost <= self.limit and n <= REFINED
+            steps = _STEPS if hopeful else _FEW * (n <= REFINED)
+            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s, budget=self._budget))
+            if found is not None:
+                yield found
+            if not hopeful or (found is not None and found.worst <= self.limit):
+                return
+
+
+def _quiet(attempt: Callable[[], Fit]) -> Fit | None:
+    """The fit, None where numbers overflow on the way or a factorisation fails: that start leads nowhere."""
+    try:
+        with np.errstate(all="ignore"):
+            fit = attempt()
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return fit if np.isfinite(fit.cost) else None
