@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget
+from robustid.core import Budget, Real
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification, largest_ratio
 from robustid.reduction import starts
@@ -34,6 +34,7 @@ _QUICK, _ALL, _KEPT = 6, 40, 3  # steps of the first look at every start and to 
 _NEAR = 1.5  # times the limit: where further starts are followed too
 _EXCHANGES = 6  # times that points where nothing was measured are added at one order
 _STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares leave no hope
+_ALIKE = 1e-3  # relative difference of least squares that are the same, size and largest residual
 _FROM_ABOVE = 4  # orders above from which a model is truncated as a start
 _CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
 _ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
@@ -77,6 +78,7 @@ class BestModels:
         self.fits: dict[int, Fit] = {}
         self.found: dict[int, Found] = {}
         self._target = self._rich()
+        self._ends: dict[int, list[Real]] = {}  # by number of poles, the least squares that were followed: size, largest residual
         integrals = starts.integrals(self.samples, self._target)
         self._responses = ResponseFits(identification.problem, integrals) if self.samples.heads > 1 else None
 
@@ -86,6 +88,7 @@ class BestModels:
 
     def widen(self) -> None:
         """From now on within the bounds times the margin of the data."""
+        self._ends = {}
         self.limit = self.identification.margin * (1 + _ROUNDING)
         self._guard = Guard(self.identification, self.samples.integrators)  # the limit is as wide now
         # What missed the narrower one wasn't compared with the identified model.
@@ -157,7 +160,7 @@ class BestModels:
         if not self._holding:
             self._holding, self.samples = True, with_lines(self.samples, self._guard.spread, problem)
         self.samples = with_lines(self.samples, lines, problem)
-        self._target = self._rich()
+        self._target, self._ends = self._rich(), {}
 
     def _refined(self, n: int, pairs: Iterable[Pair | None]) -> Fit | None:
         fit = self._parametric_kept(n)
@@ -229,7 +232,7 @@ class BestModels:
         fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= REFINED:
             fits = [self._descended(f, _QUICK) for f in fits if f is not None]
-        ranked = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.cost)
+        ranked = sorted((fit for fit in fits if fit is not None), key=self._promise)
         best = None
         for group in (ranked[:_KEPT], ranked[_KEPT:]):
             for found in self._followed(group, n):
@@ -237,6 +240,24 @@ class BestModels:
             if best is None or not self.limit < best.worst < _NEAR * self.limit:
                 break
         return best
+
+    def _promise(self, fit: Fit) -> tuple[bool, float]:
+        """What is followed first: the smallest squares; of a matrix, where they leave hope, the smallest of the largest residuals."""
+        if self.samples.heads == 1:
+            return False, fit.cost
+        hopeless = fit.cost > self.limit
+        return hopeless, fit.cost if hopeless else fit.worst
+
+    def _known(self, fit: Fit) -> bool:
+        """Tell whether these least squares of a matrix were followed before; from now on they are known."""
+        if self.samples.heads == 1:
+            return False
+        here = np.array([fit.cost, fit.worst])
+        known = self._ends.setdefault(fit.pair.A.shape[0], [])
+        if any(np.allclose(here, other, rtol=_ALIKE, atol=0) for other in known):
+            return True
+        known.append(here)
+        return False
 
     def _descended(self, fit: Fit, steps: int) -> Fit | None:
         """The fit at its least squares, or so many steps nearer."""
@@ -247,8 +268,10 @@ class BestModels:
         samples, radius = self.samples, self._radius
         if n <= REFINED:
             ends = [self._descended(f, _ALL) for f in fits]
-            fits = sorted((fit for fit in ends if fit is not None), key=lambda fit: fit.cost)
+            fits = sorted((fit for fit in ends if fit is not None), key=self._promise)
         for fit in fits:
+            if self._known(fit):
+                continue
             # No model with the largest ratio s has a root mean square above s: no hope near this one.
             hopeful = fit.cost <= self.limit and n <= REFINED
             steps = _STEPS if hopeful else _FEW * (n <= REFINED)

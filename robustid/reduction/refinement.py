@@ -263,7 +263,11 @@ def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
     _, values, right = np.linalg.svd(np.linalg.qr(J - U @ (U.T @ J), mode="r"))
     kept = right[: values.size][values > _UNSEEN * values.max(initial=0.0)].T
     turn = ways.size[:, None] * kept
-    return Moves(ways.columns @ turn, np.ones(kept.shape[1]), lambda d: ways.step(turn @ d))
+
+    def turned(d: Real) -> Pair:
+        return ways.step(turn @ d)
+
+    return Moves(ways.columns @ turn, np.ones(kept.shape[1]), turned)
 
 
 def descended(

@@ -21,6 +21,7 @@ from robustid.reduction.best_models import REFINED, BestModels
 _log = logging.getLogger("robustid")
 
 _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
+_NARROWLY = 1.1  # times the limit: a miss after which the next order of a matrix is likely to suffice
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
 
 
@@ -207,21 +208,23 @@ class _Search:
         return _between(low, high, self.suffices)
 
     def _smallest_of_matrix(self) -> int:
-        """Twice as many poles until they suffice, and the orders between by halves: fits of matrices take time, and start cold."""
-        chains, full = self.models.chains, self.identification.order
-        low, count = chains - 1, 2
+        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order."""
+        chains, low, high = self.models.chains, self.models.chains - 1, self.identification.order
+        while high - low > 1:
+            self.budget.tell(low + 1 - chains, self.identification.order - chains)
+            order = self._next(low, high)
+            low, high = (low, order) if self.suffices(order) else (order, high)
+        return high
 
-        def sufficient(order: int) -> bool:
-            self.budget.tell(max(order - chains, 1), full - chains)
-            return self.suffices(order)
-
-        while low < chains + REFINED and low < full - 1:
-            order = min(chains + min(count, REFINED), full - 1)
-            if sufficient(order):
-                return _between(low, order, sufficient)
-            low, count = order, 2 * count
-        first = self._first([order for order in self._ladder() if order > low])
-        return _between(low, full if first is None else first, self.suffices)
+    def _next(self, low: int, high: int) -> int:
+        """The order of a matrix that is tried after one that doesn't suffice, `low`, below one that does or the whole, `high`."""
+        models, count = self.models, low - self.models.chains
+        if low in models.found and models.found[low].judged <= _NARROWLY * models.limit:
+            return low + 1
+        if high < self.identification.order:
+            return (low + high) // 2
+        most = REFINED if count < REFINED else high
+        return min(models.chains + min(max(2 * count, 2), most), high - 1)
 
     def _ladder(self) -> list[int]:
         """Orders on the way up, with gaps from some order on."""
