@@ -12,6 +12,7 @@ from robustid.core import Budget, Real
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification, largest_ratio
 from robustid.reduction import starts
+from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.guard import Guard
 from robustid.reduction.refinement import (
     Fit,
@@ -78,7 +79,9 @@ class BestModels:
         self.fits: dict[int, Fit] = {}
         self.found: dict[int, Found] = {}
         self._target = self._rich()
-        self._ends: dict[int, list[Real]] = {}  # by number of poles, the least squares that were followed: size, largest residual
+        self._ends: dict[
+            int, list[Real]
+        ] = {}  # by number of poles, the least squares that were followed: size, largest residual
         integrals = starts.integrals(self.samples, self._target)
         self._responses = ResponseFits(identification.problem, integrals) if self.samples.heads > 1 else None
 
@@ -114,17 +117,22 @@ class BestModels:
         self._try(pair.A.shape[0] + self.chains, [pair])
 
     def truncate(self, order: int) -> bool:
-        """Tell whether the balanced truncation of an order, with the numerators of least squares, keeps the limit."""
+        """Tell whether a balanced truncation of an order keeps the limit: with the numerators of least squares, or as it is."""
+        for model in self._truncated(order):
+            margin = largest_ratio(self.identification.problem, model)
+            if margin <= self.limit and self._stays(model):
+                self.found[order] = Found(margin, margin, model)
+                return True
+        return False
+
+    def _truncated(self, order: int) -> Iterator[Any]:
+        """Of a matrix without integrators also the truncation itself: with as many states least squares follow every error."""
         pair = self._families[0](order - self.chains)
         fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self._radius)))
-        if fit is None:
-            return False
-        model = starts.statespace(self.samples, fit, self.identification.model)
-        margin = largest_ratio(self.identification.problem, model)
-        if margin > self.limit or not self._stays(model):
-            return False
-        self.found[order] = Found(margin, margin, model)
-        return True
+        if fit is not None:
+            yield starts.statespace(self.samples, fit, self.identification.model)
+        if self.samples.heads > 1 and not self.chains:
+            yield balanced_truncations(self.identification.model)(order).model
 
     def _stays(self, model: Any) -> bool:
         """Tell whether a model stays near the identified one."""
@@ -242,7 +250,7 @@ class BestModels:
         return best
 
     def _promise(self, fit: Fit) -> tuple[bool, float]:
-        """What is followed first: the smallest squares; of a matrix, where they leave hope, the smallest of the largest residuals."""
+        """What is followed first: the smallest squares; of a matrix, where they leave hope, the smallest largest residual."""
         if self.samples.heads == 1:
             return False, fit.cost
         hopeless = fit.cost > self.limit

@@ -197,6 +197,11 @@ class _Search:
             within = [order for order in models.found if models.within(order)]
             if within:
                 return min(within)
+        return self._truncated()
+
+    def _truncated(self) -> int:
+        """The first order of some truncations that suffices."""
+        models = self.models
         return _between(max(models.found, default=models.chains), self.identification.order, models.truncate)
 
     def _smallest(self) -> int:
@@ -208,8 +213,11 @@ class _Search:
         return _between(low, high, self.suffices)
 
     def _smallest_of_matrix(self) -> int:
-        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order."""
-        chains, low, high = self.models.chains, self.models.chains - 1, self.identification.order
+        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order.
+
+        Below what truncation leads to, which takes hardly any time.
+        """
+        chains, low, high = self.models.chains, self.models.chains - 1, self._truncated()
         while high - low > 1:
             self.budget.tell(low + 1 - chains, self.identification.order - chains)
             order = self._next(low, high)
@@ -221,10 +229,8 @@ class _Search:
         models, count = self.models, low - self.models.chains
         if low in models.found and models.found[low].judged <= _NARROWLY * models.limit:
             return low + 1
-        if high < self.identification.order:
-            return (low + high) // 2
-        most = REFINED if count < REFINED else high
-        return min(models.chains + min(max(2 * count, 2), most), high - 1)
+        doubled = max(2 * count, 2) if count >= REFINED else min(max(2 * count, 2), REFINED)
+        return min((low + high) // 2, models.chains + doubled)
 
     def _ladder(self) -> list[int]:
         """Orders on the way up, with gaps from some order on."""
