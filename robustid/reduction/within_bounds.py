@@ -59,7 +59,9 @@ def reduce_within_bounds(
     Where a model differs by more, points are added there and it is refined again.
 
     Of a MIMO model the order is that of the whole matrix: modes of rank one cost two states each. With the poles the directions
-    of the modes move, on the side with fewer signals; the other side is linear. Samples that share a bound count together.
+    of the modes move, on the side with fewer signals; the other side is linear. Samples that share a bound count together. The
+    orders are doubled, and those between are halved, below what truncation leads to; each starts from a matrix fraction fitted to
+    the responses (`fit_mfd`), and from all other starts where that comes near.
 
     Parameters
     ----------
@@ -72,7 +74,8 @@ def reduce_within_bounds(
         Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
         says so.
     progress : callable (done, all), optional
-        Orders on the way up to that of the identified model; most searches end long before it.
+        Orders on the way up to that of the identified model, of a MIMO model those that don't suffice; most searches end long before
+        it.
 
     Returns
     -------

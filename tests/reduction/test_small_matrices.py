@@ -108,7 +108,7 @@ def test_control_c_in_a_fit_ends_the_search(two_modes, monkeypatch):
     monkeypatch.setattr(response_fits, "fit_mfd", interrupted)
     small = rid.reduce_within_bounds(result)
     assert small.stopped.startswith("interrupted")
-    assert asked == [2, 3]
+    assert asked[-1] == 3
     keeps(problem, small, result.order - 1)
 
 
