@@ -74,8 +74,8 @@ def reduce_within_bounds(
         Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
         says so.
     progress : callable (done, all), optional
-        Orders on the way up to that of the identified model, of a MIMO model those that don't suffice; most searches end long before
-        it.
+        Orders on the way up to that of the identified model (of a MIMO model those known not to suffice); most searches end long
+        before it.
 
     Returns
     -------
@@ -200,11 +200,6 @@ class _Search:
             within = [order for order in models.found if models.within(order)]
             if within:
                 return min(within)
-        return self._truncated()
-
-    def _truncated(self) -> int:
-        """The first order of some truncations that suffices."""
-        models = self.models
         return _between(max(models.found, default=models.chains), self.identification.order, models.truncate)
 
     def _smallest(self) -> int:
@@ -226,6 +221,15 @@ class _Search:
             order = self._next(low, high)
             low, high = (low, order) if self.suffices(order) else (order, high)
         return high
+
+    def _truncated(self) -> int:
+        """The first order of some truncations that suffices."""
+
+        def suffices(order: int) -> bool:
+            self._go_on()
+            return self.models.truncate(order)
+
+        return _between(self.models.chains, self.identification.order, suffices)
 
     def _next(self, low: int, high: int) -> int:
         """The order of a matrix that is tried after one that doesn't suffice, `low`, below one that does or the whole, `high`."""
@@ -252,10 +256,14 @@ class _Search:
             order -= 1
         return order
 
-    def suffices(self, order: int) -> bool:
-        """Tell whether a model of this order was found that keeps the limit."""
+    def _go_on(self) -> None:
+        """End the search where its time is over."""
         if self.budget.over:
             raise _TimeIsOver
+
+    def suffices(self, order: int) -> bool:
+        """Tell whether a model of this order was found that keeps the limit."""
+        self._go_on()
         if order not in self.models.found:
             self.models.search(order)
         return self.models.within(order)
