@@ -111,13 +111,15 @@ def best_scaling(values: Complex, bound: Real) -> Scaling:
     loop = loop / np.maximum(_norms(loop), np.finfo(float).tiny)[:, None, None]
     size = size / _norms(size)[:, None, None]
     spread = scipy.linalg.block_diag(_groups(values.shape[1], q), _groups(values.shape[2], p))
-    product = _Product(_dilated(loop), _dilated(np.swapaxes(size, 1, 2)), spread)
+    product = _Product(loop, size, spread)
     y = np.zeros((values.shape[0], q + p))
     for power in _POWERS:
+        moving = np.ones(y.shape[0], dtype=bool)
         for _ in range(_STEPS):
-            step = product.step(y, power)
-            y = y + step
-            if np.abs(step).max(initial=0.0) < 0.01 / power:
+            step = product.of(moving).step(y[moving], power)
+            y[moving] += step
+            moving[moving] = np.max(np.abs(step), axis=1) > 0.01 / power
+            if not moving.any():
                 break
     return Scaling(start.columns + y[:, :q], start.rows + y[:, q:])
 
@@ -127,40 +129,46 @@ def _groups(size: int, count: int) -> Real:
     return np.eye(size) if count == size else np.ones((size, 1))
 
 
-def _dilated(matrices: NDArray[Any]) -> Complex:
+def _dilated(matrices: NDArray[Any]) -> NDArray[Any]:
     """``[[0, M], [M*, 0]]``, whose eigenvalues are the singular values of M and their negatives."""
     k, m, n = matrices.shape
-    whole = np.zeros((k, m + n, m + n), dtype=complex)
+    whole = np.zeros((k, m + n, m + n), dtype=matrices.dtype)
     whole[:, :m, m:] = matrices
     whole[:, m:, :m] = np.conj(np.swapaxes(matrices, 1, 2))
     return whole
 
 
-def _scaled(x: Real, matrices: Complex) -> Complex:
-    return np.exp(x)[:, :, None] * matrices * np.exp(x)[:, None, :]
-
-
 class _Product(NamedTuple):
     """Logarithm of the product of both norms in the logarithms y of the scalings of the groups, (K, q + p).
 
-    `first` are the dilations of the scaled loops, `second` those of the scaled bounds; `spread` takes groups to signals.
+    `loop` (K, nu, ny) and `size` (K, p, q) are scaled; `spread` takes groups to signals.
     """
 
-    first: Complex
-    second: Complex
+    loop: NDArray[Any]
+    size: Real
     spread: Real
+
+    def of(self, which: NDArray[np.bool_]) -> _Product:
+        """The same of some of the matrices."""
+        return _Product(self.loop[which], self.size[which], self.spread)
+
+    def scaled(self, y: Real) -> tuple[NDArray[Any], Real]:
+        """Both matrices with scalings."""
+        q = self.size.shape[2]
+        scaling = Scaling(y[:, :q], y[:, q:])
+        return scaling.loop(self.loop), scaling.uncertainty(self.size)
 
     def values(self, y: Real, power: int) -> Real:
         """Smoothed by a power, (K,)."""
-        scaled = _scaled(y @ self.spread.T, self.first), _scaled(-y, self.second)
-        first, second = (_log_sum(np.abs(np.linalg.eigvalsh(each)), power)[0] for each in scaled)
-        return first + second
+        sizes = (np.linalg.svd(each, compute_uv=False) for each in self.scaled(y))
+        return sum((_log_sum(np.asarray(each, dtype=float), power)[0] for each in sizes), start=np.zeros(y.shape[0]))
 
     def step(self, y: Real, power: int) -> Real:
         """A step of Newton, halved until it no longer ascends."""
-        value, slope, curve = _log_norm(_scaled(y @ self.spread.T, self.first), power)
-        other, other_slope, other_curve = _log_norm(_scaled(-y, self.second), power)
-        value, slope = value + other, slope @ self.spread - other_slope
+        loop, size = self.scaled(y)
+        slope, curve = _log_norm(_dilated(loop), power)
+        other_slope, other_curve = _log_norm(_dilated(np.swapaxes(size, 1, 2)), power)
+        value, slope = self.values(y, power), slope @ self.spread - other_slope
         curve = self.spread.T @ curve @ self.spread + other_curve
         ridge = 1e-9 * np.trace(curve, axis1=1, axis2=2) + 1e-12
         curve = curve + ridge[:, None, None] * np.eye(y.shape[1])
@@ -181,14 +189,14 @@ def _log_sum(sizes: Real, power: int) -> tuple[Real, Real]:
     return (np.log(top) + np.log(total) / power)[:, 0], parts / total
 
 
-def _log_norm(matrices: Complex, power: int) -> tuple[Real, Real, Real]:
-    """Value, gradient and Hessian at x = 0 of ``log tr|e^X H e^X|^p / p``, ``X = diag(x)``.
+def _log_norm(matrices: NDArray[Any], power: int) -> tuple[Real, Real]:
+    """Gradient and Hessian at x = 0 of ``log tr|e^X H e^X|^p / p``, ``X = diag(x)``.
 
     First order: ``2 sum_k w_k |q_k|^2`` with the eigenvectors q_k and ``w_k = |lambda_k|^p / tr``. Second order: divided
     differences of ``|lambda|^p`` between all pairs of eigenvalues.
     """
     eigenvalues, vectors = np.linalg.eigh(matrices)
-    value, weights = _log_sum(np.abs(eigenvalues), power)
+    weights = _log_sum(np.abs(eigenvalues), power)[1]
     slope = 2 * np.einsum("kl,kil->ki", weights, np.abs(vectors) ** 2)
     a, b, low, high = eigenvalues[:, :, None], eigenvalues[:, None, :], weights[:, :, None], weights[:, None, :]
     apart = np.abs(a - b) > 1e-7 * np.abs(eigenvalues).max(axis=1)[:, None, None]
@@ -196,4 +204,4 @@ def _log_norm(matrices: Complex, power: int) -> tuple[Real, Real, Real]:
     k, n = eigenvalues.shape
     pairs = (np.conj(vectors)[:, :, None, :] * vectors[:, None, :, :]).reshape(k, n * n, n)
     curve = 2 * np.real(np.sum((pairs @ quotients) * np.conj(pairs), axis=2)).reshape(k, n, n)
-    return value, slope, curve - power * slope[:, :, None] * slope[:, None, :]
+    return slope, curve - power * slope[:, :, None] * slope[:, None, :]

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the condition has
 _CURVE = 0.05  # the same for the margins on the cells, as long as
+_WIDE = 1.2  # bound on a piece over the value at its middle, above which scalings are not worth their work
 _LEAST = 1e-9  # of the largest bound: smaller ones are none
-_SHOWN = 30.0  # they are at most so many times the least one
+_SHOWN = 10.0  # they are at most so many times the least one
 
 
 class MarginStatus(enum.Enum):
@@ -56,7 +57,7 @@ class RobustStabilityMargin(Frozen):
     edges : (C + 1,) array
         Edges of the cells, rad/s.
     margins : (C,) array
-        The margin on every cell by itself, at most 5 % below what the condition gives there, or beyond 30 times the least one.
+        The margin on every cell by itself, at most 5 % below what the condition gives there, or beyond 10 times the least one.
     """
 
     margin: float
@@ -316,13 +317,19 @@ class _Condition:
         for bound in self.bounds:
             here = bound[pieces.cell]
             scaling = perron_scaling(pieces.values, here)
-            open_ = (arc > enough) & (_scaled_gain(pieces, here, scaling)[1] > enough)
-            if open_.any():
-                better = best_scaling(pieces.values[open_], here[open_])
-                for old, new in zip(scaling, better, strict=True):
-                    old[open_] = new
-            found = _scaled_gain(pieces, here, scaling)
-            middle, arc = np.minimum(middle, found[0]), np.minimum(arc, found[1])
+            size, bounded = _scaled_gain(pieces, here, scaling)
+            open_ = (np.minimum(arc, bounded) > enough) & (bound.shape[1:] != (1, 1))
+            # Pieces too wide for any scaling are halved first: what is known of their middle is that it isn't less than nothing.
+            wide = open_ & (bounded > _WIDE * size)
+            better = open_ & ~wide
+            if better.any():
+                parts: list[Any] = [part[better] for part in pieces]
+                some = Pieces(*parts)
+                size[better], bounded[better] = _scaled_gain(
+                    some, here[better], best_scaling(some.values, here[better])
+                )
+            size[wide] = 0.0
+            middle, arc = np.minimum(middle, size), np.minimum(arc, bounded)
         return middle, arc
 
 

@@ -208,6 +208,62 @@ def test_wafer_stage(tmp_path, capsys, monkeypatch, undrawn, size):
     assert low[0] < 0.1 * low[1]  # below 5 Hz the constraint is what keeps the noise out
 
 
+def test_beam_damping_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    load("beam_damping").main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "flavioluiz/MIMO-FRF" in printed
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
+
+
+def run_beam_damping(example, tmp_path, capsys):
+    try:
+        datasets.find("beam_ring/symexc_1.mat")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    example.main(["--out", str(tmp_path)])
+    check_files(tmp_path, ["damping.png"])
+    printed = capsys.readouterr().out
+    assert "consistent, margin 0.9" in printed
+    table = printed.split("(its share)\n")[1].splitlines()[: len(example.GAINS)]
+    gains, damping, margins, plain = np.array([[float(part) for part in row.split()[:4]] for row in table]).T
+    assert np.all(gains == example.GAINS)
+    assert np.all(np.diff(damping) > 0)
+    assert damping[0] > 4 * 100 * example.DAMPING[0]
+    assert np.all(np.diff(margins) < 0)
+    assert np.all(margins >= 0.998 * plain)
+    for row, margin in zip(table, margins, strict=True):
+        assert (margin > 1) == row.endswith("; guaranteed")
+    assert margins[0] > 1 > margins[-1]
+    weights = printed.split("what they cost")[1].splitlines()[1:5]
+    assert sorted(row.split()[0] for row in weights) == ["entry", "full", "input", "output"]
+    assert all(row.endswith("; certified") for row in weights)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_beam_damping(tmp_path, capsys, undrawn, monkeypatch):
+    """The first two modes, two gains and weights of order 1: enough for the claims."""
+    example = load("beam_damping")
+    smaller = {
+        "MODES_HZ": example.MODES_HZ[:2],
+        "DAMPING": example.DAMPING[:2],
+        "BAND_HZ": (9.0, 25.5),
+        "WIDE": 6,
+        "ORDER": 8,
+    }
+    for name, value in (smaller | {"GAINS": (4.0, 32.0), "SHOWN": 0, "WEIGHT_ORDER": 0}).items():
+        monkeypatch.setattr(example, name, value)
+    run_beam_damping(example, tmp_path, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_the_whole_beam_damping(tmp_path, capsys):
+    run_beam_damping(load("beam_damping"), tmp_path, capsys)
+
+
 def test_steering_mirror_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
     monkeypatch.delenv("ROBUSTID_DATA", raising=False)
     load("steering_mirror").main(["--out", str(tmp_path)])

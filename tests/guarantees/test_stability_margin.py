@@ -206,7 +206,7 @@ def test_of_several_bounds_the_best_one_answers_on_every_cell(rng):
     together = robust_stability_margin(nominal, controller, edges, (full, entries, columns))
     alone = [robust_stability_margin(nominal, controller, edges, one) for one in (full, entries, columns)]
     best = np.max([one.margins for one in alone], axis=0)
-    assert np.all(together.margins >= best * 0.95)
+    assert np.all(together.margins >= 0.94 * np.minimum(best, 10 * together.margin))
     assert together.margin >= best.min() * 0.95
     assert together.margin >= max(one.margin for one in alone) * 0.998
     # Each cell by itself: its margin is that of the condition on a dense grid.
@@ -214,7 +214,7 @@ def test_of_several_bounds_the_best_one_answers_on_every_cell(rng):
     F, K = values_of(nominal, omega), values_of(controller, omega)
     gains = np.linalg.norm(K @ np.linalg.inv(np.eye(2) + F @ K), 2, axis=(1, 2)).reshape(8, -1).max(axis=1) * full
     assert np.all(alone[0].margins <= 1 / gains)
-    assert np.all(alone[0].margins >= 0.94 / gains)
+    assert np.all(alone[0].margins >= 0.94 * np.minimum(1 / gains, 10 * alone[0].margin))
     assert alone[0].margin <= alone[0].margins.min()
     for one in (together, *alone):
         assert one.shares.shape == (2, 2)
