@@ -54,8 +54,8 @@ def identified(used):
     wider = used.with_bound(factor * used.bound, f"{used.bound.words()}, times {factor:.3g}: what this class needs")
     result = rid.identify(dataclasses.replace(problem, frequency=wider), accuracy=1e-2).require()
     print(
-        f"1. {used.omega.size} frequency points of two sweeps, {len(MODES_HZ)} modes; bounds times {factor:.3g}, since the beam is\n"
-        f"   not linear down to its noise: {result.status.name.lower()}, margin {result.margin:.3g}."
+        f"1. {used.omega.size} frequency points of two sweeps, {len(MODES_HZ)} modes; bounds times {factor:.3g}, since the beam\n"
+        f"   is not linear down to its noise: {result.status.name.lower()}, margin {result.margin:.3g}."
     )
     return result
 

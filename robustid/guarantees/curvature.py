@@ -122,7 +122,9 @@ def input_normal(A: Real, B: Real, C: Real) -> StateSpace:
     if np.abs(np.linalg.eigvals(A)).max() < 1:
         gramian = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T)
         if np.all(np.diag(gramian) > 0):
-            unit = 2.0 ** np.round(-0.5 * np.log2(np.diag(gramian)))  # exact, and repeated poles become well conditioned
+            unit = 2.0 ** np.round(
+                -0.5 * np.log2(np.diag(gramian))
+            )  # exact, and repeated poles become well conditioned
             size, V = np.linalg.eigh(gramian * unit * unit[:, None])
             if size[0] > _DEPENDENT * size[-1]:
                 there, back = V / unit[:, None] * np.sqrt(size), (V / np.sqrt(size)).T * unit

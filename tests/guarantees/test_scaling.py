@@ -97,8 +97,8 @@ def test_two_columns_have_the_minimum_over_one_number():
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_no_perturbation_of_the_structure_is_singular_earlier(structure):
-    """Lower bounds by search: never above, and equal where the theory says so (at most three blocks), in 8 of 8 draws."""
-    for seed in range(8):
+    """Lower bounds by search: never above, and equal where the theory says so (at most three blocks), in 4 of 4 draws."""
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         loop, _ = drawn(rng, 2, 2)
         bound = rng.uniform(0.2, 1.0, shape_of(structure, (2, 2)))
