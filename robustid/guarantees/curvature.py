@@ -14,6 +14,8 @@ from robustid.identification import Identification, Prior, parametric_states
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are nearly dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
+_SHORT = 0.25  # half of an arc times the resolvent at its middle
+_PIECES = 4000  # of an arc, at most
 
 StateSpace = tuple[Real, Real, Real]  # A, B, C
 
@@ -71,17 +73,33 @@ def is_own(model: Any, identification: Identification) -> bool:
 def second_derivative(A: Real, B: Real, C: Real, low: float, high: float) -> Real:
     """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B).
 
+    Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
+    """
+    largest, pieces = np.zeros((C.shape[0], B.shape[1])), [(low, high)]
+    for _ in range(_PIECES):
+        if not (pieces and A.shape[0]):
+            return largest
+        start, end = pieces.pop()
+        found = _on_short_arc(A, B, C, start, end)
+        if found is None:
+            middle = (start + end) / 2
+            pieces += [(start, middle), (middle, end)]
+        else:
+            largest = np.maximum(largest, found)
+    return np.full(largest.shape, np.inf)
+
+
+def _on_short_arc(A: Real, B: Real, C: Real, low: float, high: float) -> Real | None:
+    """The bound on an arc; None where it is long beside the distance of a pole.
+
     Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
     |z - middle| <= d, R = (zI - A)^-1 at the middle.
     """
-    n = A.shape[0]
-    if not n:
-        return np.zeros((C.shape[0], B.shape[1]))
     z, half = np.exp(1j * (low + high) / 2), (high - low) / 2
-    R = np.asarray(np.linalg.inv(z * np.eye(n) - A), dtype=complex)
+    R = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
     size = float(np.linalg.norm(R, 2))
-    if half * size >= 0.5:
-        return np.full((C.shape[0], B.shape[1]), np.inf)
+    if half * size >= _SHORT:
+        return None
     state = R @ B
     first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
     middle = np.abs(z * first + z**2 * second)

@@ -80,7 +80,7 @@ def value_sets(
 
 
 def _order(consistent: ConsistentSet, omega: list[float]) -> list[int]:
-    """The widest frequencies first, by turns with others that are spread over all of them.
+    """The widest frequencies first, by turns with others that are spread over all of them; last those outside of the data.
 
     The widths are those of an ellipsoid inside the set, for the price of one problem where frequencies are no nodes of it.
     """
@@ -88,7 +88,10 @@ def _order(consistent: ConsistentSet, omega: list[float]) -> list[int]:
     if len(omega) < 3 or consistent.posed_at(omega[0]) is not consistent.posed:
         return spread_out
     widest = np.argsort(-np.linalg.norm(consistent.spreads(np.array(omega)), axis=(1, 2)), kind="stable").tolist()
-    return list(dict.fromkeys(itertools.chain.from_iterable(zip(widest, spread_out, strict=True))))
+    turns = list(dict.fromkeys(itertools.chain.from_iterable(zip(widest, spread_out, strict=True))))
+    points = [end for frf in consistent.posed.problem.frequency for end in (frf.omega.min(), frf.omega.max())]
+    low, high = (min(points), max(points)) if points else (0.0, np.inf)
+    return sorted(turns, key=lambda k: not low <= omega[k] <= high)
 
 
 def spread_order(count: int) -> list[int]:
