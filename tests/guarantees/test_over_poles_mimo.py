@@ -29,7 +29,7 @@ def test_a_plant_at_the_edge_with_its_pole_in_the_box_is_inside_the_band(seed, t
     box = box_around(problem.parametric)
     mode = float(box[0].mean())
     omega = [0.05, mode] if seed else [mode]
-    band = rid.worst_case_over_poles(result, *box, omega=omega, cells=2 if seed else 1)
+    band = rid.worst_case_over_poles(result, *box, omega=omega, cells=2 if seed else 1, rtol=0.1 if seed else 0.5)
     off = truth(band.omega) - band.nominal
     assert np.all(np.abs(off) <= band.upper)
     assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= band.sigma_upper)
@@ -46,31 +46,31 @@ def test_a_plant_at_the_edge_with_its_pole_in_the_box_is_inside_the_band(seed, t
     assert again.verify()
 
 
-def test_a_box_of_one_point_gives_the_error_at_these_poles():
+@pytest.mark.parametrize("symmetric", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_box_of_one_point_gives_the_error_at_these_poles(symmetric):
     """Entries apart and tied by the ball, symmetric too: within the gap that was asked for."""
     mode = rid.kautz([1.2], [0.05], dt=1.0, delay=1)
-    for seed, symmetric in ((0, False), (1, True)):
-        system, gain = plant(seed, 2, 2, 1.3, symmetric=symmetric)
-        lines, residues = (
-            np.array([0.3, 1.1, 1.3, 2.5]),
-            np.array([[[2.0, 1.0], [1.0, -2.0]], [[1.0, 3.0], [3.0, 1.0]]]),
-        )
-        values = response(system, lines) + np.tensordot(mode.response(lines), residues, 1)
-        bound = np.full(values.shape, 0.1)
-        bound[1, 0, 1] = bound[1, 1, 0] = np.inf
-        frf = rid.FrequencyResponse(lines, values, bound=bound, dt=1.0)
-        prior = rid.Prior(gain_bound=1.2 * gain, decay_rate=1.3)
-        result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=mode, symmetric=symmetric))
-        box = box_around(mode, (0.0, 0.0))
-        band = rid.worst_case_over_poles(result, *box, omega=[0.7])
-        error = rid.worst_case_error(result, omega=[0.7], rtol=0.1)
-        assert np.all(error.lower <= band.upper * (1 + 1e-9))
-        assert np.all(band.upper <= error.upper * 1.1)
-        assert band.upper.shape == (1, 2, 2)
-        np.testing.assert_array_equal(band.with_model(error.model).upper, band.upper)
-        if symmetric:
-            np.testing.assert_allclose(band.upper, band.upper.swapaxes(1, 2), rtol=1e-12)
-        assert band.certified
+    system, gain = plant(int(symmetric), 2, 2, 1.3, symmetric=symmetric)
+    lines, residues = (
+        np.array([0.3, 1.1, 1.3, 2.5]),
+        np.array([[[2.0, 1.0], [1.0, -2.0]], [[1.0, 3.0], [3.0, 1.0]]]),
+    )
+    values = response(system, lines) + np.tensordot(mode.response(lines), residues, 1)
+    bound = np.full(values.shape, 0.1)
+    bound[1, 0, 1] = bound[1, 1, 0] = np.inf
+    frf = rid.FrequencyResponse(lines, values, bound=bound, dt=1.0)
+    prior = rid.Prior(gain_bound=1.2 * gain, decay_rate=1.3)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=mode, symmetric=symmetric))
+    box = box_around(mode, (0.0, 0.0))
+    band = rid.worst_case_over_poles(result, *box, omega=[0.7])
+    error = rid.worst_case_error(result, omega=[0.7], rtol=0.1)
+    assert np.all(error.lower <= band.upper * (1 + 1e-9))
+    assert np.all(band.upper <= error.upper * 1.1)
+    assert band.upper.shape == (1, 2, 2)
+    np.testing.assert_array_equal(band.with_model(error.model).upper, band.upper)
+    if symmetric:
+        np.testing.assert_allclose(band.upper, band.upper.swapaxes(1, 2), rtol=1e-12)
+    assert band.certified
 
 
 def test_the_amplitudes_of_every_entry_are_its_own_and_of_their_units():
@@ -104,11 +104,11 @@ def test_the_time_ends_the_search_and_the_sweep():
     problem, truth, _ = edge_problem(0, AWAY, 0.3)
     result, told = rid.identify(problem), []
     box = box_around(problem.parametric)
-    omega = np.linspace(0.1, 3, 40)
+    omega = np.linspace(0.1, 3, 9)
     band = rid.worst_case_over_poles(
-        result, *box, omega=omega, cells=8, time_limit=0.2, progress=lambda *at: told.append(at)
+        result, *box, omega=omega, cells=8, time_limit=0.1, progress=lambda *at: told.append(at)
     )
-    assert 1 <= band.omega.size < 40
+    assert 1 <= band.omega.size < 9
     assert told
     assert set(band.omega) <= set(omega)
     assert np.all(np.abs(truth(band.omega) - band.nominal) <= band.upper)
