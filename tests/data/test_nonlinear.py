@@ -16,7 +16,9 @@ def responses(records):
     return y / u
 
 
-@pytest.mark.parametrize("kind", NONLINEAR)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=() if k == "dry friction" else pytest.mark.slow) for k in NONLINEAR]
+)
 def test_steps_and_periods_are_enough(kind, monkeypatch):
     one = nonlinear_records(kind, periods=1)
     monkeypatch.setattr(nonlinear, "_SUBSTEPS", 8)

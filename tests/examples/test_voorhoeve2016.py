@@ -92,6 +92,7 @@ def test_the_single_channel_is_the_plant_behind_a_hold(example):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow  # the example itself, which always runs, prints these ends
 def test_handing_over(example):
     """From the truncated central model the fit begins beside its end, and no other start ends lower."""
     ends, consistent = example.hand_over(example.single_channel(), *example.CASES[0], 0)

@@ -78,7 +78,9 @@ def test_the_tangent_space_has_the_dimension_of_the_model_set(order, inputs, pai
     assert basis.size - len(problem.forbidden(basis, fraction)) == expected
 
 
-@pytest.mark.parametrize(("seeds", "every"), [(1, 3), pytest.param(2, 1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("seeds", "every"), [pytest.param(1, 3, marks=pytest.mark.slow), pytest.param(2, 1, marks=pytest.mark.slow)]
+)
 def test_the_degrees_that_a_fit_chooses_are_as_good_as_any(seeds, every):
     """4x4 with 6 modes: no worse than by ones, or by twos with any two inputs ahead (some stop early)."""
     omega = OMEGA[::every]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,23 +36,31 @@ def drawn(page: Path, shown: Shown, width: int) -> dict[str, str]:
     return found
 
 
-def test_pages_on_narrow_screens(tmp_path: Path) -> None:
-    """Four kinds of pages, each drawn without an error, with the plots that it should have."""
-    pages = {
-        tmp_path / f"{write.__name__}.html": (write, width)
-        for write, width in ((identification, 390), (mimo_identification, 360), (fit, 390), (response, 360))
-    }
+def all_drawn(folder: Path, *kinds: tuple[Callable[[Path], None], int]) -> list[dict[str, str]]:
+    """Plots of pages of some kinds at a width each, drawn without an error."""
+    pages = {folder / f"{write.__name__}.html": (write, width) for write, width in kinds}
     for page, (write, _) in pages.items():
         write(page)
-    every, console = framed({page: width for page, (_, width) in pages.items()}, tmp_path)
+    every, console = framed({page: width for page, (_, width) in pages.items()}, folder)
     assert console == []
-    found = [drawn(page, shown, width) for (page, (_, width)), shown in zip(pages.items(), every, strict=True)]
+    return [drawn(page, shown, width) for (page, (_, width)), shown in zip(pages.items(), every, strict=True)]
+
+
+def test_pages_on_narrow_screens(tmp_path: Path) -> None:
+    """Two kinds of pages, each drawn without an error, with the plots that it should have."""
+    found = all_drawn(tmp_path, (identification, 390), (fit, 390))
     check_identification(found[0])
-    assert len(found[1]) == 4 + 1 + 2 + 4 + 6 + 3
-    assert any("rotation [mrad] / torque [Nm]" in markup for markup in found[2].values())
+    assert any("rotation [mrad] / torque [Nm]" in markup for markup in found[1].values())
+
+
+@pytest.mark.slow
+def test_pages_of_matrices_on_narrow_screens(tmp_path: Path) -> None:
+    """As above; their charts are also drawn by the tests of each section."""
+    found = all_drawn(tmp_path, (mimo_identification, 360), (response, 360))
+    assert len(found[0]) == 4 + 1 + 2 + 4 + 6 + 3
     entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
     further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
-    assert set(found[3]) == entries | further
+    assert set(found[1]) == entries | further
 
 
 def check_identification(found: dict[str, str]) -> None:
