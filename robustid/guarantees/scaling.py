@@ -71,8 +71,19 @@ def perron_scaling(values: Complex, bound: Real) -> Scaling:
         p is ny or 1, q is nu or 1.
     """
     k, p, q = bound.shape
-    if p == q == 1:
-        return Scaling(np.zeros((k, 1)), np.zeros((k, 1)))
+    found, known = Scaling(np.zeros((k, q)), np.zeros((k, p))), _seen(values, bound)
+    if (p > 1 or q > 1) and known.any():
+        found.columns[known], found.rows[known] = _perron(values[known], bound[known])
+    return found
+
+
+def _seen(values: Complex, bound: Real) -> NDArray[np.bool_]:
+    """Where neither the loop nor the bound is zero, (K,): no scaling makes nothing smaller."""
+    return values.any(axis=(1, 2)) & bound.any(axis=(1, 2))
+
+
+def _perron(values: Complex, bound: Real) -> Scaling:
+    _, p, q = bound.shape
     sizes = np.abs(values)
     if p == 1:
         sizes = np.linalg.norm(sizes, axis=2, keepdims=True)
@@ -102,10 +113,15 @@ def best_scaling(values: Complex, bound: Real) -> Scaling:
     values, bound
         As in `perron_scaling`.
     """
-    start = perron_scaling(values, bound)
+    start, known = perron_scaling(values, bound), _seen(values, bound)
+    if bound[0].size > 1 and known.any():
+        improved = _improved(values[known], bound[known], Scaling(start.columns[known], start.rows[known]))
+        start.columns[known], start.rows[known] = improved
+    return start
+
+
+def _improved(values: Complex, bound: Real, start: Scaling) -> Scaling:
     _, p, q = bound.shape
-    if p == q == 1:
-        return start
     # In units in which the start is 1 and both norms are 1.
     loop, size = start.loop(values), start.uncertainty(bound)
     loop = loop / np.maximum(_norms(loop), np.finfo(float).tiny)[:, None, None]

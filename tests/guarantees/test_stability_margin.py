@@ -347,3 +347,15 @@ def test_the_model_of_an_identification():
     assert weight.certified
     assert 0.998 / condition.max() <= result.margin <= 1 / condition.max()
     assert result.guaranteed
+
+
+@pytest.mark.parametrize("shape", [(), (2, 2), (1, 2), (2, 1)], ids=["norm", "entries", "inputs", "outputs"])
+@pytest.mark.filterwarnings("error")
+def test_a_controller_that_does_nothing_or_little_of_it_has_no_trouble(shape):
+    plant = control.ss(np.diag([0.5, 0.3]), np.eye(2), np.eye(2), np.zeros((2, 2)), 1.0)
+    edges, bound = [0.0, 1.0, np.pi], np.full((2, *shape), 0.1)
+    nothing, one = (control.ss([], [], [], D, 1.0) for D in (np.zeros((2, 2)), np.array([[0.2, 0.0], [0.0, 0.0]])))
+    assert robust_stability_margin(plant, nothing, edges, bound).margin == np.inf
+    found = robust_stability_margin(plant, one, edges, bound)
+    # The only loop that is closed: K S = 0.2 (z - 0.5)/(z - 0.3), largest at z = -1.
+    assert found.margin == pytest.approx(1.3 / 0.3 / 0.1, rel=2e-3)
