@@ -79,7 +79,7 @@ def perron_scaling(values: Complex, bound: Real) -> Scaling:
 
 def _seen(values: Complex, bound: Real) -> NDArray[np.bool_]:
     """Where neither the loop nor the bound is zero, (K,): no scaling makes nothing smaller."""
-    return values.any(axis=(1, 2)) & bound.any(axis=(1, 2))
+    return np.any(values, axis=(1, 2)) & np.any(bound, axis=(1, 2))
 
 
 def _perron(values: Complex, bound: Real) -> Scaling:
