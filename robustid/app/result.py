@@ -30,7 +30,8 @@ class IdentifiedReduced(Frozen):
     worth : ModelWorth or None
         The small model beside the best least-squares fits; None without a frequency response, or with integrators.
     worst_case, error : WorstCaseError or None
-        Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent.
+        Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent. Bounds of
+        matrices are made tight around the small one.
     over_poles : WorstCaseOverPoles or None
         With the poles anywhere in the pole-uncertainty box, around the small model.
     content : Content or None

@@ -101,5 +101,5 @@ def test_the_beam_from_its_example(tmp_path):
     assert np.all(np.abs(result.model.poles()) < 1)
     assert largest_ratio(result.identification.problem, result.model) <= 1
     assert result.error.certified
-    assert np.all(result.worst_case.lower >= 0.9 * result.worst_case.upper)
+    assert np.all(result.error.lower >= 0.9 * result.error.upper)
     assert (tmp_path / "out" / "report.html").is_file()
