@@ -99,7 +99,7 @@ def plot(error, damped, result):
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, help="folder for the picture (default: a temporary one)")
+    parser.add_argument("--out", type=Path, help="folder for picture and page (default: a temporary one)")
     arguments = parser.parse_args(argv)
     try:
         frf, used = measured()
@@ -122,9 +122,10 @@ def main(argv=None):
     print("\n3. One damper for each pair of patch and accelerometer:")
     print("   gain  damping in %  margin  small gain  limited at      by entry (its share)")
     small, shown = rid.balanced_truncation(result.model, order=ORDER).model, None  # without states that cancel
+    margins = {}
     for gain in GAINS:
         controller = damper(gain, frf.dt)
-        found = error.robust_stability_margin(controller)
+        found = margins[f"gain {gain:g}"] = error.robust_stability_margin(controller)
         plain = rid.robust_stability_margin(error.model, controller, circle.edges, circle.bound)
         damped = control.feedback(small, controller)
         damping = f"{100 * first_mode(damped):9.2f}" if found.margin else "        -"
@@ -143,7 +144,8 @@ def main(argv=None):
 
     print(f"\n4. Weights for a synthesis, by what they cost at gain {GAINS[SHOWN]:g}:")
     bounds = circle.bound, circle.entries
-    for weight in rid.structured_weights(error.model, circle.edges, bounds, controller=controller, order=WEIGHT_ORDER):
+    weights = rid.structured_weights(error.model, circle.edges, bounds, controller=controller, order=WEIGHT_ORDER)
+    for weight in weights:
         count, proved = len(weight.weights), "certified" if weight.certified else "NOT CERTIFIED"
         print(
             f"   {weight.structure:7s} {count} weights, {weight.order:2d} states: margin {weight.margin.margin:6.3g},"
@@ -151,7 +153,8 @@ def main(argv=None):
         )
 
     plot(error, damped, found).savefig(out / "damping.png", dpi=110)
-    print(f"\nPicture: {out}")
+    rid.write_report(result, out / "damping.html", worst_case=error, stability=margins, weights=weights)
+    print(f"\nPicture and page: {out}")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
+from robustid.figures import Drawable
 from robustid.guarantees.cells import INPUT, KINDS, Pieces, check_plant, enclose
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
@@ -38,7 +39,7 @@ class MarginStatus(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RobustStabilityMargin(Frozen):
+class RobustStabilityMargin(Frozen, Drawable):
     """Factor by which the uncertainty could grow before stability is no longer guaranteed.
 
     Attributes

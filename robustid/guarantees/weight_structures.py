@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Frozen, Real, freeze
+from robustid.figures import Drawable
 from robustid.guarantees.bilinear import bilinear, discrete
 from robustid.guarantees.cells import check_plant
 from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
@@ -46,7 +47,7 @@ class StructuredPlant(Frozen):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class StructuredWeight(Frozen):
+class StructuredWeight(Frozen, Drawable):
     r"""Weights of an uncertainty of one structure: :math:`F = F_{id} + L \Delta R` for every F within the bounds.
 
     Attributes

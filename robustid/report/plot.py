@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.guarantees import Family, ResponseTube, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import (
+    Family,
+    ResponseTube,
+    RobustStabilityMargin,
+    StructuredWeight,
+    WorstCaseError,
+    WorstCaseOverPoles,
+)
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.reduction import ModelWorth, Reduction
@@ -27,8 +34,10 @@ from robustid.report.sections.poles import pole_chart
 from robustid.report.sections.reduction import hankel_chart, margin_chart
 from robustid.report.sections.residuals import residual_chart
 from robustid.report.sections.response_view import ResponseView
+from robustid.report.sections.stability import stability_chart
 from robustid.report.sections.time import answer_charts, time_chart
 from robustid.report.sections.tube import tube_chart
+from robustid.report.sections.weights import weights_chart
 from robustid.report.with_matplotlib import draw
 
 if TYPE_CHECKING:
@@ -48,6 +57,7 @@ __all__ = [
     "residuals",
     "schedule",
     "stabilisation",
+    "stability",
     "time_response",
 ]
 
@@ -59,8 +69,8 @@ def __dir__() -> list[str]:
 def of(result: Any, **options: Any) -> Figure:
     """Draw the figure that shows a result best; ``result.plot()`` is this.
 
-    Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of everything
-    else `bode`.
+    Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
+    RobustStabilityMargin the `stability`, of everything else `bode`.
 
     Parameters
     ----------
@@ -82,6 +92,8 @@ def of(result: Any, **options: Any) -> Figure:
     """
     if isinstance(result, ResponseTube):
         return time_response(result, **options)
+    if isinstance(result, RobustStabilityMargin):
+        return stability(result, **options)
     if isinstance(result, OrderSweep | Reduction):
         return orders(result, **options)
     return bode(result, **options)
@@ -102,11 +114,13 @@ def bode(
     WorstCaseError or a WorstCaseOverPoles: the range that no consistent system leaves, and the error of the model, guaranteed and
     reached; proved at their frequencies, interpolated for the eye between them; a bound on the whole circle is drawn if it
     has been computed. Of a MatrixFraction: samples, model with its standard deviation, residual. Of a FrequencyResponse:
-    bound, noise and distortion, singular values, coherence, and the spectra of the records. Of a model its response.
+    bound, noise and distortion, singular values, coherence, and the spectra of the records. Of a StructuredWeight
+    the weight of every block above its bound. Of a model its response.
 
     Parameters
     ----------
-    result : Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse or control.StateSpace
+    result : Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse, StructuredWeight or
+        control.StateSpace
     models : mapping of str to control.StateSpace, optional
         Further models with the sample time of an identification's data, such as a reduced one.
     data : FrequencyResponse, optional
@@ -143,6 +157,7 @@ def bode(
         Identification: (_identified_bode, ("models",)),
         WorstCaseError: (_guaranteed_bode, ()),
         WorstCaseOverPoles: (pole_box_chart, ()),
+        StructuredWeight: (weights_chart, ()),
         MatrixFraction: (_fit_bode, ("data",)),
         FrequencyResponse: (_response_bode, ("records",)),
         control.StateSpace: (model_chart, ()),
@@ -381,6 +396,25 @@ def _tried(reduction: Reduction) -> Chart:
     if not reduction.tried:
         raise InputError("`result` must be from reduce_within_bounds: a truncation tries no orders against the samples")
     return margin_chart(reduction)
+
+
+def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin], *, ax: Any = None) -> Figure:
+    """Draw the upper bound of the structured singular value over frequency, its largest value, and the limit 1.
+
+    Below 1 at every frequency a controller stabilises every plant of the set. The bound holds on whole arcs. Several margins, by
+    the names of their controllers, are drawn in one figure.
+
+    Parameters and errors as for `bode`.
+
+    Examples
+    --------
+    >>> import control, numpy as np, robustid as rid
+    >>> nominal, gain = control.ss(0.5, 1.0, 1.0, 0.0, 1.0), control.ss([], [], [], 0.25, 1.0)
+    >>> margin = rid.robust_stability_margin(nominal, gain, [0.0, 1.0, np.pi], [0.5, 0.5])
+    >>> rid.plot.stability(margin).axes[0].get_ylabel()
+    'upper bound [–]'
+    """
+    return draw(stability_chart(result), ax)
 
 
 def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:

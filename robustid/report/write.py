@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from robustid.core import atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
-from robustid.guarantees import Family
+from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
 from robustid.report import html, terminal
@@ -25,6 +25,8 @@ from robustid.report.sections.identification import (
 )
 from robustid.report.sections.response import response_page, response_summary, response_verdict
 from robustid.report.sections.response_view import ResponseView
+from robustid.report.sections.stability import stability_summary
+from robustid.report.sections.weights import weights_summary
 
 if TYPE_CHECKING:
     import control
@@ -47,6 +49,8 @@ def write_report(
     worst_case: WorstCaseError | None = None,
     tube: ResponseTube | None = None,
     over_poles: WorstCaseOverPoles | None = None,
+    stability: RobustStabilityMargin | Mapping[str, RobustStabilityMargin] | None = None,
+    weights: StructuredWeight | Sequence[StructuredWeight] | None = None,
     sensitivity: Sensitivity | None = None,
     data: FrequencyResponse | None = None,
     order_sweep: OrderSweep | None = None,
@@ -86,6 +90,11 @@ def write_report(
         From `response_tube(identification)`: adds the guaranteed range in time, with the records of the same input.
     over_poles : WorstCaseOverPoles, optional
         From `worst_case_over_poles(identification, ...)`: adds the guarantee over a pole-uncertainty box, beside `worst_case`.
+    stability : RobustStabilityMargin or mapping of str to RobustStabilityMargin, optional
+        From `worst_case.robust_stability_margin(controller)`, by the names of the controllers: adds verdicts, and the upper bound
+        over frequency.
+    weights : StructuredWeight or sequence of StructuredWeight, optional
+        From `structured_weights`, the first one drawn: adds what each structure costs.
     sensitivity : Sensitivity, optional
         From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions.
     data : FrequencyResponse, optional
@@ -151,6 +160,8 @@ _OF_IDENTIFICATIONS = (
     "worst_case",
     "tube",
     "over_poles",
+    "stability",
+    "weights",
     "sensitivity",
     "findings",
     "withheld",
@@ -167,18 +178,19 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
 
 
 def render_summary(
-    identification: Identification | MatrixFraction | FrequencyResponse,
+    identification: Identification | MatrixFraction | FrequencyResponse | RobustStabilityMargin | StructuredWeight,
     reduction: Reduction | None = None,
     *,
     data: FrequencyResponse | None = None,
 ) -> Group:
     """Render verdict, margin or cost, checks, active constraints, poles or modes for ``rich.print`` or a rich console.
 
-    Of a frequency response: what its bound promises, frequency points, levels of every entry, warnings.
+    Of a frequency response: what its bound promises, frequency points, levels of every entry, warnings. Of a robust stability
+    margin: the verdict, where the bound is largest, and whose error limits it; of a structured weight what it costs.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction or FrequencyResponse
+    identification : Identification, MatrixFraction, FrequencyResponse, RobustStabilityMargin or StructuredWeight
     reduction : Reduction, optional
         Of the model of an identification; its poles are then shown instead.
     data : FrequencyResponse, optional
@@ -203,6 +215,10 @@ def render_summary(
         return terminal.render(fit_summary(FitView(identification, data)))
     if isinstance(identification, FrequencyResponse):
         return terminal.render(response_summary(ResponseView(identification)))
+    if isinstance(identification, RobustStabilityMargin):
+        return terminal.render(stability_summary(identification))
+    if isinstance(identification, StructuredWeight):
+        return terminal.render(weights_summary(identification))
     return terminal.render(identification_summary(identification, reduction))
 
 

@@ -30,8 +30,10 @@ from robustid.report.sections.reduction import order_section, reduction_words
 from robustid.report.sections.residuals import active_section, active_table, residual_section
 from robustid.report.sections.run import findings_section, run_file_section
 from robustid.report.sections.sensitivity import sensitivity_section
+from robustid.report.sections.stability import stability_section
 from robustid.report.sections.time import time_section
 from robustid.report.sections.tube import tube_section
+from robustid.report.sections.weights import weights_section
 from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.sections.worth import worth_section, worth_verdict
 from robustid.report.words import number
@@ -40,8 +42,9 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Sensitivity
-    from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
     from robustid.reduction import ModelWorth, Reduction
+    from robustid.report.sections.stability import Margins
 
 _MOST_EXPERIMENTS = 6  # at the terminal
 
@@ -55,6 +58,8 @@ def identification_page(
     worst_case: WorstCaseError | None = None,
     tube: ResponseTube | None = None,
     over_poles: WorstCaseOverPoles | None = None,
+    stability: Margins | None = None,
+    weights: StructuredWeight | Sequence[StructuredWeight] | None = None,
     sensitivity: Sensitivity | None = None,
     findings: Sequence[str] = (),
     withheld: Coverage | None = None,
@@ -68,6 +73,10 @@ def identification_page(
         guaranteed += guarantee_section(identification, worst_case)
     if over_poles is not None:
         guaranteed += pole_box_section(identification, over_poles, worst_case)
+    if stability is not None:
+        guaranteed += stability_section(identification, stability)
+    if weights is not None:
+        guaranteed += weights_section(identification, weights)
     if tube is not None:
         guaranteed += tube_section(identification, tube)
     if sensitivity is not None:

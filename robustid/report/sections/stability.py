@@ -1,0 +1,193 @@
+"""Robust stability margins of controllers: the verdict, the upper bound over frequency, and whose error limits it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees import MarginStatus, RobustStabilityMargin
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.curves import positive, span_of
+from robustid.report.document import Block, Column, Drawing, Facts, Heading, Share, Table, Text, Verdict
+from robustid.report.identified import about
+from robustid.report.style import ALERT, DATA, NOMINAL, further
+from robustid.report.words import HZ, at_least, at_most, number, percent
+
+Margins = RobustStabilityMargin | Mapping[str, RobustStabilityMargin]
+WORDS_OF = {"full": "the whole matrix", "input": "every column", "output": "every row", "entry": "every entry"}
+_KEYS = {MarginStatus.GUARANTEED: "consistent", MarginStatus.OPEN: "weak", MarginStatus.UNSTABLE: "inconsistent"}
+_ROWS = 6  # arcs in the table
+
+
+def stability_section(identification: Identification, margins: Margins) -> list[Block]:
+    """Build the section of the robust stability margins of controllers for the nominal model."""
+    found, problem = named_margins("stability", margins), identification.problem
+    for name, one in found.items():
+        shape, nyquist = (len(problem.outputs), len(problem.inputs)), np.pi / problem.dt
+        if one.shares.shape != shape or (one.margins.size and not np.isclose(one.edges[-1], nyquist, rtol=1e-9)):
+            raise InputError(
+                f"`stability`{_of(name)} must be about a model of {shape[0]} x {shape[1]} entries up to {nyquist / HZ:.6g} Hz, as"
+                " the identification reported; take it from WorstCaseError.robust_stability_margin(controller)"
+            )
+    names = [[str(signal) for signal in group] for group in (problem.outputs, problem.inputs)]
+    intro = f"{about(identification)}The upper bound is that of the structured singular value: below 1 at every frequency, every"
+    intro += " plant within the bounds of the error is stabilised. Its reciprocal is the margin, the factor by which all errors"
+    drawn = {name: one for name, one in found.items() if one.margins.all()}  # nothing of a loop that isn't stable
+    return [
+        Heading("Robust stability"),
+        Text(f"{intro} could grow before that is no longer guaranteed."),
+        *([Drawing(stability_chart(drawn))] if drawn else []),
+        Text(
+            "The bound holds on whole arcs, between the frequencies too; what lies far below the largest is rough. Assumed:"
+            " linearity, the class of the identification (K, ρ and the poles of its parametric part) and the bounds of the samples,"
+            " from which those of the error follow. The margin was computed from these; it is not computed again for this page.",
+            "soft",
+        ),
+        *(
+            block
+            for k, (name, one) in enumerate(found.items())
+            for block in _on_page(f"stability-verdict-{k}", name, one, *names)
+        ),
+    ]
+
+
+def _on_page(id: str, name: str, margin: RobustStabilityMargin, *names: Sequence[str]) -> list[Block]:
+    blocks: list[Block] = [Heading(name, 3)] if name else []
+    blocks += [dataclasses.replace(stability_verdict(margin), id=id), Facts(_rows(margin))]
+    for table in _tables(margin, *names):
+        blocks += [Heading(table.title, 3), table, *([Text(table.note, "soft")] if table.note else [])]
+    return blocks
+
+
+def stability_summary(margin: RobustStabilityMargin) -> list[Block]:
+    """Build the summary of one margin at the terminal; signals have numbers, since a margin knows no names."""
+    ny, nu = margin.shares.shape
+    names = [f"output {i + 1}" for i in range(ny)], [f"input {j + 1}" for j in range(nu)]
+    return [stability_verdict(margin), Facts(_rows(margin)), *_tables(margin, *names)]
+
+
+def _tables(margin: RobustStabilityMargin, outputs: Sequence[str], inputs: Sequence[str]) -> list[Table]:
+    found = [arc_table(margin)] if margin.margins.size and margin.margin else []
+    if margin.shares.size > 1 and margin.shares.any():
+        found.append(share_table(margin, outputs, inputs))
+    return found
+
+
+def stability_verdict(margin: RobustStabilityMargin) -> Verdict:
+    """Verdict on one controller: stabilises every plant, not guaranteed, or unstable with the nominal model."""
+    words = {
+        MarginStatus.GUARANTEED: (
+            "Stable",
+            f"The controller stabilises every plant of the set; all errors could be {at_least(margin.margin)} times as large.",
+        ),
+        MarginStatus.OPEN: (
+            "Not guaranteed",
+            "The nominal loop is stable, but a plant of the set may not be: guaranteed if all errors were at most"
+            f" {at_least(margin.margin)} times as large.",
+        ),
+        MarginStatus.UNSTABLE: ("Unstable", "The loop of the controller and the nominal model is not stable."),
+    }
+    numbers = (("margin", at_least(margin.margin, 3)), ("at [Hz]", number(margin.frequency / HZ)))
+    return Verdict(_KEYS[margin.status], *words[margin.status], numbers, id="stability-verdict")
+
+
+def _rows(margin: RobustStabilityMargin) -> list[tuple[str, str]]:
+    if margin.status is MarginStatus.UNSTABLE:
+        return [("Pole", f"The outermost pole of the loop lies at {number(margin.frequency / HZ, 5)} Hz.")]
+    bound = at_most(1 / margin.margin if margin.margin else np.inf)
+    rows = [("Upper bound", f"At most {bound}, at {number(margin.frequency / HZ, 5)} Hz.")]
+    if margin.shares.size > 1:
+        rows.append(("Structure", f"There it comes from the bounds of the errors of {WORDS_OF[margin.structure]}."))
+    return rows
+
+
+def arc_table(margin: RobustStabilityMargin) -> Table:
+    """The arcs on which the upper bound is larger than on both beside them, largest first."""
+    sizes = _upper(margin)
+    ends = np.append(
+        np.flatnonzero(np.diff(sizes)), sizes.size - 1
+    )  # the last of all arcs of one size beside each other
+    firsts = np.append(0, ends[:-1] + 1)
+    runs = np.concatenate([[-1.0], sizes[ends], [-1.0]])
+    peaks = np.flatnonzero((runs[1:-1] > runs[:-2]) & (runs[1:-1] > runs[2:]))
+    rows: list[list[str]] = []
+    for k in peaks[np.argsort(-sizes[ends[peaks]], kind="stable")][:_ROWS].tolist():
+        low, high = (float(margin.edges[edge]) / HZ for edge in (firsts[k], ends[k] + 1))
+        size, least = float(sizes[ends[k]]), float(margin.margins[ends[k]])
+        rows.append([number(low, 5), number(high, 5), at_most(size), at_least(least)])
+    heads = ("from [Hz]", "to [Hz]", "upper bound", "margin")
+    return Table([Column(head, "n") for head in heads], rows, title="Where the bound is largest")
+
+
+def share_table(margin: RobustStabilityMargin, outputs: Sequence[str], inputs: Sequence[str]) -> Table:
+    """Part of every entry in the bound at the frequency that limits: where a smaller error helps."""
+    rows: list[tuple[str | Share, ...]] = []
+    for (output, input_), share in zip(itertools.product(outputs, inputs), margin.shares.ravel().tolist(), strict=True):
+        rows.append((output, input_, Share(percent(share), share)))
+    note = "A bound smaller by 1 % makes the margin larger by this part of 1 %."
+    columns = [Column("Output"), Column("Input"), Column("part in the limit", "share")]
+    return Table(columns, rows, title="Whose error limits", note=note)
+
+
+def stability_chart(margins: Margins) -> Chart:
+    """Upper bound of the structured singular value over frequency, its largest value, and the limit 1, of every controller."""
+    found = named_margins("result", margins)
+    if not all(one.margins.size and one.margins.all() for one in found.values()):
+        raise InputError(
+            "`result` must hold margins of nominal loops that are stable, with their cells, as robust_stability_margin() gives"
+            " them: of others there is no bound to be drawn"
+        )
+    axis = frequency_axis(np.unique(np.concatenate([one.edges for one in found.values()])))
+    low, high = axis.range or (0.0, 1.0)
+    layers: list[Layer] = []
+    for k, (name, one) in enumerate(found.items()):
+        colour, dash = (NOMINAL, "solid") if k == 0 else further(k - 1)[:2]
+        hz, sizes = np.maximum(np.repeat(one.edges, 2)[1:-1] / HZ, low), np.repeat(positive(_upper(one)), 2)
+        layers.append(Layer(name=name or "upper bound", x=hz, y=sizes, colour=colour, dash=dash))
+    layers += [_mark(one, low) for one in found.values() if np.isfinite(one.margin)]
+    layers.append(Layer(name="limit", x=np.array([low, high]), y=np.ones(2), colour=ALERT, dash="dot"))
+    y = Axis(label="upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
+    title = "Upper bound of the structured singular value"
+    return Chart(name="stability", panels=(Panel(title=title, x=axis, y=y, layers=tuple(layers)),))
+
+
+def _mark(margin: RobustStabilityMargin, left: float) -> Layer:
+    """The largest value of the bound, at its frequency."""
+    hz, largest = margin.frequency / HZ, 1 / margin.margin
+    words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
+    place = np.array([max(hz, left)]), np.array([largest])
+    return Layer(name="largest", x=place[0], y=place[1], colour=DATA, marker="diamond", hover=(words,))
+
+
+def _upper(margin: RobustStabilityMargin) -> Real:
+    """Upper bound on every cell."""
+    return 1 / margin.margins
+
+
+def named_margins(argument: str, margins: Any) -> dict[str, RobustStabilityMargin]:
+    """Margins by the names of their controllers; one alone has none."""
+    if isinstance(margins, RobustStabilityMargin):
+        return {"": margins}
+    if not isinstance(margins, Mapping) or not margins:
+        raise InputTypeError(
+            f"`{argument}` must be a RobustStabilityMargin, or map names of controllers to such; got {type(margins).__name__}"
+        )
+    found: dict[str, RobustStabilityMargin] = {}
+    for name, one in margins.items():
+        if not isinstance(name, str) or not isinstance(one, RobustStabilityMargin):
+            raise InputTypeError(
+                f"`{argument}` must map names to RobustStabilityMargin; got {name!r}: {type(one).__name__}"
+            )
+        found[name] = one
+    return found
+
+
+def _of(name: str) -> str:
+    return f"[{name!r}]" if name else ""
