@@ -190,10 +190,12 @@ class _Product(NamedTuple):
         curve = curve + ridge[:, None, None] * np.eye(y.shape[1])
         step = np.asarray(np.linalg.solve(curve, -slope[..., None]), dtype=float)[..., 0]
         length = np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), np.finfo(float).tiny))
-        shortest, worse = _SHORTEST * length, np.ones(y.shape[0], dtype=bool)
-        while worse.any():
-            worse = (length > 0) & (self.values(y + length[:, None] * step, power) > value)
-            length[worse] = np.where(length[worse] > shortest[worse], length[worse] / 2, 0.0)
+        shortest, open_ = _SHORTEST * length, np.ones(y.shape[0], dtype=bool)
+        while open_.any():
+            tried = y[open_] + length[open_, None] * step[open_]
+            open_[open_] = self.of(open_).values(tried, power) > value[open_]
+            length[open_] = np.where(length[open_] > shortest[open_], length[open_] / 2, 0.0)
+            open_ &= length > 0
         return length[:, None] * step
 
 
