@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import importlib
@@ -9,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, SizeError
 
 AUTO = "auto"
 _RENAMED = {
@@ -87,6 +88,16 @@ def refuse_unknown(
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"the nearest is {near[0]!r}; all" if near else "these are known"
             raise error(f"{place} has no {word} {name!r}; {hint}: {', '.join(known)}")
+
+
+@contextlib.contextmanager
+def too_large(way_out: str) -> Iterator[None]:
+    """Say of data that are too large how less of them is asked for here, in place of the arguments that Python has for it."""
+    try:
+        yield
+    except SizeError as error:
+        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
+        raise SizeError(f"{count}. Use a part of them: {way_out}") from None
 
 
 def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:

@@ -99,21 +99,12 @@ def load(
     >>> step.dt, step.y.ravel()
     (0.01, array([0.  , 0.5 , 0.75]))
     """
-    from robustid import data
+    from robustid.data.io import read_file
 
-    options = {
-        "kind": kind,
-        "fields": fields,
-        "dt": dt,
-        "bound": bound,
-        "frequency_unit": frequency_unit,
-        "inputs": inputs,
-        "outputs": outputs,
-        "initial": initial,
-    }
+    stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial}
     if core.saved_kind(path) is None:
-        return data.load(path, **options)
-    for name, value in options.items():
+        return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
+    for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:
             raise InputError(f"`{name}` is about measurements, and {path} is a saved result; leave `{name}` out")
     return load_result(path)

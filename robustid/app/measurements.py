@@ -23,8 +23,8 @@ from robustid.data import (
     detrend,
     estimate_delay,
     estimate_frf,
-    load,
 )
+from robustid.data.io import read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
@@ -92,7 +92,7 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
         place = f"[[frequency]] {k}, {source.file}"
         given = {"fields": source.fields, "dt": source.dt, "bound": source.bound, "frequency_unit": source.unit}
         with _said_of(place):
-            frf: Any = load(folder / str(source.file), kind="frequency", **given)
+            frf: Any = read_file(folder / str(source.file), kind="frequency", **given)
         say(f"read {source.file}: {frf.omega.size} frequency points")
         sources.append(_with_digest(source, [frf], place))
         responses.append(_sampled(frf, place))
@@ -113,7 +113,7 @@ def _read_record(source: RecordSource, folder: Path) -> list[TimeRecord]:
         name: value for name in ("fields", "dt", "bound", "initial") if (value := getattr(source, name)) is not None
     }
     if source.file is not None:
-        found: Any = load(folder / source.file, kind="time", **options)
+        found: Any = read_file(folder / source.file, kind="time", **options)
         return [found]
     found = datasets.load(str(source.dataset), **options)
     found = found if isinstance(found, list) else [found]

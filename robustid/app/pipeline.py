@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.checks import Option, options, refuse_unknown
+from robustid.app.checks import Option, options, refuse_unknown, too_large
 from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say, measured
@@ -21,7 +21,7 @@ from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError, SizeError
+from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem, Prior, prior_fields
 
 __all__ = ["IdentifiedReduced", "identify_reduced", "run"]
@@ -232,14 +232,8 @@ def run(
         stated, data = measured(asked, path.parent, say)
         stated = stated.moved(path.parent, folder)
     kept.open(force)
-    try:
+    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
         result = from_data(stated, data, Surroundings(say, kept, executor))
-    except SizeError as error:
-        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
-        raise SizeError(
-            f"{count}. Use a part of them: band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in"
-            " [[record]]"
-        ) from None
     say("writing the report")
     kept.finish(result)
     return result

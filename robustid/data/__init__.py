@@ -11,7 +11,6 @@ from robustid.data.frequency_points import signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
-from robustid.data.io.files import load
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time
 from robustid.data.problems import record_problems
@@ -42,7 +41,6 @@ __all__ = [
     "estimate_delay",
     "estimate_frf",
     "flexible_structure",
-    "load",
     "load_excitation",
     "multisine",
     "nonlinear_records",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, StateMatrices, freeze, lengths, points_of, response_at
+from robustid.core import Frozen, StateMatrices, freeze, input_states, lengths, points_of, response_at
 from robustid.errors import InputError
 from robustid.mfd.chains import split_rigid
 from robustid.mfd.form import fitted, oriented, shared_model
@@ -230,9 +230,9 @@ def _held_outputs(problem: FractionProblem, model: StateMatrices) -> np.ndarray:
     for condition in problem.conditions:
         ((left, _),) = condition.terms
         # Not `response_at`: at a real point the imaginary rows must be zero exactly.
-        states = np.linalg.solve(condition.point * np.eye(len(A)) - A, B.astype(complex))
+        (states,) = input_states(A, B, [condition.point])
         # left [I; P] = 0 with P = C states + D, as equations on vec C
-        both = np.kron(states.T, left[:, nu:])
+        both = np.asarray(np.kron(states.T, left[:, nu:]), dtype=np.complex128)
         fixed = -(left[:, :nu] + left[:, nu:] @ D).T.ravel() + 0j
         rows += [both.real, both.imag]
         right += [fixed.real, fixed.imag]

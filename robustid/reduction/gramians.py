@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,10 @@ _BLOCK = 96
 
 
 Factors = tuple[Real, Real]
+
+# A column of Hammarling's method: its diagonal entry, the entries above, and what the rows of B above change by along b_j.
+_Parts = tuple[float, Complex, Complex]
+_Column = Callable[[Complex, Complex, complex, float, Complex], _Parts]
 
 
 class Parts(NamedTuple):
@@ -82,10 +87,10 @@ def gramian_factors(parts: Parts, *, discrete: bool) -> Factors:
     if parts.a.size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0))
     schur, basis = _complex_schur(parts.a)
-    factor = _hammarling_discrete if discrete else _hammarling_continuous
-    right = basis @ factor(schur, basis.conj().T @ parts.b)
+    column = _discrete_column if discrete else _continuous_column
+    right = basis @ _hammarling(schur, basis.conj().T @ parts.b, column)
     # The dual equation has A^H; reversing the order of the states makes it upper triangular again.
-    dual = factor(schur.conj().T[::-1, ::-1], (parts.c @ basis).conj().T[::-1])
+    dual = _hammarling(schur.conj().T[::-1, ::-1], (parts.c @ basis).conj().T[::-1], column)
     return _real_factor(basis @ dual[::-1]), _real_factor(right)
 
 
@@ -115,40 +120,38 @@ def _real_factor(factor: Complex) -> Real:
     return np.asarray(np.linalg.qr(np.hstack([np.real(factor), np.imag(factor)]).T, mode="r")).T
 
 
-def _hammarling_continuous(a: Complex, b: Complex) -> Complex:
-    """Upper triangular U with A U U^H + U U^H A^H + B B^H = 0, A upper triangular, Re diag(A) < 0."""
+def _hammarling(a: Complex, b: Complex, column: _Column) -> Complex:
+    """Upper triangular U, U U^H the controllability Gramian of (A, B), A upper triangular: its columns, the last one first.
+
+    What a column leaves of the equation is that of the states before it, with another B.
+    """
     a, b = np.asarray(a), b.astype(complex)
     u = np.zeros_like(a, dtype=complex)
     for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
+        norm = np.linalg.norm(b[j])
         if norm == 0:
             continue  # the state is not reached: its row and column of the Gramian are zero
         direction = b[j] / norm
-        alpha = np.sqrt(-2 * pole.real)
-        u[j, j] = norm / alpha
-        right = -a[:j, j] * u[j, j] - alpha * (b[:j] @ direction.conj())
-        u[:j, j] = _solve_shifted(a[:j, :j], pole.conjugate(), 1.0, right)
-        b[:j] -= alpha * np.outer(u[:j, j], direction)
+        above, beside, pole = a[:j, :j], a[:j, j], a[j, j]
+        u[j, j], u[:j, j], change = column(above, beside, pole, float(norm), b[:j] @ direction.conj())
+        b[:j] += np.outer(change, direction)
     return u
 
 
-def _hammarling_discrete(a: Complex, b: Complex) -> Complex:
-    """Upper triangular U with A U U^H A^H - U U^H + B B^H = 0, A upper triangular, |diag(A)| < 1."""
-    a, b = np.asarray(a), b.astype(complex)
-    u = np.zeros_like(a, dtype=complex)
-    for j in range(a.shape[0] - 1, -1, -1):
-        pole, norm = a[j, j], np.linalg.norm(b[j])
-        if norm == 0:
-            continue
-        direction = b[j] / norm
-        beta = np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
-        u[j, j] = norm / beta
-        along = b[:j] @ direction.conj()
-        right = pole.conjugate() * a[:j, j] * u[j, j] + beta * along
-        u[:j, j] = _solve_shifted(a[:j, :j], 1.0, -pole.conjugate(), right)
-        ahead = a[:j, :j] @ u[:j, j] + a[:j, j] * u[j, j]
-        b[:j] += np.outer(beta * ahead - pole * along - along, direction)
-    return u
+def _continuous_column(above: Complex, beside: Complex, pole: complex, norm: float, along: Complex) -> _Parts:
+    """Of A U U^H + U U^H A^H + B B^H = 0, Re diag(A) < 0."""
+    alpha = np.sqrt(-2 * pole.real)
+    last = norm / alpha
+    x = _solve_shifted(above, pole.conjugate(), 1.0, -beside * last - alpha * along)
+    return last, x, -alpha * x
+
+
+def _discrete_column(above: Complex, beside: Complex, pole: complex, norm: float, along: Complex) -> _Parts:
+    """Of A U U^H A^H - U U^H + B B^H = 0, |diag(A)| < 1."""
+    beta = np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
+    last = norm / beta
+    x = _solve_shifted(above, 1.0, -pole.conjugate(), pole.conjugate() * beside * last + beta * along)
+    return last, x, beta * (above @ x + beside * last) - pole * along - along
 
 
 def _solve_shifted(a: Complex, shift: complex, factor: complex, right: Complex) -> Complex:

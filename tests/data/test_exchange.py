@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from robustid.data import load
+from robustid import load
 from robustid.errors import FileFormatError, InputError
 from support.exchange_files import HZ, INPUTS, OUTPUTS, RNG, G, S, function, matrix, signal, touchstone, write
 

@@ -11,8 +11,9 @@ import scipy.io
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from robustid import load
 from robustid.core.files import atomic_write
-from robustid.data import FrequencyResponse, load, save
+from robustid.data import FrequencyResponse, save
 from robustid.errors import InputError, InputTypeError
 from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_record, write_matlab73
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from robustid.data import TimeRecord, load, save
+from robustid import load
+from robustid.data import TimeRecord, save
+from robustid.data.io import read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from support.data_files import HZ, U, Y, full_frf, full_record, write_matlab73
 
@@ -227,7 +229,7 @@ def test_a_saved_result_is_not_data(tmp_path):
     for name in ("plate", "error"):
         for suffix in (".npz", ".json"):
             with pytest.raises(FileFormatError, match=rf"{name}{suffix} belongs to a saved .*robustid\.load$"):
-                load(tmp_path / f"{name}{suffix}")
+                read_file(tmp_path / f"{name}{suffix}")
     save(tmp_path / "plain.npz", full_record())
     (tmp_path / "plain.json").write_text('{"format": "another 1"}')
     assert load(tmp_path / "plain.npz").y.shape == full_record().y.shape

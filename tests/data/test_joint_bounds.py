@@ -11,7 +11,8 @@ import pytest
 from scipy.special import chdtri
 
 import robustid as rid
-from robustid.data import load, save
+from robustid import load
+from robustid.data import save
 from robustid.errors import InputError
 from robustid.report.sections.fit_charts import response_charts
 from robustid.report.sections.fit_view import FitView

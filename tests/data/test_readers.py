@@ -15,7 +15,8 @@ import pytest
 import scipy.io
 import scipy.sparse
 
-from robustid.data import FrequencyResponse, TimeRecord, load, save
+from robustid import load
+from robustid.data import FrequencyResponse, TimeRecord, save
 from robustid.data.io.matlab4 import read_matlab4
 from robustid.errors import FileFormatError, InputError, RobustIdError
 from support.data_files import full_frf, full_record, write_matlab73
@@ -248,7 +249,7 @@ def test_gaps_are_found_with_their_place(tmp_path, suffix):
 _LONG = """
 import resource, sys
 import numpy as np
-from robustid.data import load
+from robustid import TimeRecord, load
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 record = load(sys.argv[1])
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from robustid.data import TimeRecord, load, save
+from robustid import load
+from robustid.data import TimeRecord, save
 from robustid.errors import FileFormatError, InputError
 from support.data_files import full_frf, full_record
 from support.matlab_files import FRD, RNG, G, W, write5, write73

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robustid as rid
-from robustid.data import load, save
+from robustid import load
+from robustid.data import save
 from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
 

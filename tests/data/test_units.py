@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from robustid.data import load
+from robustid import load
 from robustid.data.io.roles import axis_role
 from robustid.errors import InputError
 

@@ -9,12 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
+from robustid.app.checks import too_large
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
 from robustid.app.cli.terminal import counted, shown, step
 from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice
 from robustid.app.sources import RecordSource, ResponseSource
-from robustid.errors import InputError, SizeError
+from robustid.errors import InputError
 
 
 def identify(
@@ -110,19 +111,15 @@ def identified(console: Any, how: Identify, **data: Any) -> Any:
     from robustid.app.proposal import propose
     from robustid.identification import identify as solve
 
-    try:
+    with too_large(
+        "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
+    ):
         with step(console, "choosing modes and prior from the data"):
             proposal = propose(**data)
         problem = proposal.problem
         words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
         with shown(console, words) as show:
             result = solve(problem, **how.arguments, progress=counted(show, words))
-    except SizeError as error:
-        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
-        raise SizeError(
-            f"{count}. Use a part of them: --band LOW:HIGH keeps the frequency points between two frequencies in Hz,"
-            " --first N the first N time samples"
-        ) from None
     return dataclasses.replace(result, notes=(*result.notes, *proposal.choices))
 
 

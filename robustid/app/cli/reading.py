@@ -14,8 +14,8 @@ import numpy as np
 from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
 from robustid.app.sources import RecordSource, ResponseSource
-from robustid.data import FrequencyResponse, TimeRecord, load
-from robustid.data.io import Origin, origin
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data.io import Origin, origin, read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _NOTE = "given on the command line"
@@ -85,8 +85,8 @@ class Files:
                     f"{path.name} holds {found.kind} data; {other if self.bounded else f'{wanted} is needed'}"
                 )
             initial = getattr(how, "initial", None)
-            data: Any = load(path, kind=self.kind, fields=how.fields, dt=how.dt, bound=how.bound,
-                             frequency_unit=unit, initial=initial)  # fmt: skip
+            data: Any = read_file(path, kind=self.kind, fields=how.fields, dt=how.dt, bound=how.bound,
+                                  frequency_unit=unit, initial=initial)  # fmt: skip
             if self.bounded:
                 self._check_bounded(path, data)
             if how.bound is not None:

@@ -1,8 +1,19 @@
 """Files, readers and writers."""
 
-from robustid.data.io.files import Origin, origin
+from robustid.data.io.files import Origin, origin, read_file
 from robustid.data.io.model_files import load_model, save_model
 from robustid.data.io.roles import FREQUENCY, TIME
 from robustid.data.io.saved import WRITERS, flat_fields, from_fields
 
-__all__ = ["FREQUENCY", "TIME", "WRITERS", "Origin", "flat_fields", "from_fields", "load_model", "origin", "save_model"]
+__all__ = [
+    "FREQUENCY",
+    "TIME",
+    "WRITERS",
+    "Origin",
+    "flat_fields",
+    "from_fields",
+    "load_model",
+    "origin",
+    "read_file",
+    "save_model",
+]

@@ -13,7 +13,7 @@ import numpy as np
 
 from robustid.core import as_flag
 from robustid.data.io.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
-from robustid.data.io.files import load as load_file
+from robustid.data.io.files import read_file
 from robustid.data.io.table import said
 from robustid.data.time_record import TimeRecord
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
@@ -185,7 +185,7 @@ def load(name: str, **options: Any) -> Any:
 
 
 def _record(files: list[str], options: dict[str, Any]) -> Any:
-    return load_file(fetch(files[0]), **{**DATASETS[files[0]].options, **options})
+    return read_file(fetch(files[0]), **{**DATASETS[files[0]].options, **options})
 
 
 def _records(files: list[str], options: dict[str, Any]) -> Any:

@@ -21,24 +21,22 @@ from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
-def load(
+def read_file(
     path: str | os.PathLike[str],
     *,
     kind: str | None = None,
     fields: Mapping[str, Any] | None = None,
-    dt: float | None = None,
-    bound: Any = None,
     frequency_unit: str | None = None,
-    inputs: Any = None,
-    outputs: Any = None,
-    initial: str | None = None,
+    **stated: Any,
 ) -> Any:
-    r"""Read measurements, an excitation or a model from a file; see `robustid.load`, which opens saved results too.
+    r"""Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result.
 
     Parameters
     ----------
-    path, kind, fields, dt, bound, frequency_unit, inputs, outputs, initial
+    path, kind, fields, frequency_unit
         As there.
+    **stated
+        Its other arguments, `dt`, `bound`, `inputs`, `outputs` and `initial`, which go before what the file says; None for none.
 
     Returns
     -------
@@ -48,17 +46,6 @@ def load(
     ------
     InputError, FileFormatError
         As there.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from robustid.data import load
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder) / "step.csv"
-    ...     _ = path.write_text("time,u,y\n0,1,0\n0.01,1,0.5\n0.02,1,0.75\n")
-    ...     record = load(path, bound=0.01)
-    >>> record.dt, record.y.ravel()
-    (0.01, array([0.  , 0.5 , 0.75]))
     """
     if kind not in (None, "frequency", "time", "model"):
         raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
@@ -68,12 +55,11 @@ def load(
         raise InputTypeError(f'`fields` must map roles to names, such as {{"u": "current"}}; got {fields!r}')
     if unknown := set(fields or {}) - set(NAMES):
         raise InputError(f"`fields` knows the roles {sorted(NAMES)}; got {sorted(map(str, unknown))}")
-    given = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial}
-    options = {name: value for name, value in given.items() if value is not None}
+    options = {name: value for name, value in stated.items() if value is not None}
     table = read_table(path)
     if kind == "model" or (kind is None and table.meta is None and not fields and _is_model(table)):
         _refuse([name for name in options if name != "dt"], "a model")
-        return model_of(table, dt)
+        return model_of(table, options.get("dt"))
     if kind is None and not fields and is_excitation(table):
         _refuse(list(options), "an excitation")
         return excitation_of(table)
@@ -115,7 +101,7 @@ class Origin(NamedTuple):
 
 
 def origin(path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | None) -> Origin:
-    """The `Origin` of a file, whatever `dt` and unit `load` is given."""
+    """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path)
     if table.meta is not None and not fields:
         return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data")
