@@ -211,13 +211,19 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
     omega = np.array(list(sets))
     if not np.array_equal(omega, circle.edges) or error.range != (omega[0], omega[-1]):
         return False
-    dt, curvature = error.identification.problem.dt, error.curvature
-    entries, upper, _ = error.arrays_at(sets)
-    arcs = itertools.pairwise(circle.edges.tolist())
-    bends = np.array([curvature.largest(a * dt, b * dt) * ((b - a) * dt) ** 2 / 8 for a, b in arcs])
-    bounds = np.maximum(entries[:-1], entries[1:]) + bends
-    norms = _norms(bounds, upper, bends)
-    return all(bool(np.all(a <= b * (1 + 1e-9))) for a, b in ((bounds, circle.entries), (norms, circle.bound)))
+    dt, (entries, upper, _) = error.identification.problem.dt, error.arrays_at(sets)
+    arcs = list(itertools.pairwise(circle.edges.tolist()))
+    for pieces in (
+        1,
+        4,
+    ):  # earlier versions bounded the curvature in other coordinates: at least that of the quarters of an arc
+        curvatures = np.array([error.curvature.largest(a * dt, b * dt, pieces) for a, b in arcs])
+        bends = curvatures * (np.diff(circle.edges) * dt)[:, None, None] ** 2 / 8
+        bounds = np.maximum(entries[:-1], entries[1:]) + bends
+        norms = _norms(bounds, upper, bends)
+        if np.all(bounds <= circle.entries * (1 + 1e-9)) and np.all(norms <= circle.bound * (1 + 1e-9)):
+            return True
+    return False
 
 
 def _norms(bounds: Real, upper: Real, bends: Real) -> Real:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
 
 import numpy as np
@@ -40,8 +41,14 @@ class Curvature:
     reach: Real
     inside: bool
 
-    def largest(self, low: float, high: float) -> Real:
-        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
+    def largest(self, low: float, high: float, pieces: int = 1) -> Real:
+        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold.
+
+        In pieces of the arc it comes out smaller.
+        """
+        if pieces > 1:
+            ends = itertools.pairwise(np.linspace(low, high, pieces + 1).tolist())
+            return np.max([self.largest(*each) for each in ends], axis=0)
         K, rho = self.prior.gain_bound, self.prior.decay_rate
         known = second_derivative(*self.known, low, high)
         ball = self.prior.scales(*known.shape) * (K * rho / (rho - 1) ** 2 * (1 + 1e-6))

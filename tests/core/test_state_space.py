@@ -1,10 +1,21 @@
 """Evaluation of state spaces against a dense solution for every point, and simulation against the impulse response."""
 
 import control
+import mpmath
 import numpy as np
 import pytest
 
-from robustid.core import Response, StateMatrices, points_of, response_at, responses, scaled_states, series_at, simulate
+from robustid.core import (
+    Response,
+    StateMatrices,
+    input_states,
+    points_of,
+    response_at,
+    responses,
+    scaled_states,
+    series_at,
+    simulate,
+)
 
 pytestmark = pytest.mark.quick
 
@@ -35,6 +46,26 @@ def test_every_convention_is_the_dense_solution(states):
     np.testing.assert_allclose(series_at(system, 0.0)[0], system[3])  # z = infinity
     poles = Response(system).poles
     assert all(np.abs(poles - pole).min() < 1e-12 for pole in np.linalg.eigvals(system[0]))
+
+
+def test_a_factorisation_a_point_keeps_repeated_light_poles():
+    """Against 40 digits, at and beside the resonance of a double pair."""
+    a, turn = np.exp((-1e-4 + 1j) * 0.3), 0.3
+    block = np.array([[a.real, a.imag], [-a.imag, a.real]])
+    A = np.block([[block, np.eye(2)], [np.zeros((2, 2)), block]])
+    B, points = np.array([[0.0], [0.0], [1.0], [0.0]]), np.exp(1j * np.array([turn, turn + 1e-5, 1.0]))
+    with mpmath.workdps(40):
+        exact = [
+            mpmath.lu_solve(mpmath.mpc(z) * mpmath.eye(4) - mpmath.matrix(A.tolist()), mpmath.matrix(B)) for z in points
+        ]
+    exact = np.array([[complex(x) for x in one] for one in exact])
+    system = A, B, np.eye(4), np.zeros((4, 1))
+    for values, wanted in ((input_states(A, B, points), 3e-12), (response_at(system, points), 1e-9)):
+        error = np.abs(values[..., 0] - exact).max(axis=1) / np.abs(exact).max(axis=1)
+        assert error.max() < wanted
+    np.testing.assert_allclose(
+        input_states(A, B, np.ones(3), 1 / points), points[:, None, None] * input_states(A, B, points)
+    )
 
 
 def test_the_transposed_state_space_has_the_transposed_response():
