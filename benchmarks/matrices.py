@@ -50,9 +50,9 @@ def measurements(p, q, length, lines, seed=0):
 def ours(p, q, length, lines):
     """All of identify(): what to print, with seconds per stage."""
     import robustid as rid
-    from robustid.identification.solver import interior_point as structured
+    from robustid.identification.solver import newton
 
-    problem, systems = measurements(p, q, length, lines), counted(structured)
+    problem, systems = measurements(p, q, length, lines), counted(newton)
     start, worked = time.perf_counter(), time.process_time()
     result = rid.identify(problem, form="taylor", solver="structured")
     return {

@@ -62,9 +62,9 @@ def ours(length, lines, samples, what):
     from robustid.core.threads import threads_for
     from robustid.identification.formulation import TaylorFormulation
     from robustid.identification.margin import prove_margin
-    from robustid.identification.solver import interior_point as structured
+    from robustid.identification.solver import newton
 
-    problem, systems = measurements(length, lines, samples, kautz=what == "identify"), counted(structured)
+    problem, systems = measurements(length, lines, samples, kautz=what == "identify"), counted(newton)
     start = time.perf_counter()
     if what == "identify":
         result = rid.identify(problem, form="taylor")
@@ -75,10 +75,10 @@ def ours(length, lines, samples, what):
     return value, time.perf_counter() - start, len(systems)
 
 
-def counted(structured):
+def counted(newton):
     """A list that grows by one with every Newton system."""
-    systems, factorise = [], structured._State.factorise
-    structured._State.factorise = lambda state: (systems.append(1), factorise(state))[1]
+    systems, factorise = [], newton.State.factorise
+    newton.State.factorise = lambda state: (systems.append(1), factorise(state))[1]
     return systems
 
 
@@ -105,9 +105,9 @@ def oversampled(rho, lines, top=0.05, bound=0.01):
 def banded(rho, lines, form):
     """All of identify(): (coefficients, margin, width), seconds, Newton systems."""
     import robustid as rid
-    from robustid.identification.solver import interior_point as structured
+    from robustid.identification.solver import newton
 
-    problem, systems = oversampled(rho, lines), counted(structured)
+    problem, systems = oversampled(rho, lines), counted(newton)
     start = time.perf_counter()
     result = rid.identify(problem, form=form)
     seconds = time.perf_counter() - start

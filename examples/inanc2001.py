@@ -18,7 +18,7 @@ import numpy as np
 
 import robustid as rid
 from robustid.advice import suggest_prior
-from robustid.advice.prior import smallest_gain
+from robustid.advice.gains import smallest_gain
 from robustid.core import response, simulate
 from robustid.identification.residuals import largest_ratio
 from robustid.report.style import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL

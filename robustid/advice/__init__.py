@@ -3,11 +3,12 @@
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
+from robustid.advice.gains import entry_sizes, response_sizes
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
-from robustid.advice.prior import PriorSuggestion, entry_sizes, possible_rates, response_sizes, suggest_prior
+from robustid.advice.prior import PriorSuggestion, possible_rates, suggest_prior
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 

@@ -8,32 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from robustid.advice.gains import CEILINGS, DIGITS, TAILS, response_sizes, smallest_gain
 from robustid.advice.representatives import Mask, missed, selected, thinned
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread, threads_for
-from robustid.data import TangentialResponse
-from robustid.errors import InputError, SizeError, SolverError
+from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread
+from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
-from robustid.identification.solver import analytic_center, gain_path
 
 _log = logging.getLogger("robustid")
 
 SAFETY = 2.0  # recommended gain bound over the smallest one
 _RATES = 9
-# Gain bounds tried, in units of the largest response in the data; above the last a bound is as good as none.
-_DIGITS = 1e-3  # relative, of the smallest gain
-_TAILS = (
-    0.1  # accuracy that sets the number of Taylor coefficients: tails up to 1 % of a bound only make K a little larger
-)
-_CEILINGS = (8.0, 8e3)
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FEW = 40  # frequency points (over the root of the entries) that stand for more of them
 _ROUNDS = 4  # times that the worst of the others join
 _ADDED = 8  # of them at a time
 _QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
 _APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
-_NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest bound can't be told from none
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -182,9 +174,9 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
     """The gain at the recommended decay rate from all frequency points; where it is infinite, at the next best."""
     while (prior := found.prior) is not None and not budget.over:
         trial = problem.with_prior(gain_bound=prior.gain_bound, decay_rate=prior.decay_rate)
-        if formulate(trial, accuracy=_TAILS).work > _QUICK_WORK:
+        if formulate(trial, accuracy=TAILS).work > _QUICK_WORK:
             return found
-        gain = smallest_gain(problem, prior.decay_rate, problem, _CEILINGS[:1])
+        gain = smallest_gain(problem, prior.decay_rate, problem, CEILINGS[:1])
         gains = np.where(found.decay_rates == prior.decay_rate, gain, found.gains)
         if np.isinf(gain):
             gains[found.decay_rates > prior.decay_rate] = np.inf
@@ -206,7 +198,7 @@ def _suggested(
     """The curve of the gains of a part of the data, and the prior at its knee."""
     gains = np.full(rates.size, np.inf)
     # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
-    done, ceilings = 0, _CEILINGS if part is problem else _CEILINGS[:1]
+    done, ceilings = 0, CEILINGS if part is problem else CEILINGS[:1]
     try:
         for k, rho in enumerate(rates):
             gains[k] = smallest_gain(_lighter(problem, part, float(rho)), float(rho), problem, ceilings)
@@ -232,10 +224,10 @@ def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProb
     if part is problem:
         return problem
     trials = (
-        one.with_prior(gain_bound=_CEILINGS[0] * response_sizes(problem)[0], decay_rate=rho) for one in (problem, part)
+        one.with_prior(gain_bound=CEILINGS[0] * response_sizes(problem)[0], decay_rate=rho) for one in (problem, part)
     )
     try:
-        whole, few = (formulate(one, accuracy=_TAILS).work for one in trials)
+        whole, few = (formulate(one, accuracy=TAILS).work for one in trials)
     except SizeError:
         return part
     return problem if whole <= few else part
@@ -283,64 +275,6 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
     return errors
 
 
-def smallest_gain(
-    problem: MixedProblem,
-    decay_rate: float,
-    whole: MixedProblem | None = None,
-    ceilings: tuple[float, ...] = _CEILINGS,
-) -> float:
-    """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none.
-
-    Gain bounds up to the `ceilings`, in units of the largest response (of a `whole` that the data are a part of), are tried.
-    """
-    largest, smallest = response_sizes(problem if whole is None else whole)
-    for ceiling in ceilings:
-        K = ceiling * largest
-        trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
-        form = formulate(trial, accuracy=_TAILS)
-        data, kappa = form.data, 1.0
-        with threads_for(form.count):
-            try:
-                center = analytic_center(data, 1.0)
-            except SolverError:
-                continue
-            for _, kappa, gap in gain_path(data, center, 1.0):
-                if gap <= _DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
-                    break
-        return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
-    return np.inf
-
-
-def response_sizes(problem: MixedProblem) -> tuple[float, float]:
-    """Largest response in the data and smallest bound, both as a gain (output per input), divided by the scaling."""
-    values: list[float] = []
-    bounds: list[float] = []
-    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
-    for f in problem.frequency:
-        values.append(float(entry_sizes(problem, f).max()))
-        weights = _largest_weights(f, scales)
-        bounds.append(float((f.bound.inner_radius / weights)[f.bound.used].min()))
-    for record in problem.time:
-        drive = np.linalg.norm(record.u[:, None] * scales, axis=2).max(axis=0)
-        drive = np.where(drive > 0, drive, 1.0)
-        values.append(float(np.where(record.bound.used, np.abs(record.y) / drive, 0.0).max()))
-        bounds.append(float((record.bound.radius / drive).min()))
-    return max(*values, *bounds), min(bounds)
-
-
-def entry_sizes(problem: MixedProblem, f: Any) -> Real:
-    """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
-    scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
-    return (np.abs(f.values) / _largest_weights(f, scales))[f.bound.used]
-
-
-def _largest_weights(f: Any, scales: Real) -> Real:
-    """Factor of the scaling for every sample; of one in directions, of the largest gain in them."""
-    if isinstance(f, TangentialResponse):
-        return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
-    return scales
-
-
 def possible_rates(problem: MixedProblem) -> Real:
     """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
     return _possible(problem, _default_rates(problem))
@@ -348,12 +282,12 @@ def possible_rates(problem: MixedProblem) -> Real:
 
 def _possible(problem: MixedProblem, rates: Real) -> Real:
     refusal: SizeError | None = None
-    largest = response_sizes(problem)[0] * _CEILINGS[0]
+    largest = response_sizes(problem)[0] * CEILINGS[0]
     entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
         try:
             trial = problem.with_prior(gain_bound=largest, decay_rate=float(rho))
-            form = formulate(trial, accuracy=_DIGITS)
+            form = formulate(trial, accuracy=DIGITS)
         except SizeError as error:
             refusal = error
             continue
@@ -393,7 +327,7 @@ def _recommend(
     k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]
     if prior is None:
-        ceiling = _CEILINGS[-1] * largest
+        ceiling = CEILINGS[-1] * largest
         return None, (
             f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
             " each other (repeated frequency points, overlapping records) or the parametric part"

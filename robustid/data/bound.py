@@ -9,7 +9,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, as_array, as_count, as_float, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_positive, freeze
+from robustid.data.bound_checks import as_probability, as_radius, broadcast, projected
 from robustid.data.error_sets import as_ellipsoid, as_tilt, bound_ratio, correlations, stacked
 from robustid.errors import InputError
 
@@ -92,7 +93,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             raise InputError("`excitations` belongs to an estimated bound; a hard bound is a statement of yours")
         self._check_joint()
         self._set(
-            radius=None if self.radius is None else freeze(_as_radius(self.radius)),
+            radius=None if self.radius is None else freeze(as_radius(self.radius)),
             probability=None if self.probability is None else as_probability(self.probability),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             excitations=None if self.excitations is None else as_count("excitations", self.excitations, least=1),
@@ -139,9 +140,9 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             )
         tilt = None if self.tilt is None else as_tilt(self.tilt, shape)
         if self.ellipsoid is None:
-            return self._with(radius=_broadcast(self.radius, shape, axis), tilt=tilt)
+            return self._with(radius=broadcast(self.radius, shape, axis), tilt=tilt)
         ellipsoid = as_ellipsoid(self.ellipsoid, shape)
-        return self._with(radius=_projection(ellipsoid, self.radius, shape, axis), ellipsoid=ellipsoid)
+        return self._with(radius=projected(ellipsoid, self.radius, shape, axis), ellipsoid=ellipsoid)
 
     def _with(self, **changes: Any) -> Self:
         return dataclasses.replace(self, **changes)
@@ -347,55 +348,3 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             " bound, have a root sum of squares of at most 1.",
             "matrix": "All entries at a frequency point share one bound: their errors together lie in one ellipsoid.",
         }[self.joint]
-
-
-def _as_radius(value: Any) -> NDArray[np.float64]:
-    radius = as_array("bound", value, finite=False)
-    if np.any(np.isnan(radius)):
-        raise InputError(f"`bound` must not contain NaN; got {int(np.isnan(radius).sum())} of them")
-    if np.any(radius <= 0):
-        raise InputError(
-            f"`bound` must be positive (it divides the residuals); got a smallest value of {radius.min():g}."
-            " For samples known exactly give a bound small against the data, such as 1e-6 of their size"
-        )
-    return radius
-
-
-def _broadcast(radius: NDArray[np.float64], shape: tuple[int, ...], axis: str) -> NDArray[np.float64]:
-    """One number, or one a sample, or one a sample and entry, to one a sample and entry."""
-    if radius.ndim == 1 and radius.shape == shape[:1]:
-        radius = radius.reshape(shape[:1] + (1,) * (len(shape) - 1))
-    elif radius.ndim != 0 and radius.shape != shape:
-        raise InputError(
-            f"`bound` must be a scalar or have shape ({axis},) = {shape[:1]} or {shape}; got {radius.shape}"
-        )
-    return np.broadcast_to(radius, shape)
-
-
-def _projection(
-    ellipsoid: NDArray[np.complex128], radius: Any, shape: tuple[int, ...], axis: str
-) -> NDArray[np.float64]:
-    """Radius that an ellipsoid leaves to every entry alone; a radius that was given must be the same."""
-    points, ny, nu = shape
-    projection = np.sqrt(np.einsum("fii->fi", ellipsoid).real).reshape(points, nu, ny).transpose(0, 2, 1)
-    if radius is None:
-        return projection
-    radius = _broadcast(radius, shape, axis)
-    if np.any(np.isinf(radius)):
-        raise InputError(
-            '`bound` is infinite somewhere, and joint="matrix" needs every entry of the matrix; select the complete frequency'
-            ' points, or use joint="column"'
-        )
-    if not np.allclose(radius, projection, rtol=1e-9, atol=0):
-        raise InputError(
-            "`bound` must be the square root of the diagonal of `ellipsoid`; leave it out, or change both by with_ellipsoid(...)"
-        )
-    return projection
-
-
-def as_probability(value: Any) -> float:
-    """A number between 0 and 1."""
-    value = as_float("probability", value)
-    if not 0 < value < 1:
-        raise InputError(f"`probability` must be between 0 and 1; got {value:g}")
-    return value

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from robustid.core import as_array, as_float, as_positive, as_signals, freeze
-from robustid.data.bound import Bound, as_probability
+from robustid.data.bound import Bound
+from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.frequency_points import (
     NYQUIST_SLACK,

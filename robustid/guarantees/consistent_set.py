@@ -1,4 +1,4 @@
-"""The set of all consistent systems, extremes of linear functionals over it, and claims about it, each with its certificate."""
+"""The set of all consistent systems, and extremes of linear functionals over it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from robustid.identification import (
     certify_support,
     entry_name,
     evaluate_support,
-    verify_support_exactly,
 )
 from robustid.identification.formulation import (
     Candidate,
@@ -29,8 +28,6 @@ from robustid.identification.formulation import (
     Entries,
     Formulation,
     Part,
-    Rows,
-    SarasonMap,
     lightest,
     parts_of,
 )
@@ -343,53 +340,6 @@ def set_of(posed: Formulation, level: float, starts: Sequence[Candidate]) -> Con
     return ConsistentSet(
         posed, dataclasses.replace(analytic_center(posed.data, level, starts), samples=none, ball=none), level
     )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class SupportClaim(Frozen):
-    """`functional` is at most `stated` for every consistent system, by a certificate.
-
-    Attributes
-    ----------
-    name : str
-        Where in the result this is said.
-    functional : Functional
-    stated : float
-    certificate : SupportCertificate
-    rows : Rows
-    sarason : SarasonMap
-        The problem in the form in which the certificate is about it.
-    """
-
-    name: str
-    functional: Functional
-    stated: float
-    certificate: SupportCertificate
-    rows: Rows
-    sarason: SarasonMap
-
-    def verify(self, exact: bool = False) -> bool:
-        """Return whether the certificate is about all consistent systems, proves what is stated, and holds when evaluated anew.
-
-        `exact` evaluates it in ball arithmetic too, which needs the extra `robustid[exact]`.
-        """
-        proof = self.certificate
-        if not (self._fits and proof.level >= 1 and proof.value <= self.stated):
-            return False
-        arguments = self.functional, self.rows, self.sarason
-        return proof.verify(*arguments) and (not exact or verify_support_exactly(proof, *arguments))
-
-    @property
-    def _fits(self) -> bool:
-        """Return whether the multipliers are numbers, as many as the problem asks for."""
-        proof, (high, wide) = self.certificate, self.sarason.shape
-        rank = proof.left.shape[1:]
-        shapes = (proof.samples.shape, proof.left.shape, proof.right.shape) == (
-            self.rows.y.shape,
-            (high, *rank),
-            (wide, *rank),
-        )
-        return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))
 
 
 def independent_entries(entries: Entries) -> list[Entry]:

@@ -28,10 +28,11 @@ from robustid.core import (
 )
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, set_of, which
+from robustid.guarantees.claims import RefutationClaim, SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, set_of, which
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
-from robustid.guarantees.pole_proofs import KeptCell, RefutationClaim, RefutedCell, posed_relaxation, union_of
+from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation, union_of
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.sweep import Folder, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Budget, Frozen, Real, freeze
-from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, SupportClaim, independent_entries, which
+from robustid.guarantees.claims import SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries, which
 from robustid.guarantees.spread import Spread, spread
 from robustid.identification import Functional, SupportCertificate
 

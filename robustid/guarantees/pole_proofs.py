@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, independent_entries
+from robustid.guarantees.claims import RefutationClaim, SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import ValueSet, by_frequency, closes, value_set_claims
-from robustid.identification import MarginCertificate, MixedProblem, verify_margin_exactly
-from robustid.identification.formulation import Candidate, Formulation, Rows, SarasonMap, formulate
+from robustid.identification import MarginCertificate, MixedProblem
+from robustid.identification.formulation import Candidate, Formulation, formulate
 
 _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
 
@@ -77,36 +78,6 @@ class RefutedCell(Frozen):
         posed = posed_relaxation(self.cell, problem)
         if posed is not None:
             yield RefutationClaim(f"{name}, refuted", self.certificate, posed.data.rows, posed.data.sarason)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class RefutationClaim(Frozen):
-    """The margin of a problem exceeds 1, by a certificate.
-
-    Attributes
-    ----------
-    name : str
-        Where in the result this is said.
-    certificate : MarginCertificate
-    rows : Rows
-    sarason : SarasonMap
-        The problem in the form in which the certificate is about it.
-    """
-
-    name: str
-    certificate: MarginCertificate
-    rows: Rows
-    sarason: SarasonMap
-
-    def verify(self, exact: bool = False) -> bool:
-        """Return whether the certificate is about the problem, says more than 1, and holds evaluated anew; see `SupportClaim`."""
-        proof = self.certificate
-        fits = proof.samples.shape == self.rows.y.shape and proof.ball.shape == self.sarason.shape
-        numbers = all(np.all(np.isfinite(a)) for a in (proof.samples, proof.ball, proof.upper))
-        if not (fits and numbers and proof.value > 1):
-            return False
-        arguments = self.rows, self.sarason
-        return proof.verify(*arguments) and (not exact or verify_margin_exactly(proof, *arguments))
 
 
 def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | None:

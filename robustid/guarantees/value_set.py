@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real, freeze
-from robustid.guarantees.consistent_set import ConsistentSet, Entry, SupportClaim, which
+from robustid.guarantees.claims import SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, which
 from robustid.identification import Functional, SupportCertificate
 
 

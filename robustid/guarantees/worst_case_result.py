@@ -27,7 +27,8 @@ from robustid.core import (
 from robustid.errors import InputError, TimeLimitError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
-from robustid.guarantees.consistent_set import ConsistentSet, SupportClaim, consistent_set, which
+from robustid.guarantees.claims import SupportClaim
+from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.spread import Spread

@@ -10,19 +10,12 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
 from robustid.mfd.chains import chain
+from robustid.mfd.pole_distances import EDGE, RESOLVED, distance, least_distances, line_spacing
 from robustid.mfd.pole_pairs import poles_in_pairs
 from robustid.mfd.state_fit import diagonal_blocks
 
-# A step takes a pole at most this part of its way to the stability boundary.
-_KEPT = 0.1
-# A mode whose damping is below this part of the spacing of the frequency points is one that they don't resolve.
-RESOLVED = 0.02
-SEVERAL = 0.5  # of the spacing: a mode of such damping is seen by several points
 _FAR = 100.0  # in the unit of the nodes, the largest of which lies between 0.5 and 1
-_EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes) no pole goes
 _DOUBLE = 1e-2  # a block of a double pole is coupled by this part of the pole's distance from the boundary
-
-
 _LEAST_COUPLING = 1e-6  # of a block of a double pole on the stability boundary
 _PAIRED = ("centre", "coupling", "fall", "inputs")
 
@@ -118,8 +111,8 @@ class BlockModel(Frozen):
     @property
     def distances(self) -> Real:
         """Distance of the blocks and of the single poles from the stability boundary, negative outside."""
-        pairs = _distance(self.centre, self.coupling * self.fall, self.discrete)
-        return np.concatenate([pairs, _distance(self.single, np.zeros(self.single.size), self.discrete)])
+        pairs = distance(self.centre, self.coupling * self.fall, self.discrete)
+        return np.concatenate([pairs, distance(self.single, np.zeros(self.single.size), self.discrete)])
 
     def matrices(self) -> tuple[Real, Real]:
         """A and B."""
@@ -317,7 +310,7 @@ class BlockModel(Frozen):
 
     def reflected(self) -> BlockModel:
         """The model with unstable poles reflected: -conj(s), 1/conj(z)."""
-        return self._inside(np.full(self.centre.size + self.single.size, _EDGE), reflect=True).normalised()
+        return self._inside(np.full(self.centre.size + self.single.size, EDGE), reflect=True).normalised()
 
     def resolved(self, xi: Complex, part: float = RESOLVED) -> BlockModel:
         """The model with unstable poles reflected and at least the damping that the frequency points resolve."""
@@ -339,7 +332,7 @@ class BlockModel(Frozen):
     def _inside(self, least: Real, *, reflect: bool = False) -> BlockModel:
         """Poles at least so far from the boundary: pulled in, or reflected."""
         m = self.centre.size
-        distance, least = self.distances, np.maximum(least, _EDGE)
+        distance, least = self.distances, np.maximum(least, EDGE)
         out = distance < least
         if not np.any(out):
             return self
@@ -395,25 +388,3 @@ def with_transposes(tangent: Complex, poles: int) -> Complex:
     """Derivatives (F, nu, nu, T) with their transposes added, but for the coordinates of the poles."""
     shapes = tangent[..., poles:]
     return np.concatenate([tangent[..., :poles], shapes + shapes.transpose(0, 2, 1, 3)], axis=3)
-
-
-def least_distances(here: Real, spacing: Real, resolved: float) -> Real:
-    """How near a step may bring poles to the stability boundary: a part of the way, and what the data resolve."""
-    floor = np.minimum(resolved * spacing, here)
-    return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, _EDGE)])
-
-
-def line_spacing(xi: Complex, poles: Complex, discrete: bool) -> Real:
-    """Distance between the frequency points where the poles are; beyond the last, that from it."""
-    gap = np.abs(np.gradient(xi)) if xi.size > 1 else np.ones(1)
-    frequency = np.abs(np.angle(poles)) if discrete else np.abs(np.imag(poles))
-    last = np.max(np.abs(np.angle(xi)) if discrete else np.abs(np.imag(xi)))
-    return np.maximum(gap[np.abs(xi[:, None] - poles).argmin(axis=0)], frequency - last)
-
-
-def _distance(centre: Real, product: Real, discrete: bool) -> Real:
-    """Distance of the poles ``centre ± sqrt(-product)`` from the stability boundary."""
-    swing = np.sqrt(np.maximum(-product, 0.0))
-    if not discrete:
-        return -(centre + swing)
-    return 1 - np.where(product > 0, np.hypot(centre, np.sqrt(np.maximum(product, 0.0))), np.abs(centre) + swing)

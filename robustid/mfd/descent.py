@@ -12,7 +12,7 @@ import numpy as np
 
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
+from robustid.mfd.block_model import BlockModel
 from robustid.mfd.chains import input_priority
 from robustid.mfd.exchange import PER_ROUND, exchange
 from robustid.mfd.iteration import FitStatus, FitStep, fit_fraction
@@ -20,6 +20,7 @@ from robustid.mfd.left_out import left_out_cost, withheld_residuals
 from robustid.mfd.model import realise
 from robustid.mfd.node_fraction import NodeFraction
 from robustid.mfd.noise_level import white
+from robustid.mfd.pole_distances import RESOLVED, SEVERAL
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.rigid_body import RigidBody, rigid_modes, rigid_start

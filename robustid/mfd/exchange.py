@@ -9,9 +9,10 @@ import numpy as np
 
 from robustid.core import Complex
 from robustid.errors import InputError
-from robustid.mfd.block_model import RESOLVED, BlockModel
+from robustid.mfd.block_model import BlockModel
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.outputs import LocalModel
+from robustid.mfd.pole_distances import RESOLVED
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import Budget, Outputs, Refined, refine
 from robustid.mfd.state_fit import Samples

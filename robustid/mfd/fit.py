@@ -267,28 +267,10 @@ def fit_mfd(
         problem, data = chosen([(problem, data), *others], begin, settings)
     except KeyboardInterrupt:
         settings = dataclasses.replace(settings, deadline=-math.inf)  # the start is what there is so far
-    first = begin(problem, data)
     search: Callable[..., Attempt] = attempt
     if structure is not None:
         search = functools.partial(modal_attempt, modal=structure, given=start is not None)
-    quick = settings
-    if relative and structure is None and dear(problem):
-        quick = dataclasses.replace(settings, enough=asks_for_level)
-    best = search(problem, data, first, quick)
-    if restart and not best.refined and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status):
-        other = _second(problem, data, settings)
-        if (
-            other is not None
-            and other.fit.cost < best.fit.cost
-            and (not stable or not np.any(unstable_poles(other.found)))
-        ):
-            best = other
-    if relative:
-        level = levelled(best, problem, data, start, settings, search)
-        if level is not None:
-            best = level
-        elif best.early:
-            best = min(best, search(problem, data, first, settings), key=lambda end: end.fit.cost)
+    best = _best(search, problem, data, begin(problem, data), start, settings, relative=relative)
     fit = best.fit
     return MatrixFraction(
         fit.problem,
@@ -302,6 +284,41 @@ def fit_mfd(
         best.unstable_cost,
         structure,
     )
+
+
+def _best(
+    search: Callable[..., Attempt],
+    problem: FractionProblem,
+    data: Samples,
+    first: Any,
+    start: Any,
+    settings: Settings,
+    *,
+    relative: bool,
+) -> Attempt:
+    """The best end of a search: from the first model, from a richer fit where that end is suspicious, with the noise's level."""
+    quick = settings
+    if relative and search is attempt and dear(problem):
+        quick = dataclasses.replace(settings, enough=asks_for_level)
+    best = search(problem, data, first, quick)
+    if (
+        settings.rounds
+        and not best.refined
+        and suspicious(best.fit.problem, best.fit.fraction.response, best.fit.status)
+    ):
+        other = _second(problem, data, settings)
+        if (
+            other is not None
+            and other.fit.cost < best.fit.cost
+            and (not settings.stable or not np.any(unstable_poles(other.found)))
+        ):
+            best = other
+    if not relative:
+        return best
+    level = levelled(best, problem, data, start, settings, search)
+    if level is None and best.early:
+        return min(best, search(problem, data, first, settings), key=lambda end: end.fit.cost)
+    return best if level is None else level
 
 
 def _check_modal(

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Complex, Real
-from robustid.mfd.block_model import RESOLVED, BlockModel
+from robustid.mfd.block_model import BlockModel
 from robustid.mfd.householder import triangle
 from robustid.mfd.iteration import FitStatus
 from robustid.mfd.outputs import Fitted, Outputs
+from robustid.mfd.pole_distances import RESOLVED
 from robustid.mfd.problem import FractionProblem
 from robustid.mfd.refinement import UNLIMITED, Budget, refine
 

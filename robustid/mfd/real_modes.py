@@ -15,18 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
-from robustid.mfd.block_model import (
-    RESOLVED,
-    least_distances,
-    line_spacing,
-    tied_gains,
-    with_transposes,
-)
+from robustid.mfd.block_model import tied_gains, with_transposes
 from robustid.mfd.chains import chain
 from robustid.mfd.mode_functions import zero_order_held
+from robustid.mfd.pole_distances import EDGE, RESOLVED, least_distances, line_spacing
 from robustid.mfd.state_fit import diagonal_blocks
 
-_EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes, or rad/sample) no pole goes
 _FAR = 100.0  # poles in s, in the unit of the nodes
 _NYQUIST = 0.999 * math.pi  # rad/sample: a mode between the samples has no real shape
 _DOUBLE = 1e-2  # the square of a mode's frequency moves in units of at least this part of its damping
@@ -109,7 +103,7 @@ class RealModes(Frozen):
     @property
     def _unit(self) -> Real:
         """Unit in which the squares move: the frequency, as (a, w/s) move poles as far as they move themselves."""
-        return np.maximum(np.sqrt(np.abs(self.square)), np.maximum(_DOUBLE * np.abs(self.centre), _EDGE))
+        return np.maximum(np.sqrt(np.abs(self.square)), np.maximum(_DOUBLE * np.abs(self.centre), EDGE))
 
     def normalised(self) -> RealModes:
         """The same modes with directions of norm one."""
@@ -188,9 +182,9 @@ class RealModes(Frozen):
 
     def reflected(self) -> RealModes:
         """The model with unstable modes reflected."""
-        outside = self.distances < _EDGE
+        outside = self.distances < EDGE
         distance = self.distances
-        shift = np.where(outside, distance - np.maximum(np.abs(distance), _EDGE), 0.0)
+        shift = np.where(outside, distance - np.maximum(np.abs(distance), EDGE), 0.0)
         return dataclasses.replace(self, centre=self.centre + shift)
 
     def resolved(self, xi: Complex, part: float = RESOLVED) -> RealModes:
@@ -235,9 +229,7 @@ class RealModes(Frozen):
 
     def _inside(self, least: Real) -> RealModes:
         """Modes at least so far from the boundary: pulled in."""
-        return dataclasses.replace(
-            self, centre=self.centre + np.minimum(self.distances - np.maximum(least, _EDGE), 0.0)
-        )
+        return dataclasses.replace(self, centre=self.centre + np.minimum(self.distances - np.maximum(least, EDGE), 0.0))
 
     def input_moves(self) -> Real:
         """Orthonormal moves (m, nu, nu - 1) of the directions that are no scalings."""

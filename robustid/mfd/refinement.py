@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Real
-from robustid.mfd.block_model import RESOLVED
 from robustid.mfd.householder import triangle
 from robustid.mfd.iteration import FitStatus, FitStep
 from robustid.mfd.outputs import Criterion, Fitted, LocalModel, Outputs
+from robustid.mfd.pole_distances import RESOLVED
 from robustid.mfd.problem import FractionProblem
 
 _RTOL = 1e-10

@@ -9,10 +9,11 @@ import numpy as np
 
 from robustid.core import StateMatrices
 from robustid.data import FrequencyResponse
-from robustid.mfd.block_model import RESOLVED, SEVERAL, BlockModel
+from robustid.mfd.block_model import BlockModel
 from robustid.mfd.descent import blocks_of, flipped, refinable
 from robustid.mfd.left_out import withheld, withheld_residual
 from robustid.mfd.modal_fit import modal_withheld_residual
+from robustid.mfd.pole_distances import RESOLVED, SEVERAL
 
 if TYPE_CHECKING:
     from robustid.mfd.fit import MatrixFraction

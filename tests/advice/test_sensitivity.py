@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice.prior import smallest_gain
+from robustid.advice.gains import smallest_gain
 from robustid.advice.sensitivity import guaranteed
 
 

@@ -11,7 +11,8 @@ from robustid.identification.certificate import certify_margin
 from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.solver.cvxpy_backend import solve_conic
-from robustid.identification.solver.interior_point import Limits, State, center, path, start
+from robustid.identification.solver.interior_point import center, path, start
+from robustid.identification.solver.newton import Limits, State
 from robustid.identification.solver.paths import Supports, analytic_center, barrier_program, gain_path, margin_path
 from support.paths import arrow, dense_scaling, times, triple
 from support.problems import CASES, random_problem

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_count
-from robustid.data.bound import as_probability
+from robustid.data.bound_checks import as_probability
 from robustid.data.estimate.estimated import ABOUT, Estimate, bound
 from robustid.data.estimate.local import local
 from robustid.data.estimate.periodic import periodic

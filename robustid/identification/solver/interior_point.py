@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import copy
-import dataclasses
-import functools
 import logging
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
-from numpy.typing import NDArray
 
 from robustid.core import Budget, Real
-from robustid.identification.formulation.ball import Ball
-from robustid.identification.formulation.columns import Design
-from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
+from robustid.identification.solver.newton import Iterate, Program, State, cholesky, inverse_of, slacks
 
 _log = logging.getLogger("robustid.identification.solver")
 
@@ -25,227 +16,6 @@ _SYSTEMS = 60  # Newton systems per problem: 15 to 30 are usual
 _PATIENCE, _SLOW = 8, 0.95  # so many iterates in which the gap falls by less than 5 %: the limit of precision is met
 _CENTERED = 1e-16  # squared Newton decrement at which a centre is accepted
 _NEAR = 1e-2  # squared decrement of quadratic convergence
-_FULL = 1.2  # longer steps are cut to one, whatever part of them is taken
-
-
-@dataclasses.dataclass(frozen=True)
-class Limits:
-    """Radius of the ball and reach of the samples as affine functions of one number t: a + b t."""
-
-    ball: tuple[float, float]
-    reach: tuple[Real, Real]
-
-
-@dataclasses.dataclass(frozen=True)
-class Program:
-    """min cost t + linear'v subject to ||X(x)|| <= ball(t), |y - G v|_k <= reach_k(t), v = (x, q).
-
-    With cost None there is no t (it is 0). Both are strictly feasible, primal and dual, for the problems posed here, so that no
-    homogeneous embedding is needed: infeasibility is a margin above 1, not a status.
-    """
-
-    ball: Ball
-    design: Design
-    cones: Cones
-    y: NDArray[Any]
-    limits: Limits
-    cost: float | None
-    linear: Real
-
-    @functools.cached_property
-    def sums(self) -> Any:
-        """The sparse matrix (M, N) that adds up the samples of every cone."""
-        count = self.y.size
-        cone = np.arange(count) if self.cones.cone is None else self.cones.cone
-        return scipy.sparse.csr_array((np.ones(count), (cone, np.arange(count))), shape=(self.cones.count, count))
-
-    @property
-    def degree(self) -> int:
-        """Parameter nu of the barrier: <s, z> = nu mu on the central path."""
-        return sum(self.ball.blocks) + self.cones.count
-
-
-@dataclasses.dataclass
-class Iterate:
-    """A strictly feasible primal point, with multipliers inside the dual cones.
-
-    The primal slacks S_k = ball I + A_k(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly;
-    `dual` is the norm of what is missing in the dual equalities
-    linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
-    """
-
-    v: Real
-    t: float
-    Z: list[Real]
-    z: Pair
-    gap: float = np.inf
-    dual: float = np.inf
-
-    @property
-    def estimate(self) -> float:
-        """Gap to the optimum, approximately: what is missing in the dual equalities counts with the size of the unknowns."""
-        return self.gap + self.dual * (1 + float(np.linalg.norm(self.v)) + abs(self.t))
-
-
-class State:
-    """All that one Newton system needs at an iterate; raises LinAlgError where an iterate has left its cone."""
-
-    matrix: Real
-    _factored = False
-
-    def __init__(self, program: Program, at: Iterate):
-        self.program, self.at = program, at
-        cones = program.cones
-        self.S, self.s = _slacks(program, at.v, at.t)
-        if min(cones.determinant(self.s).min(initial=1), cones.determinant(at.z).min(initial=1)) <= 0:
-            raise np.linalg.LinAlgError("a sample has left its cone")
-        self.root_S = [_cholesky(S) for S in self.S]
-        self.root_Z = [_cholesky(Z) for Z in at.Z]
-        self.inverse = [_inverse(root) for root in self.root_S]
-        at.gap = inner(cones, self.S, at.Z, self.s, at.z)
-        self.mu = at.gap / program.degree
-        self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
-        at.dual = float(np.linalg.norm(self.residual))
-        self.scaling = Scaling(cones, self.s, at.z)
-        if not cones.determinant(self.scaling.point).min(initial=1) > 0:
-            raise np.linalg.LinAlgError("a scaled point has lost its digits")
-
-    def _dual_residual(self, Z: list[Real], z: Pair, linear: Real | float, cost: float | None) -> Real:
-        """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
-        program = self.program
-        out = linear + program.design.adjoint(z[1])
-        out[: program.ball.size] -= program.ball.adjoint(Z)
-        if program.cost is None:
-            return out
-        traces = program.limits.ball[1] * sum(map(np.trace, Z))
-        return np.append(out, (cost or 0.0) - traces - program.limits.reach[1] @ z[0])
-
-    def factorise(self) -> None:
-        """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal.
-
-        For the semidefinite blocks the direction of Helmberg, Rendl, Vanderbei and Wolkowicz (`helmberg1996`): it needs two
-        Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is
-        as symmetric.
-        """
-        if self._factored:
-            return
-        program, n = self.program, self.program.ball.size
-        a, b, c = self.scaling.curvature
-        inside = program.design.gram(a, b)
-        if c is not None:
-            together = program.design.turned(c, program.sums)
-            inside += together.T @ together
-        inside[:n, :n] += program.ball.curvature(list(zip(self.at.Z, self.inverse, strict=True)))
-        if program.cost is not None:
-            inside = self._bordered(inside)
-        self.matrix = inside
-        self.scale = 1 / np.sqrt(np.diag(inside))
-        self._solve = _solver(inside * self.scale * self.scale[:, None])
-        self._factored = True
-
-    def towards(self, linear: Real) -> State:
-        """The same state of a program with another linear objective: the Newton matrix is the same one."""
-        other = copy.copy(self)
-        other.program, other.at = dataclasses.replace(self.program, linear=linear), dataclasses.replace(self.at)
-        other.residual = self._dual_residual(self.at.Z, self.at.z, linear, self.program.cost)
-        other.at.dual = float(np.linalg.norm(other.residual))
-        return other
-
-    def _bordered(self, inside: Real) -> Real:
-        """With the row of t."""
-        program, n = self.program, self.program.ball.size
-        slope, reach = program.limits.ball[1], program.limits.reach[1]
-        along = self.scaling.solve_twice((reach, np.zeros(program.y.size, complex)))
-        column, corner = -program.design.adjoint(along[1]), reach @ along[0]
-        if slope:
-            mixed = [_symmetric(Z @ inverse) for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
-            column[:n] += slope * program.ball.adjoint(mixed)
-            corner += slope**2 * sum(map(np.trace, mixed))
-        return np.block([[inside, column[:, None]], [column, corner]])
-
-    def solve(self, right: Real) -> Real:
-        """Newton system, with one step of iterative refinement."""
-        found = np.zeros_like(right)
-        for _ in range(2):
-            rest = right - self.matrix @ found
-            found = found + self.scale * self._solve(self.scale * rest)
-        return found
-
-    def direction(self, target: list[Real], aim: Pair) -> _Direction:
-        """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step."""
-        program, at, n = self.program, self.at, self.program.ball.size
-        missing = self._dual_residual(target, aim, 0.0, 0.0)
-        step = self.solve(-self.residual - missing)
-        dv, dt = (step, 0.0) if program.cost is None else (step[:-1], float(step[-1]))
-        grow = program.limits.ball[1] * dt
-        dS = [_shifted(A, grow) for A in program.ball.matrices(dv[:n])]
-        products = program.ball.times(dv[:n], self.inverse)
-        turned = [grow * inverse + product for inverse, product in zip(self.inverse, products, strict=True)]
-        dZ = [goal - _symmetric(Z @ turn) for goal, Z, turn in zip(target, at.Z, turned, strict=True)]
-        ds = program.limits.reach[1] * dt, -program.design.apply(dv)
-        back = self.scaling.solve_twice(ds)
-        return _Direction(dv, dt, dS, dZ, turned, ds, (aim[0] - back[0], aim[1] - back[1]))
-
-    def affine(self) -> _Direction:
-        """Straight to complementarity zero."""
-        return self.direction([-Z for Z in self.at.Z], (-self.at.z[0], -self.at.z[1]))
-
-    def centring(self, mu: float, affine: _Direction) -> _Direction:
-        """To the point mu of the central path, with Mehrotra's second-order correction by the affine direction."""
-        target = [mu * inverse - Z for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
-        point, cones = self.scaling.point, self.program.cones
-        squared = cones.product(point, point)
-        first, second = mu - squared[0], -squared[1]
-        for k in range(len(target)):
-            target[k] = target[k] - _symmetric(affine.dZ[k] @ affine.turned[k])
-        bend = cones.product(self.scaling.solve(affine.ds), self.scaling.apply(affine.dz))
-        first, second = first - bend[0], second - bend[1]
-        return self.direction(target, self.scaling.solve(cones.divide(point, (first, second))))
-
-    def longest_steps(self, d: _Direction) -> tuple[float, float]:
-        """Steps of the primal and of the dual part to the border of the cones; 1.2 where they are longer."""
-        cones = self.program.cones
-
-        def blocks(roots: list[Real], directions: list[Real], whole: list[Real]) -> list[float]:
-            return [longest_step(root, d, _FULL, M) for root, d, M in zip(roots, directions, whole, strict=True)]
-
-        primal = min(cones.longest_step(self.s, d.ds), *blocks(self.root_S, d.dS, self.S), _FULL)
-        dual = min(cones.longest_step(self.at.z, d.dz), *blocks(self.root_Z, d.dZ, self.at.Z), _FULL)
-        return primal, dual
-
-    def gap_after(self, d: _Direction, primal: float, dual: float) -> float:
-        """<s, z> after a step."""
-        return inner(
-            self.program.cones,
-            [S + primal * dS for S, dS in zip(self.S, d.dS, strict=True)],
-            [Z + dual * dZ for Z, dZ in zip(self.at.Z, d.dZ, strict=True)],
-            (self.s[0] + primal * d.ds[0], self.s[1] + primal * d.ds[1]),
-            (self.at.z[0] + dual * d.dz[0], self.at.z[1] + dual * d.dz[1]),
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class _Direction:
-    """Changes of all variables; `turned` holds dS S^-1 of both blocks."""
-
-    dv: Real
-    dt: float
-    dS: list[Real]
-    dZ: list[Real]
-    turned: list[Real]
-    ds: Pair
-    dz: Pair
-
-    def moved(self, at: Iterate, primal: float, dual: float) -> Iterate:
-        Z = [Z + dual * dZ for Z, dZ in zip(at.Z, self.dZ, strict=True)]
-        z = at.z[0] + dual * self.dz[0], at.z[1] + dual * self.dz[1]
-        return Iterate(at.v + primal * self.dv, at.t + primal * self.dt, Z, z)
-
-
-def inner(cones: Cones, S: list[Real], Z: list[Real], s: Pair, z: Pair) -> float:
-    """<S, Z> + <s, z>."""
-    blocks = sum(float(np.vdot(a, b)) for a, b in zip(S, Z, strict=True))
-    return blocks + float(s[0] @ z[0] + np.sum(cones.dot(s[1], z[1])))
 
 
 def start(program: Program, v: Real, t: float) -> Iterate:
@@ -254,22 +24,14 @@ def start(program: Program, v: Real, t: float) -> Iterate:
     They are the gradient of mu times the barrier -sum log det S_k - sum log(r^2 - |e|^2).
     """
     limits = program.limits
-    S, s = _slacks(program, v, t)
-    inverse = [_inverse(_cholesky(block)) for block in S]
+    S, s = slacks(program, v, t)
+    inverse = [inverse_of(cholesky(block)) for block in S]
     back, mu = program.cones.inverse(s), 1.0
     z = 2 * back[0], 2 * back[1]
     if program.cost is not None:
         weight = float(limits.reach[1] @ z[0] + limits.ball[1] * sum(map(np.trace, inverse)))
         mu = program.cost / weight if weight > 0 else 1.0
     return Iterate(v, t, [mu * block for block in inverse], (mu * z[0], mu * z[1]))
-
-
-def _slacks(program: Program, v: Real, t: float) -> tuple[list[Real], Pair]:
-    """The slacks S_k of the ball and (r, e) of the samples."""
-    limits, n = program.limits, program.ball.size
-    radius = limits.ball[0] + limits.ball[1] * t
-    S = [_shifted(A, radius) for A in program.ball.matrices(v[:n])]
-    return S, (limits.reach[0] + limits.reach[1] * t, program.y - program.design.apply(v))
 
 
 def path(program: Program, at: Iterate) -> Iterator[Iterate]:
@@ -363,40 +125,3 @@ def _on_barrier(program: Program, v: Real) -> State | None:
         return State(program, start(program, v, 0.0))
     except np.linalg.LinAlgError:
         return None
-
-
-def _cholesky(M: Real) -> Real:
-    return np.asarray(np.linalg.cholesky(M), dtype=float)
-
-
-def _inverse(root: Real) -> Real:
-    """(LL')^-1."""
-    if not root.size:
-        return root
-    (invert,) = scipy.linalg.get_lapack_funcs(("potri",), (root,))
-    lower, info = invert(root, lower=1)
-    if info:
-        raise np.linalg.LinAlgError("singular factor")
-    return np.tril(lower) + np.tril(lower, -1).T
-
-
-def _solver(M: Real) -> Callable[[Real], Real]:
-    """M^-1 by Cholesky; where rounding has made M indefinite, with its smallest eigenvalues raised to rounding level."""
-    if not M.size:
-        return lambda right: right
-    factor, indefinite = scipy.linalg.lapack.dpotrf(M, lower=1, clean=0)  # as in `longest_step`
-    if not indefinite:
-        return lambda right: scipy.linalg.lapack.dpotrs(factor, right, lower=1)[0]
-    values, U = np.linalg.eigh(M)
-    values = np.maximum(values, values.size * np.finfo(float).eps * values[-1])
-    return lambda right: U @ ((U.T @ right) / values)
-
-
-def _shifted(M: Real, radius: float) -> Real:
-    """M + radius I, in the place of M."""
-    M.flat[:: M.shape[0] + 1] += radius
-    return M
-
-
-def _symmetric(M: Real) -> Real:
-    return (M + M.T) / 2

@@ -15,16 +15,8 @@ from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.solver.cones import Cones
-from robustid.identification.solver.interior_point import (
-    Iterate,
-    Limits,
-    Program,
-    center,
-    factored,
-    path,
-    path_from,
-    start,
-)
+from robustid.identification.solver.interior_point import center, factored, path, path_from, start
+from robustid.identification.solver.newton import Iterate, Limits, Program
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
