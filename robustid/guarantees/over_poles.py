@@ -208,7 +208,7 @@ def _bounds(kept: tuple[KeptCell, ...], model: Any, omega: Real, identification:
 
 def _interval(omega: Real, damping: Real) -> str:
     low, high = omega / (2 * np.pi)
-    return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.3g} to {damping[1]:.3g}"
+    return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.5g} to {damping[1]:.5g}"
 
 
 def worst_case_over_poles(

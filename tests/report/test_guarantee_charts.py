@@ -85,8 +85,10 @@ def test_areas_of_a_curve_with_gaps_have_none() -> None:
     pieces = band_around("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 2.0], [-3.0, 4.0]]))
     assert [piece.x.tolist() for piece in pieces] == [[2.0], [4.0, 5.0]]
     share = np.log(2) / np.log(2.5)
-    np.testing.assert_allclose(pieces[1].low, [170 - 1 - 2 * share, 87])
-    np.testing.assert_allclose(pieces[1].high, [170 + 2 + 2 * share, 94])
+    np.testing.assert_allclose(pieces[1].low, [170 - 3**share, 87])  # offsets from -1 to -3 on logarithmic axes
+    np.testing.assert_allclose(pieces[1].high, [170 + 2 * 2**share, 94])
+    through = band_around("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 0.0], [1.0, 4.0]]))
+    np.testing.assert_allclose([through[1].low[0], through[1].high[0]], [170 - 1 + 2 * share, 170 + 4 * share])
     anything = band_around("band", curve, np.array([2.0, 4.0, 5.0]), np.array([[-1.0, 2.0], [-3, 4], [np.nan, np.nan]]))
     assert [(piece.low.tolist(), piece.high.tolist()) for piece in anything[:1]] == [([-171.0], [-168.0])]
     np.testing.assert_allclose([anything[1].low, anything[1].high], [[167, -90], [174, 270]])

@@ -88,7 +88,8 @@ def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
 def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
     """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
 
-    An offset of NaN is a phase that can be anything: half a turn to both sides, up to the next frequencies.
+    Between them the offsets are interpolated in the logarithm. One of NaN is a phase that can be anything: half a turn to both
+    sides, up to the next frequencies.
     """
     if not at.size:
         return []
@@ -96,12 +97,20 @@ def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bo
     x, y = curve.x[inside], curve.y[inside]
     known = np.interp(np.log(x), np.log(at), np.isnan(offsets[:, 0])) == 0
     low, high = (
-        np.maximum(y + np.where(known, np.interp(np.log(x), np.log(at), np.nan_to_num(end)), any_phase), bottom)
+        np.maximum(y + np.where(known, _between(x, at, end), any_phase), bottom)
         for end, any_phase in zip(offsets.T, (-180.0, 180.0), strict=True)
     )
     pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
     kept = [piece[np.isfinite(y[piece])] for piece in pieces]
     return [Layer(name=name, x=x[k], y=y[k], colour=BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
+
+
+def _between(x: np.ndarray, at: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Offsets between the frequencies: straight on logarithmic axes, as errors are drawn; linear where the sign changes."""
+    sign = np.sign(offset[0])
+    if sign and np.all(sign * offset > 0):
+        return sign * np.exp(np.interp(np.log(x), np.log(at), np.log(np.abs(offset))))
+    return np.interp(np.log(x), np.log(at), np.nan_to_num(offset))
 
 
 def _widened(span: tuple[float, float], areas: list[Layer]) -> tuple[float, float]:
@@ -139,7 +148,7 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
     label = f"error |F − model| of\n{transfer(identification)}"
     if entry is None:
-        label = f"σmax(F − model){sigma_unit(identification)}"
+        label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
     elif not siso(identification):  # the name stands above
         output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
         title, label = "", f"error{unit_label(output.unit, input_.unit)}"

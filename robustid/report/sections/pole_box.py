@@ -131,7 +131,7 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
     layers.append(Layer(name=f"measure next: {_next(band)}", x=at, y=np.array(span), colour=FAINT, dash="dot"))
     label = f"error |F − model| of\n{transfer(band.identification)}"
     if not siso(band.identification):
-        label = f"σmax(F − model){sigma_unit(band.identification)}"
+        label = f"σmax(F − model)\n{sigma_unit(band.identification).strip()}".strip()
     y_axis = Axis(label=label, log=True, range=span)
     title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
     return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
