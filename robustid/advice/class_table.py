@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Frozen, Real, freeze, responses
+from robustid.core import Budget, Frozen, Real, freeze, responses
 from robustid.errors import InputError
 from robustid.guarantees import PoleCell, norm_of_bounds, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -41,7 +41,7 @@ class ClassCandidate(Frozen):
         `upper` relative to the response of the model; inf where there is no bound, NaN where it was not computed. MIMO: largest
         singular values of both, entries in units of the prior's scaling.
     note : str
-        Why it was not computed.
+        Why it was not computed, or not everywhere.
     """
 
     pairs: int
@@ -64,7 +64,10 @@ class ClassCandidate(Frozen):
 
     @property
     def mean(self) -> float:
-        """Mean error over the frequencies, by which candidates are ranked. A median would not see a single resonance."""
+        """Mean error over the frequencies, by which candidates are ranked. A median would not see a single resonance.
+
+        NaN where some were left out: the others alone are not those of the other candidates.
+        """
         return float(np.mean(self.error))
 
     @property
@@ -82,30 +85,32 @@ class ClassCandidate(Frozen):
         """Return whether the error holds for all poles in a pole-uncertainty box; else for these poles only (given, or none)."""
         return self.modes is not None and self.pairs > 0
 
-    def guaranteed(self, omega: Real) -> tuple[Identification, Real]:
+    def guaranteed(self, omega: Real, *, time_limit: float | None = None) -> tuple[Identification, Real]:
         """Identification of `problem` and proved bound of |F - model| at frequencies in rad/s, for all poles covered.
 
-        The bound is (F,); MIMO: (F, ny, nu), that of every entry.
+        The bound is (F,); MIMO: (F, ny, nu), that of every entry. It is NaN where `time_limit` seconds, or Ctrl-C, left it out.
         """
         if self.problem is None:
             raise InputError(f"this candidate has no problem: {self.note}")
-        result, entries = identify(self.problem), self.problem.entries
+        budget = Budget(time_limit)
+        result, entries = identify(self.problem, time_limit=time_limit), self.problem.entries
         grid, place = np.unique(omega, return_inverse=True)
-        options: dict[str, Any] = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1}
-        if not result.consistent:
-            return result, entries.as_given(np.full((place.size, *entries.shape), np.nan))
-        if self.modes is not None and self.pairs and self.cell is None:
-            box = self.modes.omega_interval, self.modes.damping_interval
-            upper = worst_case_over_poles(result, *box, delay=self.modes.delay, cells=_CELLS, **options).upper
-        else:
-            upper = worst_case_error(result, **options).upper
+        upper = np.full((grid.size, *entries.shape), np.nan)
+        options: dict[str, Any] = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1, "time_limit": budget.seconds}
+        if result.consistent:
+            if self.modes is not None and self.pairs and self.cell is None:
+                box = self.modes.omega_interval, self.modes.damping_interval
+                found = worst_case_over_poles(result, *box, delay=self.modes.delay, cells=_CELLS, **options)
+            else:
+                found = worst_case_error(result, **options)
+            upper[np.isin(grid, found.omega)] = found.upper
         if self.cell is not None:
             upper = upper + self.cell.slack(grid * self.problem.dt)
         return result, entries.as_given(upper[place])
 
-    def evaluated(self, omega: Real) -> ClassCandidate:
+    def evaluated(self, omega: Real, *, time_limit: float | None = None) -> ClassCandidate:
         """The candidate with its margin and its errors at frequencies in rad/s."""
-        result, upper = self.guaranteed(omega)
+        result, upper = self.guaranteed(omega, time_limit=time_limit)
         if not result.consistent:
             return dataclasses.replace(self, margin=result.margin)
         entries, model = result.problem.entries, responses(result.model, omega * result.problem.dt)
@@ -119,7 +124,9 @@ class ClassCandidate(Frozen):
         """Proved bound of the largest singular value of F - model, in units of the prior's scaling, (F,)."""
         if self.upper.ndim == 1 or self.problem is None:
             return self.upper
-        return norm_of_bounds(self.upper / self.problem.prior.scales(*self.problem.entries.shape))
+        found, known = np.full(len(self.upper), np.nan), ~np.isnan(self.upper).any(axis=(1, 2))
+        found[known] = norm_of_bounds(self.upper[known] / self.problem.prior.scales(*self.problem.entries.shape))
+        return found
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,7 +166,9 @@ class ClassSuggestion(Frozen):
         lines = ["guaranteed error of the model, relative to the response:", head]
         for row in self.candidates:
             mark = "  <- recommended" if row is self.recommended else ""
-            lines.append(f"{row.pairs:5d}{row.repeat:8d}" + _numbers(row) + (f"  {row.note}" if row.note else mark))
+            lines.append(
+                f"{row.pairs:5d}{row.repeat:8d}" + _numbers(row) + (f"  {row.note}" if row.note else "") + mark
+            )
         if (best := self.recommended) is None or self.next_line is None:
             return "\n".join(
                 [
@@ -205,10 +214,10 @@ def _numbers(row: ClassCandidate) -> str:
 
 
 def rank(row: ClassCandidate) -> tuple[bool, int, float]:
-    """Those without an error last; fewest frequencies without a bound, then the mean over the others."""
+    """Those without any error last; fewest frequencies without a bound or left out, then the mean over the others."""
     bounded = row.error[np.isfinite(row.error)]
     return (
-        bool(np.any(np.isnan(row.error))),
+        bool(np.all(np.isnan(row.error))),
         row.error.size - bounded.size,
         float(bounded.mean()) if bounded.size else 0.0,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -24,6 +25,7 @@ from robustid.identification import MixedProblem, Prior, identify
 _log = logging.getLogger("robustid")
 
 _REPEATS = (1, 2, 3)  # a third term is the last that the expansion of a cell of poles has
+_PREPARING = 0.5  # of a time limit at most, for modes and priors
 _PRIORS = 3  # pairs (K, rho) tried with the best parametric part
 _LATE = "the time was over"
 _ANY = Prior(gain_bound=1.0, decay_rate=1.05)  # a placeholder
@@ -60,7 +62,8 @@ def suggest_class(
     scaling : (ny, nu) array, optional
         MIMO: of every prior, and the units in which entries are compared; default `suggest_scaling`.
     time_limit : float, optional
-        Seconds after which no further candidate is evaluated; the first one always is. So it is on Ctrl-C.
+        Seconds, of which every candidate gets its part; one that needs more has the errors at the frequencies that were finished,
+        and stands behind those that have all. On Ctrl-C it stands there too, and no further one is evaluated.
     progress : callable (done, all), optional
         Candidates.
 
@@ -97,14 +100,15 @@ def suggest_class(
         scaling = suggest_scaling(data) if scaling is None else scaling
         data = dataclasses.replace(data, prior=dataclasses.replace(_ANY, scaling=scaling))
     wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
+    preparing = budget.share(_PREPARING)
     if modes is None:
-        parts, resonances = _from_data(data, wanted)
+        parts, resonances = _from_data(data, wanted, preparing)
     else:
-        parts, resonances = _at_given_poles(data, modes, 1 if wanted is None else wanted)
+        parts, resonances = _at_given_poles(data, modes, 1 if wanted is None else wanted, preparing)
     omega = np.unique(np.append(default_points(data), resonances))
     rows = _evaluated(parts, omega, budget)
     best = choice(rows)
-    line = None if best is None else float(omega[int(np.argmax(best.largest))])
+    line = None if best is None else float(omega[int(np.nanargmax(best.largest))])
     return ClassSuggestion(omega=omega, candidates=tuple(rows), next_line=line)
 
 
@@ -118,8 +122,8 @@ class _Part(NamedTuple):
     problems: tuple[MixedProblem, ...]
     note: str = ""
 
-    def candidate(self, problem: MixedProblem | None, omega: Real, note: str) -> ClassCandidate:
-        """Evaluated, unless a note says why not."""
+    def candidate(self, problem: MixedProblem | None, omega: Real, note: str, budget: Budget) -> ClassCandidate:
+        """Evaluated within a budget, unless a note says why not."""
         unknown = np.full(omega.size, np.nan)
         found = ClassCandidate(
             pairs=self.pairs,
@@ -135,9 +139,13 @@ class _Part(NamedTuple):
         if note or problem is None:
             return found
         try:
-            found = found.evaluated(omega)
+            found = found.evaluated(omega, time_limit=budget.seconds)
         except SolverError as error:
             return dataclasses.replace(found, note=str(error))
+        missing = np.isnan(found.error)
+        if missing.any() and (budget.over or not missing.all()):
+            left = "" if missing.all() else f" after {np.sum(~missing)} of {missing.size} frequencies"
+            return dataclasses.replace(found, note=_LATE + left)
         _log.info("%s: mean guaranteed error %.4g", problem.prior, found.mean)
         return found
 
@@ -147,31 +155,37 @@ def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCan
     rows: list[ClassCandidate] = []
     first = [(part, part.problems[0] if part.problems else None, part.note) for part in parts]
 
-    def evaluate(asked: list[tuple[_Part, MixedProblem | None, str]]) -> None:
-        for part, problem, note in asked:
+    def evaluate(asked: list[tuple[_Part, MixedProblem | None, str]]) -> bool:
+        """Whether none was interrupted."""
+        for k, (part, problem, note) in enumerate(asked):
             late = _LATE if rows and budget.over else ""
+            waiting = sum(not note for _, _, note in asked[k:])
+            mine = budget.share(1 / max(waiting, 1))
             try:
-                rows.append(part.candidate(problem, omega, note or late))
+                rows.append(part.candidate(problem, omega, note or late, mine))
             except KeyboardInterrupt:
                 if not rows:
                     raise
-                rows.append(part.candidate(problem, omega, _LATE))
-                break
+                rows.append(part.candidate(problem, omega, _LATE, mine))
+                return False
             budget.tell(len(rows), len(parts) + _PRIORS - 1)
+            if rows[-1].note.startswith(_LATE) and not mine.over:  # Ctrl-C, and the sweep returned what it had
+                return False
+        return True
 
-    evaluate(first)
-    best = choice(rows)
-    if best is not None and np.all(np.isfinite(best.error)) and not budget.over:
+    done, best = evaluate(first), choice(rows)
+    if done and best is not None and np.all(np.isfinite(best.error)) and not budget.over:
         part = parts[next(k for k, row in enumerate(rows) if row is best)]
         evaluate([(part, problem, "") for problem in part.problems[1:_PRIORS]])
     return sorted(rows, key=rank)
 
 
-def _with_priors(problem: MixedProblem) -> tuple[MixedProblem, ...]:
-    return tuple(dataclasses.replace(problem, prior=prior) for prior in suggest_prior(problem).by_slope())
+def _with_priors(problem: MixedProblem, budget: Budget) -> tuple[MixedProblem, ...]:
+    found = suggest_prior(problem, time_limit=budget.seconds)
+    return tuple(dataclasses.replace(problem, prior=prior) for prior in found.by_slope())
 
 
-def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_Part], Real]:
+def _at_given_poles(data: MixedProblem, modes: Any, delay: int, budget: Budget) -> tuple[list[_Part], Real]:
     modes = as_array("modes", modes, ndim=2)
     if modes.shape[1] != 2:
         raise InputError(f"`modes` must have one row (rad/s, damping ratio) per mode; got shape {modes.shape}")
@@ -179,11 +193,12 @@ def _at_given_poles(data: MixedProblem, modes: Any, delay: int) -> tuple[list[_P
     parts: list[_Part] = []
     for repeat in _REPEATS:
         basis = kautz(omega, damping, dt=data.dt, repeat=repeat, delay=delay)
-        parts.append(_part(data, len(modes), repeat, lambda basis=basis: dataclasses.replace(data, parametric=basis)))
+        make = functools.partial(dataclasses.replace, data, parametric=basis)
+        parts.append(_part(len(modes), repeat, make, budget, first=not parts))
     return parts, omega
 
 
-def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], Real]:
+def _from_data(data: MixedProblem, delay: int | None, budget: Budget) -> tuple[list[_Part], Real]:
     """The modes that the data show, one fewer and one more."""
     frf = next((one for one in data.frequency if isinstance(one, FrequencyResponse)), None)
     if frf is None:
@@ -195,15 +210,18 @@ def _from_data(data: MixedProblem, delay: int | None) -> tuple[list[_Part], Real
                 " state is not bounded; leave it out here, or give the `modes` that you know"
             )
     found = suggest_kautz(frf, delay=delay)
-    parts = _box_parts(data, found, "")
+    parts = _box_parts(data, found, "", budget, first=True)
     for count in (found.omega.size - 1, found.omega.size + 1):
         if count < 1:
+            continue
+        if budget.over:
+            parts.append(_Part(count, 1, None, None, (), _LATE))
             continue
         try:
             other = suggest_kautz(frf, modes=count, delay=found.delay)
         except InputError:  # more modes than the frequency points can tell
             continue
-        parts += _box_parts(data, other, _why_not(other, found))
+        parts += _box_parts(data, other, _why_not(other, found), budget)
     return parts, found.omega
 
 
@@ -216,13 +234,16 @@ def _why_not(other: KautzSuggestion, found: KautzSuggestion) -> str:
     return ""
 
 
-def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_Part]:
+def _box_parts(
+    data: MixedProblem, modes: KautzSuggestion, note: str, budget: Budget, *, first: bool = False
+) -> list[_Part]:
     """The modes with every multiplicity, each covering the pole-uncertainty box."""
     pairs = modes.omega.size
     if note:
         return [_Part(pairs, 1, modes, None, (), note)]
-    single = _part(data, pairs, 1, lambda: dataclasses.replace(data, parametric=modes.basis), modes)
-    if not pairs or not single.problems:
+    make = functools.partial(dataclasses.replace, data, parametric=modes.basis)
+    single = _part(pairs, 1, make, budget, modes, first=first)
+    if not pairs or not single.problems or budget.over:
         return [single]
     try:
         cell = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
@@ -237,29 +258,26 @@ def _box_parts(data: MixedProblem, modes: KautzSuggestion, note: str) -> list[_P
     for repeat in _REPEATS[1:]:
         free = ends.copy()
         free[:, :repeat] = -np.inf, np.inf
-        parts.append(
-            _part(
-                data,
-                pairs,
-                repeat,
-                lambda free=free: dataclasses.replace(relaxed, parameter_bounds=free.reshape(-1, *free.shape[3:])),
-                modes,
-                cell,
-            )
-        )
+        make = functools.partial(dataclasses.replace, relaxed, parameter_bounds=free.reshape(-1, *free.shape[3:]))
+        parts.append(_part(pairs, repeat, make, budget, modes, cell))
     return parts
 
 
 def _part(
-    data: MixedProblem,
     pairs: int,
     repeat: int,
     make: Callable[[], MixedProblem],
+    budget: Budget,
     modes: KautzSuggestion | None = None,
     cell: PoleCell | None = None,
+    *,
+    first: bool = False,
 ) -> _Part:
+    """A part with its priors, unless the budget is over; the first one is made all the same."""
+    if budget.over and not first:
+        return _Part(pairs, repeat, modes, cell, (), _LATE)
     try:
-        problems = _with_priors(make())
+        problems = _with_priors(make(), budget)
     except SizeError:
         raise
     except InputError as error:  # functions that the samples can't tell apart

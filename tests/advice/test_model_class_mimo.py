@@ -44,6 +44,31 @@ def test_the_truth_is_inside(monkeypatch):
         suggest_class(frequency=rid.TangentialResponse([1.0], [[[0.1], [0.1]]], bound=0.1, dt=DT), scaling=[[1], [1]])
 
 
+@pytest.mark.usefixtures("few_points")
+def test_a_candidate_that_time_or_interruption_cuts_short_says_so(monkeypatch):
+    _, modes, frf = drawn(2, 1, count=4, bound=0.01)
+    found = suggest_class(frequency=frf, modes=modes, time_limit=1e-9)
+    first, second = found.candidates
+    assert first.note == f"the time was over after 1 of {found.omega.size} frequencies"
+    known = np.isfinite(first.error)
+    assert known.sum() == 1
+    assert np.isnan(first.upper[~known]).all()
+    assert (found.recommended, found.next_line) == (first, found.omega[known][0])
+    assert second.note == "the time was over"
+    assert "frequencies  <- recommended" in found.summary()
+    calls = []
+
+    def interrupted(result, *, omega, **options):
+        calls.append(omega)
+        return rid.worst_case_error(result, omega=omega[-1:], **options)
+
+    monkeypatch.setattr(class_table, "worst_case_error", interrupted)
+    monkeypatch.setattr(model_class, "_REPEATS", (1, 1))
+    (only,) = suggest_class(frequency=frf, modes=modes).candidates
+    assert len(calls) == 1
+    assert np.isfinite(only.error).tolist() == [False] * (found.omega.size - 1) + [True]
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_units_do_not_matter():
