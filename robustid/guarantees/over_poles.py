@@ -178,15 +178,25 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     def summary(self) -> str:
         """The result in plain text."""
         problem, largest = self.identification.problem, self.sigma_upper
-        relative = largest / np.linalg.norm(self.nominal, 2, axis=(1, 2))
-        lines = [
-            f"guarantee  every consistent system with poles in the pole-uncertainty box is within {largest.max():.4g} of the"
-            f" model (median {100 * np.median(relative):.3g} % of the response)"
-        ]
+        known, relative = np.isfinite(largest), largest / np.linalg.norm(self.nominal, 2, axis=(1, 2))
+        lines: list[str] = []
+        if known.any():
+            part = "" if known.all() else f" at {known.sum()} of {known.size} frequencies"
+            lines.append(
+                "guarantee  every consistent system with poles in the pole-uncertainty box is within"
+                f" {largest[known].max():.4g} of the model{part} (median {100 * np.median(relative[known]):.3g} % of the response)"
+            )
+        if not known.all():
+            ends = dict.fromkeys(f"{w / (2 * np.pi):.5g}" for w in self.omega[~known][[0, -1]])
+            lines.append(
+                f"open       nothing is guaranteed at {(~known).sum()} of {known.size} frequencies, {' to '.join(ends)} Hz: a cell"
+                " of the box is too wide there; it takes more cells, more time, or a measurement there"
+            )
         if not problem.entries.single:
             _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
             lines.append("norm       largest singular value of F - model, from the bounds of its entries")
-            lines.append(f"entry      at most {self.upper.max():.4g}{which(problem, (output, input))}")
+            if known.all():
+                lines.append(f"entry      at most {self.upper.max():.4g}{which(problem, (output, input))}")
         lines.append(f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to")
         stated = self.box.omega, self.box.damping
         for number, (w, d, *whole) in enumerate(zip(*self.poles, *stated, strict=True), start=1):

@@ -102,7 +102,11 @@ def test_a_range_without_an_end_reaches_beyond_the_axis(band: WorstCaseOverPoles
     assert np.isfinite(magnitude.y.range).all()
     assert np.isnan(named(errors, "error over the box").y).tolist() == [False, False, True, False]
     text = Page(render_report(band.identification, over_poles=open_)).text
-    assert "The box is too wide: at 1 of the frequencies nothing is guaranteed" in text
+    assert "The box is too wide: at 1 of the frequencies nothing is guaranteed (at 17.6 Hz)" in text
+    rest = at_most(np.delete(band.upper, 2).max())
+    assert f"has a response within {rest} mm/N of the nominal model" in " ".join(text.split())
+    assert "nothing is guaranteed at 1 of 4 frequencies, 17.6 Hz" in open_.summary()
+    assert f"within {np.delete(band.upper, 2).max():.4g} of the model at 3 of 4 frequencies" in open_.summary()
     assert "A frequency point near 17.6 Hz" in text
     for one in (pole_box_chart(dataclasses.replace(open_, upper=np.full((4, 1, 1), np.inf))), pole_box_chart(open_)):
         assert all(np.isfinite(panel.y.range).all() for panel in one.panels)

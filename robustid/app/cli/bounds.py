@@ -78,7 +78,8 @@ def bounds(
         else:
             certified &= _certified(console, band)
             band.save(_beside(output))
-            say(console, "with every pole in the pole-uncertainty box that the data leave:", band.summary())
+            say(console, "with every pole in the pole-uncertainty box that the data leave:", *_unfinished(error, band))
+            say(console, band.summary())
             terminal.say_written(console, *written_poles)
     terminal.repeat_warnings(console, identification)
     if not certified:
@@ -142,6 +143,12 @@ def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
             progress=counted(show, _BOXES),
             **spread,
         )
+
+
+def _unfinished(error: Any, band: Any) -> list[str]:
+    """What the time limit left out, in words; none where nothing is missing."""
+    done, asked = band.omega.size, error.omega.size
+    return [] if done == asked else [f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"]
 
 
 def _same_poles(one: Any, other: Any) -> bool:

@@ -72,13 +72,15 @@ def shown(out: Any, text: str) -> Iterator[Callable[[str], None]]:
 def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
     """Progress in at most ten steps, with an estimate of the rest, where there is one that is worth saying."""
     last, began = -1, time.monotonic()
+    first: tuple[int, float] | None = None  # what comes before the first one doesn't tell how long the others take
 
     def progress(done: int, count: int) -> None:
-        nonlocal last
-        taken = time.monotonic() - began
-        if 10 * done // count != last and taken > _WORTH_SAYING:
+        nonlocal last, first
+        now = time.monotonic()
+        first = first or (done, now)
+        if 10 * done // count != last and now - began > _WORTH_SAYING:
             last = 10 * done // count
-            rest = taken * (count - done) / max(done, 1)
+            rest = (now - first[1]) * (count - done) / max(done - first[0], 1)
             show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
 
     return progress

@@ -143,21 +143,24 @@ def _next(band: WorstCaseOverPoles) -> str:
 
 def sentence(band: WorstCaseOverPoles) -> str:
     """The guarantee in plain words."""
-    upper, where = band.sigma_upper, at_frequencies(band.omega)
+    upper = band.sigma_upper
     known = np.isfinite(upper)
-    if not known.all():
-        return (
-            f"The box is too wide: at {np.sum(~known)} of the frequencies nothing is guaranteed ({where}), so that a plant whose"
-            " poles lie elsewhere in it may be arbitrarily far from the model."
-        )
-    relative = float(np.median(upper / np.maximum(_largest(band), np.finfo(float).tiny)))
+    open_ = (
+        f"The box is too wide: at {np.sum(~known)} of the frequencies nothing is guaranteed ({at_frequencies(band.omega[~known])}),"
+        " so that a plant whose poles lie elsewhere in it may be arbitrarily far from the model."
+        if not known.all()
+        else ""
+    )
+    if not known.any():
+        return open_
+    relative = float(np.median((upper / np.maximum(_largest(band), np.finfo(float).tiny))[known]))
     norm = "" if siso(band.identification) else " (largest singular value of the difference)"
     return (
         f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
-        f" {in_unit(at_most(upper.max()), band.identification)} of the {bounded_model(band)[0]}{norm}, {where}; the median is"
-        f" {at_most(100 * relative)} % of the response."
-    )
+        f" {in_unit(at_most(upper[known].max()), band.identification)} of the {bounded_model(band)[0]}{norm},"
+        f" {at_frequencies(band.omega[known])}; the median is {at_most(100 * relative)} % of the response. {open_}"
+    ).rstrip()
 
 
 def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
