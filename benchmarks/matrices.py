@@ -6,14 +6,13 @@ smooth rest, a bound on every entry of every line. Every figure is of a process 
 
 import argparse
 import json
-import math
 import resource
 import subprocess
 import sys
 import time
 
 import numpy as np
-from solver_scaling import ACCURACY, counted
+from solver_scaling import ACCURACY, counted, of_length
 
 QUICK = (2, 2, 60, 500), (4, 4, 20, 200)
 FULL = (2, 2, 200, 500), (4, 4, 60, 500)
@@ -23,7 +22,6 @@ PEER = (2, 2, 6, 30), (2, 2, 10, 30), (3, 3, 10, 30), (2, 2, 20, 30), (3, 3, 20,
 def measurements(p, q, length, lines, seed=0):
     """Simulated lines of a p x q plant that take `length` Taylor coefficients at the default accuracy."""
     import robustid as rid
-    from robustid.identification.formulation.taylor import taylor_length
 
     rng, bound = np.random.default_rng(seed), 0.05
     omega = np.sort(rng.uniform(0.05, 3.1, lines))
@@ -35,16 +33,7 @@ def measurements(p, q, length, lines, seed=0):
     values = values + np.tensordot(np.exp(-1j * np.outer(omega, np.arange(40))), taps, 1)
     values = values + 1.5 * bound * np.sqrt(rng.random(values.shape)) * np.exp(2j * np.pi * rng.random(values.shape))
     frf = rid.FrequencyResponse(omega, values, bound=bound, dt=1.0)
-
-    def problem(log_rate):
-        prior = rid.Prior(gain_bound=1.0, decay_rate=1 + math.exp(log_rate))
-        return rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
-
-    slow, fast = -8.0, 5.0
-    for _ in range(40):
-        middle = (slow + fast) / 2
-        slow, fast = (middle, fast) if taylor_length(problem(middle), ACCURACY) > length else (slow, middle)
-    return problem(fast)
+    return of_length(length, {"frequency": frf, "parametric": basis})
 
 
 def ours(p, q, length, lines):

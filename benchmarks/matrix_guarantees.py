@@ -39,7 +39,11 @@ def mirror():
     wanted = np.concatenate([near.ravel(), np.linspace(600, 1345, 28)])
     used = inside.select(np.unique(np.argmin(np.abs(inside.freq_hz[:, None] - wanted), axis=0)))
     basis = rid.kautz(2 * np.pi * hz, damping, dt=frf.dt, delay=1)
-    prior = rid.Prior(gain_bound=1e-5, decay_rate=1.15)
+    return with_room(used, rid.Prior(gain_bound=1e-5, decay_rate=1.15), basis)
+
+
+def with_room(used, prior, basis):
+    """The identification with bounds widened to what the class needs and a tenth more."""
     problem = rid.MixedProblem(frequency=used, prior=prior, parametric=basis)
     first = rid.identify(problem, accuracy=1e-2)
     wide = used.with_bound(used.bound.inflated(1.1 * max(first.margin, 1.0)))

@@ -8,28 +8,21 @@ Models are taken from the folder that ROBUSTID_DATA names. Processor seconds, si
 import argparse
 import contextlib
 import logging
+import sys
 import time
+from pathlib import Path
 
 import control
 import numpy as np
 import scipy.linalg as sla
 
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 import robustid as rid
 from robustid.errors import DatasetNotFoundError
 from robustid.reduction import hinf_error
+from support.reduction_models import flexible
 
 ORDERS = {"build": (10, 20), "CDplayer": (10, 30), "iss1R": (10, 40), "beam": (10, 30)}
-
-
-def flexible(states, channels=4, seed=0):
-    """Modes over three decades, damping 3e-4 to 1e-2, in random coordinates."""
-    rng = np.random.default_rng(seed)
-    modes = states // 2
-    omega, zeta = np.geomspace(1, 1e3, modes), 10 ** rng.uniform(-3.5, -2, modes)
-    a = sla.block_diag(*(w * np.array([[-z, 1], [-1, -z]]) for w, z in zip(omega, zeta, strict=True)))
-    b, c = rng.standard_normal((2 * modes, channels)), rng.standard_normal((channels, 2 * modes))
-    q = np.linalg.qr(rng.standard_normal((2 * modes, 2 * modes)))[0]
-    return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, 0, 0)
 
 
 def ours(model, order):
@@ -117,8 +110,8 @@ def main(argv=None):
 
         pymor.core.logger.set_log_levels({"pymor": "ERROR"})
     logging.disable(logging.WARNING)
-    ours(flexible(20), 4)  # imports
-    large = flexible(arguments.states)
+    ours(flexible(10, 4, seed=0), 4)  # imports
+    large = flexible(arguments.states // 2, 4, seed=0)
     table(f"{arguments.states} states, 4 x 4; error at lines", large, (arguments.states // 5,), on_lines(large))
     for name, orders in {} if arguments.large_only else ORDERS.items():
         try:

@@ -7,7 +7,6 @@ Every search runs in a process of its own. What it returns is judged from the nu
 """
 
 import argparse
-import dataclasses
 import json
 import os
 import subprocess
@@ -32,6 +31,8 @@ def dense_beam():
 
 def wide_mirror():
     """All modes that `suggest_kautz` finds, bounds widened to what the class needs and a tenth more."""
+    from matrix_guarantees import with_room
+
     frf = rid.estimate_frf(rid.datasets.load("fsm/train"), period=8192)
     inside = frf.band(400, 2700)
     found = rid.suggest_kautz(inside)
@@ -40,11 +41,7 @@ def wide_mirror():
     wanted = np.concatenate([near.ravel(), np.linspace(400, 2700, 40)])
     used = inside.select(np.unique(np.argmin(np.abs(inside.freq_hz[:, None] - wanted), axis=0)))
     basis = rid.kautz(found.omega, found.damping, dt=frf.dt, delay=1)
-    prior = rid.Prior(gain_bound=1e-5, decay_rate=1.1)
-    problem = rid.MixedProblem(frequency=used, prior=prior, parametric=basis)
-    first = rid.identify(problem, accuracy=1e-2)
-    wide = used.with_bound(used.bound.inflated(1.1 * max(first.margin, 1.0)))
-    return rid.identify(dataclasses.replace(problem, frequency=wide), accuracy=1e-2)
+    return with_room(used, rid.Prior(gain_bound=1e-5, decay_rate=1.1), basis)
 
 
 def identified(name, folder):

@@ -17,6 +17,8 @@ import time
 
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
+
 PEERS = ("CLARABEL", "SCS", "CVXOPT", "SDPA")
 # Above, a peer would take more than about ten minutes (left: as quick runs go).
 LARGEST = {"CLARABEL": (60, 80), "SCS": (60, 80), "CVXOPT": (100, 160), "SDPA": (100, 200)}
@@ -27,7 +29,6 @@ FORMS = ("taylor", "sections")
 def measurements(length, lines, samples, kautz=False, seed=0):
     """A simulated problem that takes `length` Taylor coefficients at the default accuracy."""
     import robustid as rid
-    from robustid.identification.formulation.taylor import taylor_length
 
     rng, dt, bound = np.random.default_rng(seed), 0.01, 0.05
     omega = np.sort(rng.uniform(0.2, 3.1 / dt, lines))
@@ -45,6 +46,14 @@ def measurements(length, lines, samples, kautz=False, seed=0):
         u = rng.standard_normal(samples)
         y = np.convolve(u, impulse[:samples])[:samples] + 1.5 * bound * rng.uniform(-1, 1, samples)
         data["time"] = rid.TimeRecord(u, y, dt=dt, bound=bound)
+
+    return of_length(length, data)
+
+
+def of_length(length, data):
+    """The problem of these data whose decay rate takes `length` Taylor coefficients."""
+    import robustid as rid
+    from robustid.identification.formulation.taylor import taylor_length
 
     def problem(log_rate):
         return rid.MixedProblem(prior=rid.Prior(gain_bound=1.0, decay_rate=1 + math.exp(log_rate)), **data)
@@ -82,32 +91,13 @@ def counted(newton):
     return systems
 
 
-def oversampled(rho, lines, top=0.05, bound=0.01):
-    """Lines up to 5 % of the sampling rate of a member: three modes that decay 1.5 to 2.5 times as fast as rho asks."""
-    import robustid as rid
-
-    rng = np.random.default_rng(0)
-    angles = 2 * np.pi * np.linspace(2e-4, top, lines)
-    poles = (1 + (rho - 1) * rng.uniform(1.5, 2.5, 3)) * np.exp(2j * np.pi * top * rng.uniform(0.1, 0.9, 3))
-    weights = rng.standard_normal(3) + 1j * rng.standard_normal(3)
-
-    def member(z):
-        return sum(
-            w / (1 - z / p) + w.conjugate() / (1 - z / p.conjugate()) for w, p in zip(weights, poles, strict=True)
-        )
-
-    size = np.abs(member(rho * np.exp(1j * np.linspace(0, np.pi, 20000)))).max()
-    error = 1.5 * bound * np.sqrt(rng.random(lines)) * np.exp(2j * np.pi * rng.random(lines))
-    frf = rid.FrequencyResponse(angles / 1e-3, 0.9 * member(np.exp(-1j * angles)) / size + error, dt=1e-3, bound=bound)
-    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=rho))
-
-
 def banded(rho, lines, form):
     """All of identify(): (coefficients, margin, width), seconds, Newton systems."""
     import robustid as rid
     from robustid.identification.solver import newton
+    from support.sections_of_lines import oversampled
 
-    problem, systems = oversampled(rho, lines), counted(newton)
+    problem, systems = oversampled(lines, rho, top=0.05, noise=1.5), counted(newton)
     start = time.perf_counter()
     result = rid.identify(problem, form=form)
     seconds = time.perf_counter() - start

@@ -9,7 +9,7 @@ import pytest
 
 from robustid.guarantees import magnitude_weight
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
-from support.weights import largest_on, pair
+from support.weights import biquad, largest_on, pair
 
 pytestmark = pytest.mark.quick
 
@@ -17,10 +17,6 @@ pytestmark = pytest.mark.quick
 @pytest.fixture
 def rng():
     return np.random.default_rng(5)
-
-
-def biquad(zeros, poles):
-    return lambda theta: np.abs(np.polyval(np.poly(zeros), z := np.exp(1j * theta)) / np.polyval(np.poly(poles), z))
 
 
 def test_a_cascade_is_what_it_says_and_its_extremes_enclose_samples(rng):

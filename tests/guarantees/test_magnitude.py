@@ -6,16 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robustid.guarantees import magnitude_weight
-from support.weights import check_densely, largest_on, pair
+from support.weights import biquad, check_densely, largest_on, pair
 
 
 @pytest.fixture
 def rng():
     return np.random.default_rng(5)
-
-
-def biquad(zeros, poles):
-    return lambda theta: np.abs(np.polyval(np.poly(zeros), z := np.exp(1j * theta)) / np.polyval(np.poly(poles), z))
 
 
 def jump(bound):

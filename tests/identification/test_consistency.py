@@ -8,7 +8,7 @@ import robustid as rid
 from robustid.core import simulate as simulate_all
 from robustid.identification.residuals import model_residuals
 from robustid.identification.solver.cvxpy_backend import available_solvers
-from support.problems import CASES, judge_margin, random_problem
+from support.problems import CASES, judge_margin, random_problem, rigid_structure
 
 
 def simulate(model, u):
@@ -241,8 +241,7 @@ def test_equal_frequencies_share_one_node():
 
 
 def test_integrators_in_the_parametric_part():
-    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    truth = control.ss(rigid + rid.flexible_structure(seed=1).truth)
+    rigid, truth = rigid_structure()
     omega = 2 * np.pi * np.linspace(1, 40, 12)
     F = truth(np.exp(1j * omega * 0.01))
     frf = rid.FrequencyResponse(omega, F, bound=1e-3 * np.abs(F), dt=0.01)

@@ -14,7 +14,7 @@ from robustid.identification.residuals import model_residuals
 from robustid.identification.truncation import BalancedContraction
 from robustid.reduction import hankel_singular_values
 from support.problems import random_problem
-from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
+from support.sections_of_lines import CIRCLE, coordinates, lines, oversampled, random_member
 from support.taylor_members import at
 
 # --- identify ---------------------------------------------------------------------------------------------------------
@@ -131,25 +131,6 @@ def test_time_samples_from_rest_are_answered_by_taylor_coefficients():
     assert result.formulation.repeated == taylor_form.formulation.repeated
     assert (result.margin, result.margin_lower) == (taylor_form.margin, taylor_form.margin_lower)
     assert "Taylor coefficients" in result.summary()
-
-
-def oversampled(count=300, rho=1.003, top=0.01, noise=1.0, bound=0.01):
-    """Lines from 0.2 to 10 Hz at dt = 1 ms, of a member: three modes with poles at 1.5 to 2.5 times the decay."""
-    rng, dt = np.random.default_rng(0), 1e-3
-    angles = np.linspace(2e-4, top, count) * 2 * np.pi
-    poles = (1 + (rho - 1) * rng.uniform(1.5, 2.5, 3)) * np.exp(2j * np.pi * top * rng.uniform(0.1, 0.9, 3))
-    weights = rng.standard_normal(3) + 1j * rng.standard_normal(3)
-
-    def member(z):
-        return sum(
-            w / (1 - z / p) + w.conjugate() / (1 - z / p.conjugate()) for w, p in zip(weights, poles, strict=True)
-        )
-
-    size = np.abs(member(rho * np.exp(1j * np.linspace(0, np.pi, 20000)))).max()
-    error = bound * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
-    values = 0.9 * member(np.exp(-1j * angles)) / size + noise * error
-    frf = rid.FrequencyResponse(angles / dt, values, dt=dt, bound=bound)
-    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=rho))
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,10 @@
 import control
 import numpy as np
 import pytest
-import scipy.linalg as sla
 
 from robustid.errors import InputError, InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
-from support.reduction_models import gap, mode, points_of, random_model, response
+from support.reduction_models import flexible, gap, mode, points_of, random_model, response
 
 NOTHING = control.StateSpace([], [], [], [[0.0]])
 
@@ -109,16 +108,6 @@ def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model)
 @pytest.mark.realdata
 def test_bound_holds_for_the_true_error_at_every_order(benchmark_model):
     check_bound(benchmark_model, range(benchmark_model.nstates))
-
-
-def flexible(modes, channels, seed):
-    """Lightly damped modes over three decades, damping 3e-4 to 1e-2, in random coordinates."""
-    rng = np.random.default_rng(seed)
-    omega, zeta = np.geomspace(1, 1e3, modes), 10 ** rng.uniform(-3.5, -2, modes)
-    a = sla.block_diag(*(w * np.array([[-z, 1], [-1, -z]]) for w, z in zip(omega, zeta, strict=True)))
-    b, c = rng.standard_normal((2 * modes, channels)), rng.standard_normal((channels, 2 * modes))
-    q = np.linalg.qr(rng.standard_normal((2 * modes, 2 * modes)))[0]
-    return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, 0, 0)
 
 
 def check_flexible(model, orders):

@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import control
 import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.identification import model_residuals
+from support.problems import rigid_structure
 
 
 def problem(seed, **prior):
@@ -52,8 +52,7 @@ def test_inconsistent_data_are_reduced_to_the_level_of_the_margin():
 
 
 def test_integrators_survive_the_reduction():
-    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    truth = control.ss(rigid + rid.flexible_structure(seed=1).truth)
+    rigid, truth = rigid_structure()
     omega = 2 * np.pi * np.linspace(1, 40, 10)
     F = truth(np.exp(1j * omega * 0.01))
     frf = rid.FrequencyResponse(omega, F, bound=1e-2 * np.abs(F), dt=0.01)

@@ -149,3 +149,9 @@ def truth_of(seed: int, case: str):
     """The truth behind `random_problem`: impulse response of (count), frequency response of (omega, rad/s)."""
     truth = random_experiment(seed, case, 8)[1]
     return truth.impulse, lambda omega: truth.response(np.asarray(omega) * 0.01)
+
+
+def rigid_structure():
+    """A double integrator, and what it and the simulated structure make together; dt = 0.01 s."""
+    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
+    return rigid, control.ss(rigid + rid.flexible_structure(seed=1).truth)

@@ -55,3 +55,13 @@ def mode(zeta, omega):
     """Unit static gain; Hankel singular values (sqrt(1 + zeta^2) ± zeta) / (4 zeta), whatever omega."""
     model = control.ss([[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega**2]], [[1, 0]], 0)
     return model, np.sqrt(1 + zeta**2) / (4 * zeta) + np.array([0.25, -0.25])
+
+
+def flexible(modes, channels, seed):
+    """Lightly damped modes over three decades, damping 3e-4 to 1e-2, in random coordinates."""
+    rng = np.random.default_rng(seed)
+    omega, zeta = np.geomspace(1, 1e3, modes), 10 ** rng.uniform(-3.5, -2, modes)
+    a = sla.block_diag(*(w * np.array([[-z, 1], [-1, -z]]) for w, z in zip(omega, zeta, strict=True)))
+    b, c = rng.standard_normal((2 * modes, channels)), rng.standard_normal((channels, 2 * modes))
+    q = np.linalg.qr(rng.standard_normal((2 * modes, 2 * modes)))[0]
+    return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, 0, 0)

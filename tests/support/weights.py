@@ -11,6 +11,11 @@ def pair(angle, damping):
     return [pole, pole.conj()]
 
 
+def biquad(zeros, poles):
+    """Its magnitude as a function of the angle."""
+    return lambda theta: np.abs(np.polyval(np.poly(zeros), z := np.exp(1j * theta)) / np.polyval(np.poly(poles), z))
+
+
 def largest_on(function, edges, count=400):
     return np.array([function(np.linspace(a, b, count)).max() for a, b in itertools.pairwise(edges)])
 
