@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import robustid as rid
 from robustid.guarantees.curvature import input_normal, second_derivative
@@ -55,3 +56,22 @@ def test_where_there_are_no_orthonormal_states_nothing_is_lost(A, B):
     z = np.exp(0.4j)
     one, other = (H @ np.linalg.solve(z * np.eye(2) - F, G) for F, G, H in ((A, B, C), (a, b, c)))
     np.testing.assert_allclose(other, one, rtol=1e-12)
+
+
+@pytest.mark.parametrize("poles", [(0.9,), (0.99 * np.exp(0.5j), 0.3)])
+def test_second_derivatives_on_arcs(poles):
+    """Never below a fine difference quotient on the arc, and near it on short arcs."""
+    blocks = [[[p.real, p.imag], [-p.imag, p.real]] if np.imag(p) else [[p]] for p in poles]
+    A = scipy.linalg.block_diag(*blocks)
+    n = A.shape[0]
+    rng = np.random.default_rng(0)
+    B, C = rng.standard_normal((n, 1)), rng.standard_normal((2, n))
+    for low, high in ((0.49, 0.4905), (1.0, 1.02)):
+        theta = np.linspace(low, high, 2001)
+        z = np.exp(1j * theta)
+        values = np.array([(C @ np.linalg.solve(point * np.eye(n) - A, B))[:, 0] for point in z])
+        step = theta[1] - theta[0]
+        dense = np.abs(np.diff(values, 2, axis=0) / step**2).max(axis=0)
+        bound = second_derivative(A, B, C, low, high)[:, 0]
+        assert np.all(bound >= dense * (1 - 1e-4))
+        assert np.all(bound <= 1.6 * dense)

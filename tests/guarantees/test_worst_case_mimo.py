@@ -9,7 +9,6 @@ import pytest
 
 import robustid as rid
 from robustid.advice.sensitivity import guaranteed
-from robustid.guarantees.circle import CircleBound, Remembered
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.value_set import along, norm_of_bounds, schur_bound
@@ -339,14 +338,6 @@ def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
     for part in ("bound", "entries"):
         forged = dataclasses.replace(circle, **{part: 0.9 * getattr(circle, part)})
         assert not error.with_circle(forged).certified
-
-
-def test_a_circle_that_is_still_unbounded_goes_on_from_its_arcs():
-    remembered = Remembered()
-    for arcs in (2, 3, 2):
-        bound = np.append(np.ones(arcs - 1), np.inf)
-        remembered.take(CircleBound(np.linspace(0, np.pi, arcs + 1), bound, 0.5, False, ()))
-    assert remembered.bound.bound.size == 3
 
 
 @pytest.mark.slow

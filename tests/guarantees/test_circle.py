@@ -1,0 +1,96 @@
+"""Bounds on the whole circle: no system exceeds them, what ran out of time holds, and what is remembered."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import response
+from robustid.guarantees.circle import CircleBound, Remembered
+from robustid.identification.certificate import Functional
+from robustid.identification.formulation.convex import Candidate
+from robustid.identification.model import nominal_model
+from support.problems import CASES, random_experiment
+
+
+def members(error, count=4):
+    """Consistent systems at the extremes of the set."""
+    consistent = error.consistent_set
+    rng = np.random.default_rng(0)
+    n, m = consistent.data.sarason.pair.order, consistent.data.rows.P.shape[1]
+    for _ in range(count):
+        found = consistent.extreme(Functional(rng.standard_normal(n), rng.standard_normal(m)), 0.05)
+        x, p = 0.999 * found.x + 0.001 * consistent.center.x, 0.999 * found.p + 0.001 * consistent.center.p
+        yield x, p
+
+
+def circle_holds(seed, case, coefficients, points):
+    """Cell by cell: the truth, and central interpolants of extreme coefficients; how much of the bound they reach."""
+    problem, truth = random_experiment(seed, case, coefficients)
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
+    circle = error.on_circle(0.2)
+    assert circle.converged
+    assert error.hinf == circle.largest
+    assert circle.edges[0] == 0
+    assert circle.edges[-1] == pytest.approx(np.pi / problem.dt)
+    omega = np.linspace(0, np.pi / problem.dt, points)
+    bound = circle.bound[np.clip(np.searchsorted(circle.edges, omega, side="right") - 1, 0, circle.bound.size - 1)]
+    nominal, worst = response(error.model, omega * problem.dt), 0.0
+    assert np.all(np.abs(truth.response(omega * problem.dt) - nominal) <= bound)
+    for x, p in members(error):
+        point = Candidate(x, p, np.zeros(0), np.zeros((0, 0)), "")
+        member = nominal_model(error.consistent_set.posed, point, 1.0).model
+        away = np.abs(response(member, omega * problem.dt) - nominal)
+        assert np.all(away <= bound)
+        worst = max(worst, away.max())
+    assert circle.lower <= circle.largest
+    return worst / circle.largest
+
+
+@pytest.mark.parametrize("case", ["parametric", pytest.param("mixed", marks=pytest.mark.slow)])
+def test_no_system_exceeds_the_bound_on_the_circle(case):
+    assert circle_holds(4, case, 8, 20_000) >= 0.05
+
+
+@pytest.mark.slow
+def test_no_system_exceeds_the_bounds_of_twenty_circles(capsys):
+    reached = [circle_holds(seed, case, 10, 100_000) for case in CASES for seed in range(60, 65)]
+    with capsys.disabled():
+        print(f"\n20 circles, 100000 points: members reach {100 * max(reached):.3g} % of the bound at most")
+    assert max(reached) <= 1
+
+
+def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
+    problem, truth = random_experiment(1, "mixed", 12)
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
+    first = error.on_circle(0.02, time_limit=1e-9)
+    assert not first.converged
+    omega = np.linspace(0, np.pi / problem.dt, 200)
+    away = np.abs(truth.response(omega * problem.dt) - response(error.model, omega * problem.dt))
+    cell = np.clip(np.searchsorted(first.edges, omega, side="right") - 1, 0, first.bound.size - 1)
+    assert np.all(away <= first.bound[cell])
+    told = []
+    second = error.on_circle(0.2, progress=lambda done, count: told.append((done, count)))
+    assert second.converged
+    assert set(first.edges) <= set(second.edges)
+    assert told[-1][0] == told[-1][1]
+    assert error.hinf == second.largest
+
+
+def test_an_attribute_that_would_take_long_names_the_method(monkeypatch):
+    from robustid.guarantees import worst_case_result
+
+    error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 12)[0]), omega=[50.0])
+    for seconds in (1e-9, 1e-3):  # none at all; so few that nothing converges
+        monkeypatch.setattr(worst_case_result, "_AT_ONCE", seconds)
+        with pytest.raises(rid.errors.TimeLimitError, match="on_circle"):
+            _ = error.hinf
+        assert error.known_circle is None
+    assert error.on_circle(0.5).largest == error.hinf
+
+
+def test_a_circle_that_is_still_unbounded_goes_on_from_its_arcs():
+    remembered = Remembered()
+    for arcs in (2, 3, 2):
+        bound = np.append(np.ones(arcs - 1), np.inf)
+        remembered.take(CircleBound(np.linspace(0, np.pi, arcs + 1), bound, 0.5, False, ()))
+    assert remembered.bound.bound.size == 3
