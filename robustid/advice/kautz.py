@@ -14,7 +14,7 @@ from robustid.advice.pole_fit import (
     LineData,
     best_start,
     find_poles,
-    residual_rows,
+    refine_beside,
     smallest_rest,
     wanted_in_basis,
 )
@@ -175,25 +175,12 @@ def suggest_kautz(
 
 def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[float, float]:
     """Natural frequency and damping of the mode, in the measured range, that a fit with these and a smooth remainder lacks most."""
-    from scipy.optimize import least_squares
-
     data = _checked(frf, None)
     poles = np.log(np.stack([omega * data.dt, damping], axis=1))
     start = best_start(poles, data)
     positive = data.angle[data.angle > 0]
     low, high = np.log([[positive[0], DAMPING[0]], [min(positive[-1], 0.999 * np.pi), DAMPING[1]]])
-
-    def rows(new: Real) -> Real:
-        return residual_rows(np.vstack([poles, new]), data)
-
-    found = least_squares(
-        rows,
-        np.clip(start, low + 1e-9, high - 1e-9),
-        x_scale="jac",
-        bounds=(low, high),
-        max_nfev=50,
-    )
-    turn, zeta = np.exp(found.x)
+    ((turn, zeta),) = np.exp(refine_beside(poles, start[None], data, low, high))
     return float(turn / data.dt), float(zeta)
 
 

@@ -1,7 +1,6 @@
 """Poles of a frequency response: separable least squares, one mode after another.
 
-Damped pairs beside a smooth remainder, in units of the bounds. `data/estimate/pole_fit.py` says how the fit there differs, and
-why one would not do for both.
+Damped pairs beside a smooth remainder, in units of the bounds. `data/estimate/pole_fit.py` fits another model, with a delay.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Projection, Real, projected
 
 _log = logging.getLogger("robustid")
 
@@ -73,6 +72,18 @@ def pole_pair(angle: Real, pole: Real, power: int = 1) -> Complex:
     return np.stack([first, back * first], axis=1)
 
 
+def pair_changes(angle: Real, pole: Real) -> tuple[Complex, Complex]:
+    """Derivatives of `pole_pair` by log angle and log damping, (F, 2) each."""
+    back, (turn, zeta) = np.exp(-1j * angle), np.exp(pole)
+    root = np.sqrt(1 - zeta**2)
+    a = np.exp((-zeta + 1j * root) * turn)
+    double = pole_pair(angle, pole, 2)
+    # of log a, by log angle and by log damping; d|a|^2 = 2 |a|^2 Re(d log a)
+    moves = (-zeta + 1j * root) * turn, (-zeta - 1j * zeta**2 / root) * turn
+    slopes = [2 * (abs(a) ** 2 * move.real * back - (a * move).real) * back for move in moves]
+    return -slopes[0][:, None] * double, -slopes[1][:, None] * double
+
+
 def smooth_terms(angle: Real) -> Complex:
     """1, z^-1, z^-2 at the frequency points, (F, 3)."""
     return np.exp(-1j * angle[:, None] * np.arange(SMOOTH))
@@ -86,13 +97,29 @@ def design(data: LineData, poles: Real) -> Real:
 
 def residual_rows(poles: Real, data: LineData) -> Real:
     """Residuals of least squares at these poles, in units of the bounds, as real rows: real parts of all entries first."""
-    left: list[Real] = []
+    fits = [_projected(one, poles.reshape(-1, 2)) for one in data.each]
+    return np.hstack([fit.rest.reshape(2, -1) for fit in fits]).ravel()
+
+
+def residual_slopes(poles: Real, data: LineData) -> Real:
+    """Derivatives of the `residual_rows` by the poles, log angle and log damping in turn."""
+    poles = poles.reshape(-1, 2)
+    parts: list[Real] = []
     for one in data.each:
-        columns = design(one, poles.reshape(-1, 2))
-        Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-        y = one.scaled(one.value[:, None])[:, 0]
-        left.append((y - Q @ (Q.T @ y)).reshape(2, -1))
-    return np.hstack(left).ravel()
+        fit = _projected(one, poles)
+        weights = fit.coefficients
+        moved = [
+            change @ weights[2 * k : 2 * k + 2]
+            for k, pole in enumerate(poles)
+            for change in pair_changes(one.angle, pole)
+        ]
+        parts.append(fit.tangent(one.scaled(np.stack(moved, axis=1))).reshape(2, -1, 2 * len(poles)))
+    return np.concatenate(parts, axis=1).reshape(-1, 2 * len(poles))
+
+
+def _projected(data: LineData, poles: Real) -> Projection:
+    """The values of one entry, projected on the columns of these poles."""
+    return projected(design(data, poles), data.scaled(data.value[:, None])[:, 0])
 
 
 def ratios(rows: Real) -> Real:
@@ -149,27 +176,39 @@ def best_start(poles: Real, data: LineData) -> Real:
 
 def _gains(data: LineData, poles: Real, tried: list[Real]) -> Real:
     """Reduction by a further pair, for each pole tried, of the sum of squares of one entry."""
-    columns = design(data, poles)
-    Q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-    residual = residual_rows(poles, data)
+    fit = _projected(data, poles)
     stacked = np.stack([data.scaled(pole_pair(data.angle, pole)) for pole in tried], axis=1)
-    stacked = stacked - np.tensordot(Q, np.tensordot(Q.T, stacked, 1), 1)
+    stacked = stacked - np.tensordot(fit.basis, np.tensordot(fit.basis.T, stacked, 1), 1)
     gram = np.einsum("kni,knj->nij", stacked, stacked)
     gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    moment = np.einsum("kni,k->ni", stacked, residual)
+    moment = np.einsum("kni,k->ni", stacked, fit.rest)
     weights = np.asarray(np.linalg.solve(gram, moment[..., None]), dtype=float)[..., 0]
     return np.einsum("ni,ni->n", moment, weights)
 
 
 def refine(poles: Real, data: LineData) -> Real:
     """All poles together, from a start, by nonlinear least squares."""
-    from scipy.optimize import least_squares
-
     positive = data.angle[data.angle > 0]
-    low = np.tile(np.log([positive[0] / _BELOW, DAMPING[0]]), len(poles))
-    high = np.tile(np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]]), len(poles))
+    low = np.log([positive[0] / _BELOW, DAMPING[0]])
+    high = np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]])
+    return refine_beside(np.zeros((0, 2)), poles, data, low, high)
+
+
+def refine_beside(fixed: Real, poles: Real, data: LineData, low: Real, high: Real) -> Real:
+    """Poles between `low` and `high` (log angle, log damping), beside fixed ones, from a start, by nonlinear least squares."""
+    import scipy.optimize
+
+    low, high = np.tile(low, len(poles)), np.tile(high, len(poles))
+    least_squares: Any = scipy.optimize.least_squares
+
+    def rows(free: Real) -> Real:
+        return residual_rows(np.append(fixed, free), data)
+
+    def slopes(free: Real) -> Real:
+        return residual_slopes(np.append(fixed, free), data)[:, fixed.size :]
+
     start = np.clip(poles.ravel(), low + 1e-9, high - 1e-9)
-    found = least_squares(residual_rows, start, args=(data,), x_scale="jac", bounds=(low, high), max_nfev=50)
+    found = least_squares(rows, start, slopes, x_scale="jac", bounds=(low, high), max_nfev=50)
     return found.x.reshape(-1, 2)
 
 

@@ -3,6 +3,7 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.files import atomic_write
+from robustid.core.projection import Projection, projected
 from robustid.core.scales import lengths
 from robustid.core.state_space import (
     Complex,
@@ -61,6 +62,7 @@ __all__ = [
     "Complex",
     "Frozen",
     "Progress",
+    "Projection",
     "Real",
     "Record",
     "Response",
@@ -91,6 +93,7 @@ __all__ = [
     "part",
     "paths",
     "points_of",
+    "projected",
     "read_arrays",
     "rebuild",
     "response",

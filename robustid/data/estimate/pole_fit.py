@@ -1,9 +1,8 @@
 """Least squares over a delay, common poles and the residues of all entries: what `estimate_delay` minimises.
 
-The fit of `advice/pole_fit.py` is another one: here a delay that is no whole number of samples is an unknown, the order is
-stated, the data may be continuous, and poles are relocated together; there modes come one after another beside a smooth
-remainder that takes up delays and whatever is no mode, weighted by hard bounds. One routine for both would move the numbers of
-one of them.
+Residues are projected out as in the fit of `advice/pole_fit.py`, of another model: here a delay that is no whole number of
+samples is an unknown and the order is stated. There modes come one after another, beside a smooth remainder in whose span whole
+samples of delay lie: its cost is the same for each of them, and it finds the number of modes where nobody states an order.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import lengths
+from robustid.core import Projection, lengths, projected
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.errors import InputError
 
@@ -70,7 +69,7 @@ class PoleFit:
             ahead, poles, best = self._ahead(delay), self._first(order), (np.inf, np.zeros(0, complex))
             for _ in range(_RELOCATIONS):
                 poles = self._relocated(ahead, poles)
-                cost = sum(float(rest @ rest) for *_, rest in self._entries(ahead, self._functions(0.0, poles)))
+                cost = sum(float(one.rest @ one.rest) for one in self._entries(ahead, self._functions(0.0, poles)))
                 best = min(best, (cost, poles), key=lambda item: item[0])
             costs.append(best[0])
             found.append(best[1])
@@ -93,16 +92,16 @@ class PoleFit:
             return float(z[0] * unit), moved
 
         def residual(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([rest for *_, rest in self._entries(self.values, self._functions(*unpack(z)))])
+            return np.concatenate([one.rest for one in self._entries(self.values, self._functions(*unpack(z)))])
 
         def slopes(z: np.ndarray) -> np.ndarray:
             ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in _STEP * np.eye(z.size)]
             changes = [(up - down) / (2 * _STEP) for up, down in ends]
             rows: list[np.ndarray] = []
             entries = self._entries(self.values, self._functions(*unpack(z)))
-            for weight, (Q, c, _) in zip(self.weight.T, entries, strict=True):
-                change = _real(weight[:, None] * np.stack([each @ c for each in changes], axis=1))
-                rows.append(Q @ (Q.T @ change) - change)
+            for weight, one in zip(self.weight.T, entries, strict=True):
+                c = one.coefficients
+                rows.append(one.tangent(_real(weight[:, None] * np.stack([each @ c for each in changes], axis=1))))
             return np.concatenate(rows)
 
         least_squares: Any = scipy.optimize.least_squares
@@ -148,15 +147,10 @@ class PoleFit:
         # A constant jumps by a whole sample as f leaves 0; the line between the two lets the minimum be sought.
         return np.hstack([functions, turn * (1 - f + f / self.x[:, None])]) if self.feedthrough else functions
 
-    def _entries(
-        self, values: np.ndarray, functions: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """For every entry: an orthonormal basis of the weighted functions, their coefficients, what is left of the values."""
+    def _entries(self, values: np.ndarray, functions: np.ndarray) -> Iterator[Projection]:
+        """The weighted values of every entry, projected on the weighted functions."""
         for weight, value in zip(self.weight.T, values.T, strict=True):
-            Q, R = np.linalg.qr(_real(weight[:, None] * functions))
-            right = _real(weight * value)
-            part = Q.T @ right
-            yield Q, np.linalg.lstsq(R, part, rcond=None)[0], right - Q @ part
+            yield projected(_real(weight[:, None] * functions), _real(weight * value))
 
     def _relocated(self, values: np.ndarray, poles: np.ndarray) -> np.ndarray:
         """The zeros of sigma in values*sigma = N, sigma = 1 + sum c_i/(x - a_i) and N of the same poles (`gustavsen2006`)."""
@@ -164,10 +158,9 @@ class PoleFit:
         rows: list[np.ndarray] = []
         rights: list[np.ndarray] = []
         entries = self._entries(values, self._functions(0.0, poles))
-        for weight, value, (Q, _, rest) in zip(self.weight.T, values.T, entries, strict=True):
-            columns = _real((weight * value)[:, None] * functions)
-            rows.append(Q @ (Q.T @ columns) - columns)
-            rights.append(rest)
+        for weight, value, one in zip(self.weight.T, values.T, entries, strict=True):
+            rows.append(one.tangent(_real((weight * value)[:, None] * functions)))
+            rights.append(one.rest)
         stacked = np.vstack(rows)
         scale = lengths(stacked)
         c = np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0], dtype=float) / scale
