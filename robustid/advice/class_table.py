@@ -214,7 +214,7 @@ def _numbers(row: ClassCandidate) -> str:
 
 
 def rank(row: ClassCandidate) -> tuple[bool, int, float]:
-    """Those without any error last; fewest frequencies without a bound or left out, then the mean over the others."""
+    """Sort key: fewest frequencies without a bound or left out, then the mean over the others; those without any error last."""
     bounded = row.error[np.isfinite(row.error)]
     return (
         bool(np.all(np.isnan(row.error))),

@@ -1,4 +1,4 @@
-"""What a class says between the frequency points, and the signs of one that says nothing."""
+"""Statements of a class between the frequency points, and the signs of one that says nothing."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Content(Frozen):
 
 @one_thread()
 def content(identification: Identification) -> Content:
-    """What a class says between the frequency points: whether its verdict has content.
+    """Compare the band between the frequency points with that at them, where the verdict of the class has content or none.
 
     Every data set is consistent with a class that lets the non-parametric part do anything between the points. Then the band is far
     wider between them than on them. Withheld points say less: they lie in the band of the others whenever all are consistent.

@@ -15,7 +15,7 @@ from robustid.advice.pole_fit import (
     best_start,
     find_poles,
     refine_beside,
-    smallest_rest,
+    smallest_remainder,
     wanted_in_basis,
 )
 from robustid.advice.pole_interval import damped_outside, pole_interval
@@ -157,7 +157,7 @@ def suggest_kautz(
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
     step = fit.dt
     omega, damping = np.exp(poles[kept]).T / np.array([[step], [1.0]])
-    chosen = fixed_delay if fixed_delay is not None else smallest_rest(fit, poles[kept])
+    chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
     boxes = [pole_interval(fit, poles, int(i)) for i in kept]
     edges = np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2)
     return KautzSuggestion(

@@ -156,7 +156,7 @@ def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCan
     first = [(part, part.problems[0] if part.problems else None, part.note) for part in parts]
 
     def evaluate(asked: list[tuple[_Part, MixedProblem | None, str]]) -> bool:
-        """Whether none was interrupted."""
+        """Return whether none was interrupted."""
         for k, (part, problem, note) in enumerate(asked):
             late = _LATE if rows and budget.over else ""
             waiting = sum(not note for _, _, note in asked[k:])

@@ -49,7 +49,7 @@ class MovingPairs(Frozen):
 
     @property
     def pairs(self) -> list[_Pair]:
-        """Those that can move, in their order."""
+        """The pairs that can move, in their order."""
         return [part for part in self.parts if isinstance(part, _Pair)]
 
     def repeated(self) -> MovingPairs:

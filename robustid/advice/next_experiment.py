@@ -244,7 +244,7 @@ def _between(problem: MixedProblem) -> Real:
 
 
 def _continued(given: Identification, model: Any, scales: Real) -> list[NextMeasurement]:
-    """Of every output that it measures the sample of the continued record at which the prediction is worst."""
+    """The sample of the continued record at which the prediction is worst, for every output that it measures."""
     records = [t for t in given.problem.time if t.initial == "rest"]
     if not records:
         return []

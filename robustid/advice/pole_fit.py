@@ -98,7 +98,7 @@ def design(data: LineData, poles: Real) -> Real:
 def residual_rows(poles: Real, data: LineData) -> Real:
     """Residuals of least squares at these poles, in units of the bounds, as real rows: real parts of all entries first."""
     fits = [_projected(one, poles.reshape(-1, 2)) for one in data.each]
-    return np.hstack([fit.rest.reshape(2, -1) for fit in fits]).ravel()
+    return np.hstack([fit.residual.reshape(2, -1) for fit in fits]).ravel()
 
 
 def residual_slopes(poles: Real, data: LineData) -> Real:
@@ -181,7 +181,7 @@ def _gains(data: LineData, poles: Real, tried: list[Real]) -> Real:
     stacked = stacked - np.tensordot(fit.basis, np.tensordot(fit.basis.T, stacked, 1), 1)
     gram = np.einsum("kni,knj->nij", stacked, stacked)
     gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    moment = np.einsum("kni,k->ni", stacked, fit.rest)
+    moment = np.einsum("kni,k->ni", stacked, fit.residual)
     weights = np.asarray(np.linalg.solve(gram, moment[..., None]), dtype=float)[..., 0]
     return np.einsum("ni,ni->n", moment, weights)
 
@@ -213,7 +213,7 @@ def refine_beside(fixed: Real, poles: Real, data: LineData, low: Real, high: Rea
 
 
 def wanted_in_basis(poles: Real, data: LineData) -> NDArray[np.bool_]:
-    """Which poles belong in the parametric part: resonances that the frequency points show, and whatever decays slowly.
+    """Choose the poles for the parametric part: resonances that the frequency points show, and whatever decays slowly.
 
     A pole outside the points, or a well-damped one, is background that a smooth remainder holds, unless it decays slowly: then
     no class with a useful decay rate has it (friction at 3 Hz below a band that begins at 11 Hz).
@@ -230,14 +230,14 @@ def nearest(angle: Real, centre: float, reach: float, fewest: int) -> NDArray[np
     return np.sort(np.argsort(distance, kind="stable")[:count])
 
 
-def smallest_rest(data: LineData, poles: Real) -> int:
+def smallest_remainder(data: LineData, poles: Real) -> int:
     """The delay for which modes and smooth remainder fit with the smallest remainder: what is left to the gain bound."""
     if not len(poles):
         return 0
-    return int(np.argmin(np.sum([_rest_sizes(one, poles) for one in data.each], axis=0)))
+    return int(np.argmin(np.sum([_remainder_sizes(one, poles) for one in data.each], axis=0)))
 
 
-def _rest_sizes(data: LineData, poles: Real) -> Real:
+def _remainder_sizes(data: LineData, poles: Real) -> Real:
     """Largest smooth remainder of one entry at each delay, relative to its largest value."""
     y = data.scaled(data.value[:, None])[:, 0]
     smooth = smooth_terms(data.angle)

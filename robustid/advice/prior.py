@@ -234,7 +234,7 @@ def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProb
 
 
 def _priors(problem: MixedProblem, rates: Real, gains: Real) -> tuple[Prior | None, ...]:
-    """What would be recommended at each decay rate."""
+    """The prior that would be recommended at each decay rate."""
     # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
     floor = response_sizes(problem)[1]
     return tuple(

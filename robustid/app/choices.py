@@ -75,7 +75,7 @@ def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
 
 
 def stated_modes(modes: Any) -> dict[str, Any]:
-    """What `modes` says, as keys of the section [modes]: pairs (Hz, damping), a fit, or rows of its mode table.
+    """Keys of the section [modes] for the argument `modes`: pairs (Hz, damping), a fit, or rows of its mode table.
 
     The poles at z = 1 of a fit become integrators.
 

@@ -121,7 +121,7 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
 
 
 def _problem(run: RunFile, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:
-    """What is asked of a member, with a prior of no meaning, and what was kept out."""
+    """The run, the problem of a member with a prior of no meaning, and the data that were kept out."""
     placeholder = choices.placeholder(run, data)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
     unused = [rest for _, rest in parts if rest is not None]

@@ -90,7 +90,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
 def kept_out(
     run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
 ) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
-    """What tests the result: records or periods that were kept out, frequency points that are not used, or one of so many."""
+    """Withheld data that test the result: records or periods, frequency points that are not used, or one of so many."""
     if data.withheld:
         return run, used, list(data.withheld), data.kind
     if unused:

@@ -133,7 +133,7 @@ class MemberChoice:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FamilyChoice:
-    """What is asked of the members together."""
+    """Options of all members together."""
 
     schedule: str | None = key(
         text(("amplitude", "position", "load")),
@@ -144,7 +144,7 @@ class FamilyChoice:
         help="Range of it that is asked about; default: from the smallest to the largest of the members.",
     )
     order: int | None = key(
-        whole(1), help="Order of the nominal; default: the smallest whose band is nearly the smallest."
+        whole(1), help="Order of the nominal; default: the smallest whose band is almost the smallest."
     )
 
 

@@ -108,7 +108,7 @@ def looked_at(grid: Real, poles: Any, dt: float, withheld: Sequence[FrequencyRes
 
 
 def compared(band: WorstCaseError | Family, withheld: Sequence[FrequencyResponse], kind: str) -> Coverage | None:
-    """What the withheld responses say of a band; None where there are none, or they have no frequency in common."""
+    """Compare a band with the withheld responses; None where there are none, or they have no frequency in common."""
     if not withheld:
         return None
     known = np.maximum(band.omega, np.finfo(float).tiny)

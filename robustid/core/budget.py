@@ -32,7 +32,7 @@ class Budget:
 
     @property
     def seconds(self) -> float | None:
-        """What is left, as the `time_limit` of another call, positive; None without a limit."""
+        """Seconds that are left, as the `time_limit` of another call, positive; None without a limit."""
         return None if math.isinf(self.left) else max(self.left, 1e-9)
 
     @property

@@ -1,4 +1,4 @@
-"""How statements and results print: in a line or a few, whatever they hold."""
+"""Printing of statements and results: in a line or a few, whatever they hold."""
 
 from __future__ import annotations
 

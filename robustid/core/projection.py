@@ -10,12 +10,12 @@ from robustid.core.state_space import Real
 
 
 class Projection(NamedTuple):
-    """The best ``values ~ columns c`` in least squares: ``columns = basis triangle``, ``along = basis' values``, what is left."""
+    """The best ``values ~ columns c`` in least squares: ``columns = basis triangle``, ``along = basis' values``."""
 
     basis: Real
     triangle: Real
     along: Real
-    rest: Real
+    residual: Real
 
     @property
     def coefficients(self) -> Real:
@@ -23,7 +23,7 @@ class Projection(NamedTuple):
         return np.asarray(np.linalg.lstsq(self.triangle, self.along, rcond=None)[0], dtype=float)
 
     def tangent(self, changes: Real) -> Real:
-        """Derivatives of `rest` where ``columns c`` changes so at this c: Kaufman's, exact up to terms of the size of `rest`."""
+        """Derivatives of `residual` where ``columns c`` changes so at this c, up to terms of the size of the residual (Kaufman)."""
         return self.basis @ (self.basis.T @ changes) - changes
 
 
@@ -35,7 +35,7 @@ def projected(columns: Real, values: Real) -> Projection:
     >>> import numpy as np
     >>> from robustid.core import projected
     >>> found = projected(np.array([[1.0], [1.0]]), np.array([1.0, 3.0]))
-    >>> found.coefficients, found.rest
+    >>> found.coefficients, found.residual
     (array([2.]), array([-1.,  1.]))
     """
     basis, triangle = np.linalg.qr(columns)

@@ -307,12 +307,12 @@ class Bound(NDArrayOperatorsMixin, Frozen):
 
     @property
     def of_kind(self) -> dict[str, Any]:
-        """What the bound is about, as arguments of another one: kind, probability, degrees of freedom and excitations."""
+        """Arguments of another bound about the same: kind, probability, degrees of freedom and excitations."""
         return {name: getattr(self, name) for name in ("kind", "excitations", *_OF_PROBABLE)}
 
     @property
     def about(self) -> str:
-        """What an estimated bound holds for, in a sentence; empty where it isn't stated from how many excitations it was taken.
+        """Sentence that says what an estimated bound holds for; empty where the number of its excitations isn't stated.
 
         It belongs into the first lines of whatever rests on the bound.
 

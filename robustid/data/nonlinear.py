@@ -140,7 +140,7 @@ def nonlinear_records(
 
 
 def _steady(plant: _Plant, u: Real) -> Real:
-    """Output (R, N) in the last of the periods, from rest; all records at once."""
+    """Output (R, N) in the last of the periods, from zero initial conditions; all records at once."""
     x = np.zeros((plant.states, len(u)))
     y = np.empty_like(u)
     h, rate = _DT / _SUBSTEPS, plant.rate

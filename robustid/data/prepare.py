@@ -172,7 +172,7 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
 
 
 def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:
-    """How many samples from the start on the trend is fitted to."""
+    """Number of samples from the start on that the trend is fitted to."""
     if record.initial != "rest":
         if until is not None:
             raise InputError(

@@ -1,4 +1,4 @@
-"""What is wrong with records, in words: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
+"""Problems of records, in words: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _at_ends(signal: Real) -> list[str]:
 
 
 def _clipped(signal: Real, extreme: float) -> int:
-    """How many samples are exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
+    """Number of samples exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
     at = np.concatenate([[False], signal == extreme, [False]])
     count, in_runs = int(at.sum()), int(np.sum(at[1:-1] & (at[:-2] | at[2:])))
     if in_runs < max(_CLIPPED_LEAST, _CLIPPED_PART * signal.size) or count == signal.size:
@@ -152,7 +152,7 @@ def _repeating(record: TimeRecord, period: int | None) -> list[str]:
 
 
 def _repeats_with(record: TimeRecord, period: int) -> bool:
-    """Whether there are two periods, and they are alike."""
+    """Return whether there are two periods, and they are alike."""
     drive = record.u if record.reference is None else record.reference
     return len(drive) >= 2 * period and _apart(drive - drive.mean(axis=0), period) <= _WRONG
 
@@ -193,7 +193,7 @@ def found_period(record: TimeRecord) -> int | None:
 
 
 def _periodic(records: list[TimeRecord], period: int) -> list[str]:
-    """What whole periods show: drifts, noise unlike that of other records, noise of the input."""
+    """Problems that whole periods show: drifts, noise unlike that of other records, noise of the input."""
     periods = len(records[0].u) // period
     # Of the later half, where transients have died out.
     kept = slice(min(periods // 2, periods - 2) * period, periods * period)

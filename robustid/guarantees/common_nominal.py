@@ -90,7 +90,7 @@ def fitted_nominal(
 
 
 class _Between(NamedTuple):
-    """What takes the place of discs between the frequencies: their angles (N,), centres and radii (N, ny, nu)."""
+    """Discs in place of those between the frequencies: their angles (N,), centres and radii (N, ny, nu)."""
 
     angles: Real
     centre: Complex
@@ -116,7 +116,7 @@ class _Between(NamedTuple):
 
 
 def _targets(omega: Real, centres: Centres, between: _Between, dt: float) -> tuple[FrequencyResponse, NDArray[Any]]:
-    """What the nominal is fitted to, and the weight of every value."""
+    """Values that the nominal is fitted to, and the weight of each."""
     points = np.concatenate([omega, between.angles / dt])
     values = np.concatenate([centres.centre, between.centre])
     weight = np.concatenate([1 / centres.radius, _LIGHTER / between.radius])

@@ -68,7 +68,7 @@ class Extreme(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PartSet:
-    """What extremes over the set of a part are found with."""
+    """Arrays and a centre from which extremes over the set of a part are found."""
 
     data: ConvexData
     center: Candidate
@@ -220,7 +220,7 @@ class ConsistentSet(Frozen):
 
     @property
     def separate(self) -> bool:
-        """Whether samples leave some entries to themselves."""
+        """Return whether samples leave some entries to themselves."""
         return bool(self._parts)
 
     @functools.cached_property

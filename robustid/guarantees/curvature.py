@@ -13,7 +13,7 @@ from robustid.core import Real
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, Prior, parametric_states
 
-_DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are nearly dependent
+_DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
 _SHORT = 0.25  # half of an arc times the resolvent at its middle
 _PIECES = 4000  # of an arc, at most
@@ -139,7 +139,7 @@ def interpolant_part(identification: Identification) -> StateSpace:
 def input_normal(A: Real, B: Real, C: Real) -> StateSpace:
     """A similar realisation whose states are orthonormal: its resolvent is hardly larger than its poles make it.
 
-    Of repeated light poles by far: 1/distance^2 becomes 2.4/distance. Where the states are nearly dependent, or a pole is on the
+    Of repeated light poles by far: 1/distance^2 becomes 2.4/distance. Where the states are almost dependent, or a pole is on the
     circle, a diagonal scaling by powers of two.
     """
     if not A.shape[0]:

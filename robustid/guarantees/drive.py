@@ -1,4 +1,4 @@
-"""What drives a tube: an input of one entry, the horizon and the instants that are asked for, checked."""
+"""Drive of a tube: an input of one entry, the horizon and the instants that are asked for, checked."""
 
 from __future__ import annotations
 

@@ -226,7 +226,7 @@ class Family(Frozen, Drawable, Savable):
 
     @property
     def not_known(self) -> tuple[str, ...]:
-        """What is not known between the members, and beyond them, in sentences."""
+        """Sentences on what is not known between the members, and beyond them."""
         if self.schedule is None or self.interval is None:
             return ("Nothing is proved of the plant under other conditions than those of the members.",)
         name, ((low, high), values) = self.schedule, (self.interval, sorted(self.values))

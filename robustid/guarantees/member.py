@@ -91,7 +91,7 @@ class Member(Frozen):
 
     @property
     def condition(self) -> dict[str, float | str]:
-        """What is said of the condition, by name."""
+        """Values of the condition in which the member was measured, by name."""
         return {what: value for what in CONDITIONS if (value := getattr(self, what)) is not None}
 
     def bounded(self, result: Bounded) -> Member:

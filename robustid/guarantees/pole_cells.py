@@ -107,7 +107,7 @@ class PoleCell(Frozen):
         return total * _WIDER
 
     def slack(self, angles: Real) -> Real:
-        """What the expansion of all modes leaves out of every entry at exp(j angle), (F, ny, nu)."""
+        """Remainder of the expansion of all modes in every entry at exp(j angle), (F, ny, nu)."""
         return self._matrices(self.remainder(angles).sum(axis=1))
 
     def impulse_remainder(self, count: int) -> Real:
@@ -153,7 +153,7 @@ class PoleCell(Frozen):
         )
 
     def cost(self, angles: Real, smallest: Real) -> float:
-        """What the expansion leaves out at most, in units of the smallest bound of every entry (ny, nu)."""
+        """Largest remainder of the expansion, in units of the smallest bound of every entry (ny, nu)."""
         slack = self.slack(angles)
         return float(np.divide(slack, smallest, out=np.zeros(slack.shape), where=np.isfinite(smallest)).max())
 

@@ -82,7 +82,7 @@ class _Polygon:
 
     @property
     def _distances(self) -> Real:
-        """Of the corners from the origin; corner k lies between directions k and k + 1."""
+        """Distances of the corners from the origin; corner k lies between directions k and k + 1."""
         if self.angles.size == 2:
             return np.abs(np.array([self.support[0], -self.support[1]]) - self.origin)
         return np.abs(corners(self.angles[self.order], self.support) - self.origin)
@@ -99,7 +99,7 @@ class _Polygon:
 
     @property
     def extent(self) -> float:
-        """That distance."""
+        """Distance of the farthest value of a consistent system that was found."""
         return abs(self.reached[self.farthest] - self.origin)
 
     @property
@@ -183,7 +183,7 @@ class _Search:
 
     @functools.cached_property
     def _origin(self) -> Complex:
-        """What distances are counted from."""
+        """Point from which distances are counted."""
         return self._response(self._here.center.x, self._here.center.p) if self._about is None else self._about
 
     def _value(self, found: Extreme) -> Complex:
@@ -193,7 +193,7 @@ class _Search:
         return self._response(found.x, found.p)
 
     def _find(self, functional: Functional, gap: float) -> Complex | None:
-        """The value of a consistent system that is nearly extreme, one of the members from now on."""
+        """The value of a consistent system that is almost extreme, one of the members from now on."""
         point = self._here.member(functional, gap)
         if point is not None:
             self._members.append(self._response(*point))

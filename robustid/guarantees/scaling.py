@@ -78,7 +78,7 @@ def perron_scaling(values: Complex, bound: Real) -> Scaling:
 
 
 def _seen(values: Complex, bound: Real) -> NDArray[np.bool_]:
-    """Where neither the loop nor the bound is zero, (K,): no scaling makes nothing smaller."""
+    """True where neither the loop nor the bound is zero, (K,): no scaling makes nothing smaller."""
     return np.any(values, axis=(1, 2)) & np.any(bound, axis=(1, 2))
 
 

@@ -23,7 +23,7 @@ from robustid.identification import Identification
 
 
 class _Settings(NamedTuple):
-    """How the values of every member are bounded."""
+    """Settings with which the values of every member are bounded."""
 
     directions: int
     rtol: float
@@ -32,7 +32,7 @@ class _Settings(NamedTuple):
     resume: Folder | None
 
     def of(self, number: int, count: int) -> dict[str, Any]:
-        """Those of one member of so many: a folder of its own, and a count over all of them."""
+        """The settings of one member of so many: a folder of its own, and a count over all of them."""
         folder = None if self.resume is None else pathlib.Path(self.resume) / f"member-{number + 1}"
         told = None if self.progress is None else functools.partial(_counted, self.progress, number, count)
         common = {"directions": self.directions, "rtol": self.rtol, "executor": self.executor}
@@ -134,7 +134,7 @@ def family(
 
 
 def _frequencies(members: Sequence[Member], omega: Any) -> Real:
-    """Those that were asked for, those at which members are bounded already, or the default ones."""
+    """Frequencies that were asked for, those at which members are bounded already, or the default ones."""
     problem = members[0].identification.problem
     known = [m.result.omega for m in members if not isinstance(m.result, Identification)]
     if omega is not None:

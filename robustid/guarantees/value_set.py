@@ -87,7 +87,7 @@ class ValueSet(Frozen):
 
 
 def corners(directions: Real, support: Real) -> Complex:
-    """Where neighbouring sides Re(exp(-j theta) v) = support of a closed polygon meet."""
+    """Points where neighbouring sides Re(exp(-j theta) v) = support of a closed polygon meet."""
     there, turn = np.roll(support, -1), turns(directions)
     return np.exp(1j * directions) * (support + 1j * (there - support * np.cos(turn)) / np.sin(turn))
 

@@ -45,11 +45,11 @@ def widened_points(points: Points, extra: Real) -> Points | None:
     return points.select(kept).with_bound(wider)
 
 
-def widened_record(record: TimeRecord, rest: Real) -> TimeRecord:
-    """A record that holds of every plant whose impulse response is within `rest` (T, ny, nu) of that of one that keeps this one."""
-    inputs, count = np.abs(record.u).T, len(rest)
+def widened_record(record: TimeRecord, distance: Real) -> TimeRecord:
+    """A record that holds of every plant whose impulse response is within `distance` (T, ny, nu) of that of one keeping this one."""
+    inputs, count = np.abs(record.u).T, len(distance)
     extra = [
-        sum(np.convolve(u, h)[:count] for u, h in zip(inputs, row, strict=True)) for row in rest.transpose(1, 2, 0)
+        sum(np.convolve(u, h)[:count] for u, h in zip(inputs, row, strict=True)) for row in distance.transpose(1, 2, 0)
     ]
     return record.with_bound(record.bound.radius + np.stack(extra, axis=1))
 
@@ -65,7 +65,7 @@ def smallest_bounds(problem: MixedProblem) -> Real:
 
 
 def bounds_of_entries(points: Points, radius: Real) -> Real:
-    """What the bounds of frequency points leave to every entry alone at best, (F, ny, nu); inf where it isn't seen."""
+    """Bound that those of frequency points leave to every entry alone at best, (F, ny, nu); inf where it isn't seen."""
     if not isinstance(points, TangentialResponse):
         return radius
     weights = np.abs(points.weights)

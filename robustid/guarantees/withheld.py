@@ -105,7 +105,7 @@ class Coverage(Frozen):
 
     @functools.cached_property
     def excess(self) -> Real:
-        """What is left of the error after the withheld response's own bound, (R, F, ny, nu): above 1 it contradicts the band."""
+        """Error less the withheld response's own bound, (R, F, ny, nu): above 1 it contradicts the band."""
         return freeze(np.maximum(self.error - self.noise, 0.0))
 
     @property
@@ -134,7 +134,7 @@ class Coverage(Frozen):
 
     @property
     def scores(self) -> Real:
-        """Of every withheld response the smallest factor at which the band holds it with the whole of its own bound, (R,)."""
+        """Smallest factor at which the band holds each withheld response with the whole of its own bound, (R,)."""
         return np.nanmax(self.error + self.noise, axis=(1, 2, 3))
 
     @property
@@ -160,7 +160,7 @@ class Coverage(Frozen):
 
     @property
     def verdict(self) -> str:
-        """What the withheld data say of the band, in one sentence."""
+        """Sentence on what the withheld data say of the band."""
         count = self.omega.size if self.kind == "lines" else len(self.names)
         what = f"{count} {UNITS[self.kind] if count > 1 else UNITS[self.kind].replace(self.kind, self.kind[:-1], 1)}"
         inside = f"{_percent(self.share)} % of the samples of {what} lie inside the band"
@@ -309,7 +309,7 @@ def _check_fits(band: Band, item: FrequencyResponse, name: str) -> None:
 
 
 def _found(wanted: Real, have: Real) -> tuple[Any, Any]:
-    """Which of the wanted frequencies are there, and where."""
+    """Mask of the wanted frequencies that are there, and their places."""
     at = np.clip(np.searchsorted(have, wanted), 1, max(have.size - 1, 1))
     pair = np.stack([at - 1, np.minimum(at, have.size - 1)])
     nearest = pair[np.argmin(np.abs(have[pair] - wanted), axis=0), np.arange(wanted.size)]

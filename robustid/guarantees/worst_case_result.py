@@ -1,4 +1,4 @@
-"""What worst_case_error() finds: bounds of the error at every frequency, in every parameter and on the circle, with proofs."""
+"""Result of worst_case_error(): bounds of the error at every frequency, in every parameter and on the circle, with proofs."""
 
 from __future__ import annotations
 
@@ -356,7 +356,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @property
     def unfinished(self) -> str:
-        """What the time limit has left out, in a sentence; empty where nothing is missing."""
+        """Sentence on what the time limit has left out; empty where nothing is missing."""
         if not self.missing.size:
             return ""
         done, asked = self.omega.size, self.omega.size + self.missing.size

@@ -270,7 +270,7 @@ class BlockModel(Frozen):
         return -diagonal_blocks(pairs, np.diag(single))
 
     def least_distances(self, xi: Complex, resolved: float) -> Real:
-        """How near a step may bring the poles to the stability boundary: a part of the way, and what the data resolve."""
+        """Least distance of the poles from the stability boundary after a step: a part of the way, and what the data resolve."""
         return least_distances(self.distances, self.spacing(xi), resolved)
 
     def spacing(self, xi: Complex) -> Real:

@@ -92,7 +92,7 @@ def other_weights(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> tuple[
 
 
 def exact_covariance(frf: FrequencyResponse) -> bool:
-    """Whether the covariance counts as exact: no degrees of freedom are stated, and it can be inverted everywhere."""
+    """Return whether the covariance counts as exact: no degrees of freedom are stated, and it can be inverted everywhere."""
     return frf.covariance is not None and frf.dof is None and not np.any(_ranks(frf) < frf.covariance.shape[1])
 
 

@@ -241,7 +241,7 @@ def _seen_by_several(
 
 
 def _beyond(problem: FractionProblem, found: Refined, resolved: float, budget: Budget) -> tuple[Refined, int, float]:
-    """What the criterion would fall by without stability; the way back from there may end lower than the way along."""
+    """Look beyond the boundary: the end of the way back where it is lower, unstable poles of the best model there, its cost."""
     free = refine(problem, found.fitted.model, stable=False, limit=_BEYOND, budget=budget._replace(report=None))
     poles = free.fitted.model.poles
     unstable = int(np.sum(np.abs(poles) >= 1 if problem.dt is not None else poles.real >= 0))

@@ -104,7 +104,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
 
     @property
     def weight_choice(self) -> str:
-        """Which weight the residuals have, and why, in words."""
+        """Words for the weight of the residuals, and why it was chosen."""
         return self.problem.weight.note or "as given"
 
     @property

@@ -1,4 +1,4 @@
-"""What a fit predicts at frequency points from the others: to first order by one factorisation, or by fits to the others."""
+"""Predictions at frequency points from the others: to first order by one factorisation, or by fits to the others."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def mode_shapes(fit: MatrixFraction, covariance: ModalCovariance | None = None) 
 
 
 def modal_covariance(fit: MatrixFraction, basis: VectorPolynomials) -> ModalCovariance:
-    """What the noise makes of the coordinates of the structure, and of those of the fraction in a basis of polynomials."""
+    """Covariance of the coordinates of the structure, and of those of the fraction in a basis of polynomials."""
     structure = _Structure(fit)
     problem, rows, seen = fit.problem, np.zeros((0, structure.size)), 0.0
     values = basis.values.reshape(2, problem.omega.size, -1, basis.size)

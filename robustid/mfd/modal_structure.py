@@ -95,7 +95,7 @@ class Modal(Frozen):
 
     @property
     def words(self) -> str:
-        """What is kept, for reports."""
+        """Words for the structure that is kept, for reports."""
         shapes = "real shapes (proportional damping)" if self.real else "complex shapes (general damping)"
         symmetric = ", reciprocal: the response is symmetric" if self.symmetric else ""
         return f"modes of rank one with {shapes}{symmetric}; outputs are {self.quantity}s"

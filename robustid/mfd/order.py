@@ -49,7 +49,7 @@ _SAME_COST = 1e-6
 
 
 class _Found(NamedTuple):
-    """What a sweep has found so far, by order."""
+    """Findings of a sweep so far, by order."""
 
     fits: dict[int, MatrixFraction]
     failures: dict[int, str]

@@ -69,7 +69,7 @@ class Criterion:
 
     @classmethod
     def of(cls, problem: FractionProblem | Criterion) -> Criterion:
-        """That of a frequency response: one block."""
+        """The criterion of a frequency response: one block."""
         if isinstance(problem, Criterion):
             return problem
         block = Block(slice(None), problem.values, problem.weight)
@@ -215,7 +215,7 @@ class Outputs:
         return coefficients if self.apart else coefficients.reshape(-1, self.ny).T
 
     def _restricted(self, model: Any, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
-        """What the conditions forbid, the nearest coordinates that meet them, and whether any do.
+        """Directions that the conditions forbid, the nearest coordinates that meet them, and whether any do.
 
         The coordinates are orthonormal, so that the nearest ones raise the criterion least.
         """
@@ -260,7 +260,7 @@ class Outputs:
         return np.concatenate([self._changes(block, fitted) for block in self.criterion.blocks], axis=1)
 
     def importance(self, fitted: Fitted) -> Real:
-        """How much the criterion rises when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
+        """Rise of the criterion when a block of two poles is taken away and the outputs are fitted anew, (m,)."""
         coefficients, width = self.by_blocks(fitted)
         groups, columns = coefficients.shape[0], fitted.inverse.shape[2]
         inverse = np.broadcast_to(fitted.inverse, (groups, *fitted.inverse.shape[1:]))
@@ -364,7 +364,7 @@ def _final(model: BlockModel, periodic: Real, samples: int) -> Real:
 
 
 def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:
-    """What a half DFT (F, ...), or a part of it from a line on, gives to the first sample."""
+    """Contribution of a half DFT (F, ...), or of a part of it from a line on, to the first sample."""
     lines = first + np.arange(len(spectrum))
     single = (lines == 0) | (2 * lines == samples)
     return np.tensordot(np.where(single, 1.0, 2.0), spectrum.real, axes=1) / math.sqrt(samples)

@@ -1,4 +1,4 @@
-"""How far poles are from the stability boundary, and how near to it the frequency points let them come."""
+"""Distances of poles from the stability boundary, and how near to it the frequency points let them come."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EDGE = 1e-8  # nearer to the stability boundary (in the unit of the nodes) no po
 
 
 def least_distances(here: Real, spacing: Real, resolved: float) -> Real:
-    """How near a step may bring poles to the stability boundary: a part of the way, and what the data resolve."""
+    """Least distance of poles from the stability boundary after a step: a part of the way, and what the data resolve."""
     floor = np.minimum(resolved * spacing, here)
     return np.maximum.reduce([_KEPT * here, floor, np.full(here.size, EDGE)])
 

@@ -154,7 +154,7 @@ class FractionProblem(Frozen):
 
     @property
     def response_conditions(self) -> tuple[ResponseCondition, ...]:
-        """What the constraints on coefficients, but for zero entries and rigid-body modes, say of the response."""
+        """Constraints on coefficients as conditions on the response; zero entries and rigid-body modes are none."""
         ny, nu = self.values.shape[1:]
         out = list(self.held)
         for condition in self.conditions:  # left [I; P] right = 0

@@ -149,7 +149,7 @@ class RealModes(Frozen):
         return -np.hstack([np.eye(self.centre.size), np.diag(along)])
 
     def least_distances(self, xi: Complex, resolved: float) -> Real:
-        """How near a step may bring the poles to the stability boundary."""
+        """Least distance of the poles from the stability boundary after a step."""
         return least_distances(self.distances, self.spacing(xi), resolved)
 
     def spacing(self, xi: Complex) -> Real:

@@ -56,7 +56,7 @@ def checked_response(frf: Any, record: TimeRecord) -> FrequencyResponse:
 def posed(
     records: tuple[TimeRecord, ...], frf: FrequencyResponse | None, order: int, feedthrough: bool, offset: bool
 ) -> Experiments:
-    """What is fitted; InputError where the data can't carry the order."""
+    """The experiments that are fitted; InputError where the data can't carry the order."""
     nu, ny = records[0].u.shape[1], records[0].y.shape[1]
     unknowns, equations = order * (nu + ny) + feedthrough * nu * ny, 0
     for number, record in enumerate(records):

@@ -30,7 +30,7 @@ _SEEN = 1e-13  # directions that the response sees less than this are not moved 
 
 
 class Budget(NamedTuple):
-    """What a refinement may use, and whom it tells."""
+    """Steps and time that a refinement may use, and whom it tells."""
 
     deadline: float = math.inf  # of `time.monotonic`
     report: Callable[[FitStep], None] | None = None

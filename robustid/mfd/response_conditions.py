@@ -41,7 +41,7 @@ class ResponseCondition(Frozen):
         return dataclasses.replace(self, left=self.right.T, right=self.left.T, value=self.value.T)
 
     def rows(self, model: BlockModel, feedthrough: bool) -> Real:
-        """What the equations see of the rows of [C D]: (equations, ny, columns)."""
+        """Rows of [C D] as the equations see them: (equations, ny, columns)."""
         if np.isinf(self.point):
             A, B = model.matrices()
             states = np.linalg.matrix_power(A, self.power) @ B
@@ -52,7 +52,7 @@ class ResponseCondition(Frozen):
         return self._parts(self.left[:, None, :, None] * seen.T[None, :, None, :])
 
     def values(self) -> Real:
-        """What the equations ask for, (equations,)."""
+        """Right sides of the equations, (equations,)."""
         return self._parts(self.value)
 
     def changes(self, model: BlockModel, C: Real) -> Real:
@@ -71,10 +71,10 @@ class ResponseCondition(Frozen):
 
 
 def equations(conditions: Sequence[ResponseCondition], model: BlockModel, feedthrough: bool) -> Real:
-    """What all equations see of the rows of [C D], (m, ny, columns)."""
+    """Rows of [C D] as all equations see them, (m, ny, columns)."""
     return np.concatenate([condition.rows(model, feedthrough) for condition in conditions])
 
 
 def wanted(conditions: Sequence[ResponseCondition]) -> Real:
-    """What all equations ask for, (m,)."""
+    """Right sides of all equations, (m,)."""
     return np.concatenate([condition.values() for condition in conditions])

@@ -86,7 +86,7 @@ def unpack_records(record: Record, arrays: Arrays) -> RecordFit:
 
 
 def _described(value: Any, path: str, arrays: Arrays) -> Any:
-    """What JSON can hold of a value; arrays by their path."""
+    """The value as JSON can hold it; arrays by their path."""
     if isinstance(value, np.ndarray):
         arrays[path] = value
         return {"$array": path}

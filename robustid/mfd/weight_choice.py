@@ -1,4 +1,4 @@
-"""Which of several weights a fit takes: the one whose fit predicts frequency points best that were withheld from it."""
+"""Choice of one of several weights: the one whose fit predicts frequency points best that were withheld from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit predicts: its error at frequency points that were withheld from it."""
+"""Predictions of a fit: its error at frequency points that were withheld from it."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ class BestModels:
         return False
 
     def _truncated(self, order: int) -> Iterator[Any]:
-        """Of a matrix without integrators also the truncation itself: with as many states least squares follow every error."""
+        """Truncations to start from; of a matrix also the model's own: with as many states least squares follow every error."""
         pair = self._families[0](order - self.chains)
         fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self._radius)))
         if fit is not None:
@@ -250,7 +250,7 @@ class BestModels:
         return best
 
     def _promise(self, fit: Fit) -> tuple[bool, float]:
-        """What is followed first: the smallest squares; of a matrix, where they leave hope, the smallest largest residual."""
+        """Sort key: the smallest squares first; of a matrix, where they leave hope, the smallest largest residual."""
         if self.samples.heads == 1:
             return False, fit.cost
         hopeless = fit.cost > self.limit

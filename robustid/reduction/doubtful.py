@@ -1,4 +1,4 @@
-"""Modes of a small model that its data hardly show: at the limit of damping, between the points, or nearly cancelled by a zero."""
+"""Modes of a small model that its data hardly show: at the limit of damping, between the points, or almost cancelled by a zero."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robustid.mfd import continuous, modal_form
 
 _LEAST = 1.5e-5  # damping ratio: searches end at 1e-5
 _BETWEEN = 0.25  # of the distance of the frequency points: a mode that is narrower lies between them
-_CANCELLED = 0.05  # of the response: what a mode nearly cancelled by a zero changes at most, at its peak
+_CANCELLED = 0.05  # of the response: what a mode almost cancelled by a zero changes at most, at its peak
 _NARROW = "that is narrower than the distance of the frequency points around it, which do not show it"
 _AROUND = np.linspace(-3, 3, 61)  # in half-widths
 
@@ -125,7 +125,7 @@ def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real) -
     with_it, without = responses(model, near), responses(smaller, near)
     size = np.maximum(np.linalg.norm(with_it, axis=(1, 2)), np.finfo(float).tiny)
     if np.max(np.linalg.norm(with_it - without, axis=(1, 2)) / size) < _CANCELLED:
-        return "that a zero nearly cancels"
+        return "that a zero almost cancels"
     if points.size > 1 and points[0] < omega < points[-1]:
         place = int(np.searchsorted(points, omega))
         if damping * omega < _BETWEEN * float(points[place] - points[place - 1]):
@@ -134,7 +134,7 @@ def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real) -
 
 
 def _predicts(model: Any, smaller: Any, unused: Sequence[FrequencyResponse]) -> bool:
-    """Whether the smaller model misses points that were not used by no more than they are bounded, or than the model does."""
+    """Return whether the smaller model misses points not used by no more than they are bounded, or than the model does."""
     for frf in unused:
         before, after = (_missed(one, frf) for one in (model, smaller))
         if after > max(1.0, before * (1 + 1e-9)):

@@ -139,7 +139,7 @@ def _hammarling(a: Complex, b: Complex, column: _Column) -> Complex:
 
 
 def _continuous_column(above: Complex, beside: Complex, pole: complex, norm: float, along: Complex) -> _Parts:
-    """Of A U U^H + U U^H A^H + B B^H = 0, Re diag(A) < 0."""
+    """Column of the U with A U U^H + U U^H A^H + B B^H = 0, Re diag(A) < 0."""
     alpha = np.sqrt(-2 * pole.real)
     last = norm / alpha
     x = _solve_shifted(above, pole.conjugate(), 1.0, -beside * last - alpha * along)
@@ -147,7 +147,7 @@ def _continuous_column(above: Complex, beside: Complex, pole: complex, norm: flo
 
 
 def _discrete_column(above: Complex, beside: Complex, pole: complex, norm: float, along: Complex) -> _Parts:
-    """Of A U U^H A^H - U U^H + B B^H = 0, |diag(A)| < 1."""
+    """Column of the U with A U U^H A^H - U U^H + B B^H = 0, |diag(A)| < 1."""
     beta = np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
     last = norm / beta
     x = _solve_shifted(above, 1.0, -pole.conjugate(), pole.conjugate() * beside * last + beta * along)

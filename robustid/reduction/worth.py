@@ -194,7 +194,7 @@ def _chosen(
         return float(np.linalg.norm(fit.problem.weight.apply(left)) ** 2)
 
     def worse(value: float, order: int) -> bool:
-        """Whether a misfit is significantly and noticeably above that of the fit of the order carried."""
+        """Return whether a misfit is significantly and noticeably above that of the fit of the order carried."""
         if value <= _AS_WELL**2 * best:
             return False
         extra = max(int(sweep.parameters[place]) - order * sum(identification.problem.entries.shape), 1)

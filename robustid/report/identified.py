@@ -43,7 +43,7 @@ def in_unit(text: str, identification: Identification) -> str:
 
 
 def about(identification: Identification) -> str:
-    """What the bounds hold for, mean or next record, one excitation or several, before a guarantee; empty where it isn't stated."""
+    """Sentence on what the bounds hold for: mean or next record, one excitation or several; empty where it isn't stated."""
     return "".join(f"{sentence} " for sentence in identification.problem.about)
 
 

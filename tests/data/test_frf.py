@@ -170,7 +170,7 @@ def test_units_do_not_matter(method, power):
 
 
 @pytest.mark.parametrize("jitter", [0.0, 1e-9])
-def test_a_transient_shows_whether_the_input_repeats_exactly_or_nearly(jitter):
+def test_a_transient_shows_whether_the_input_repeats_exactly_or_almost(jitter):
     rng, time = np.random.default_rng(0), np.arange(1600)
     u = np.tile(rng.standard_normal(100), 16)
     y = u + 10 * np.exp(-3 * time / 100) * np.cos(time) + 0.01 * rng.standard_normal(1600)

@@ -40,7 +40,7 @@ def test_measured_plants(tmp_path, capsys, options, file):
     rows = [[float(number) for number in line.split()[:4]] for line in table]
     if not options:
         assert [round(row[0], 1) for row in rows] == [11.2, 22.6, 28.1, 33.2, 58.3, 65.4]
-        assert max(row[3] for row in rows) < 0.05  # residues of rank one, nearly
+        assert max(row[3] for row in rows) < 0.05  # residues of rank one, almost
     found = re.search(r"at .* Hz \(index .*\); (\d+) outside", printed)
     lines = int(re.search(r"(\d+) frequency points that were not used", printed)[1])
     assert int(found[1]) < 0.02 * lines * (9 if options else 4)

@@ -1,4 +1,4 @@
-"""Structured covers against drawn errors: none is larger than its bound, and the bound is nearly reached."""
+"""Structured covers against drawn errors: none is larger than its bound, and the bound is almost reached."""
 
 import control
 import numpy as np

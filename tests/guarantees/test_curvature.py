@@ -46,7 +46,7 @@ def test_its_coordinates_change_no_value():
     ("A", "B"),
     [
         (np.diag([1.0, 0.5]), np.ones((2, 1))),  # a pole on the circle
-        (np.diag([0.5, 0.5 + 1e-9]), np.ones((2, 1))),  # nearly dependent states
+        (np.diag([0.5, 0.5 + 1e-9]), np.ones((2, 1))),  # almost dependent states
         (np.diag([0.5, 0.7]), np.array([[1.0], [0.0]])),  # a state that no input reaches
     ],
 )

@@ -44,7 +44,7 @@ def test_the_union_is_that_of_the_polygons_around_any_nominal(three):
             assert three.centres.radius[k, 0, 0] <= np.abs(corners - nominal[k]).max() * (1 + 1e-9)
 
 
-def test_the_nominal_is_nearly_as_good_as_the_centres_and_small(three):
+def test_the_nominal_is_almost_as_good_as_the_centres_and_small(three):
     assert (three.upper / three.centres.radius).max() <= ENOUGH
     assert three.model.nstates == three.tried[-1][0] <= 2
     assert three.with_model(three.model).upper == pytest.approx(three.upper)

@@ -3,6 +3,7 @@
 import ast
 import functools
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -151,10 +152,17 @@ def test_optimised_python_behaves_the_same(capsys):
     assert optimised.stdout == expected
 
 
+def test_docstrings_begin_with_a_verb_or_a_noun_phrase_and_say_the_field_s_words():
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module) and (said := ast.get_docstring(node)):
+                place = f"{path}, {getattr(node, 'name', 'module')}"
+                assert not re.match(r"(What|Whether|Of|How|Where|Which|That|Those|When)\b", said), place
+                assert not re.search(r"\b(nearly|channels?|guaranteed_margin)\b", said), place
+
+
 def test_every_cited_source_is_in_the_bibliography():
     known = {line.split("{")[1].rstrip(",\n") for line in (ROOT / "references.bib").open() if line.startswith("@")}
-    import re
-
     for path in FILES:
         for key in re.findall(r"`([a-z]+(?:19|20)\d\d)`", path.read_text(encoding="utf-8")):
             assert key in known, f"{path} cites {key}"

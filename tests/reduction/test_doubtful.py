@@ -23,7 +23,7 @@ def structure(extra):
     return found, control.parallel(own, more)
 
 
-def test_a_mode_that_a_zero_nearly_cancels_is_left_out():
+def test_a_mode_that_a_zero_almost_cancels_is_left_out():
     found, model = structure((9.7, 0.03, 0.003))
     assert largest_ratio(found.problem, model) < 1
     smaller, modes = without_doubtful_modes(found, model)
@@ -31,7 +31,7 @@ def test_a_mode_that_a_zero_nearly_cancels_is_left_out():
     (mode,) = modes
     assert mode.removed
     np.testing.assert_allclose([mode.hz, mode.damping], [9.7, 0.03], rtol=1e-6)
-    assert "a zero nearly cancels" in mode.summary()
+    assert "a zero almost cancels" in mode.summary()
     assert largest_ratio(found.problem, smaller) <= 1
 
 

@@ -184,7 +184,7 @@ def test_wrong_poles_contradict_the_class_and_the_small_model_says_that_it_is_no
 
 
 def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
-    """White noise in bounds of a millionth: as many poles as samples are needed, or nearly."""
+    """White noise in bounds of a millionth: as many poles as samples are needed, or almost."""
     rng = np.random.default_rng(0)
     frf = rid.FrequencyResponse(
         np.linspace(30, 280, 6), rng.standard_normal(6) + 1j * rng.standard_normal(6), bound=1e-6, dt=0.01

@@ -146,7 +146,7 @@ def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
 
 
 def _unfinished(error: Any, band: Any) -> list[str]:
-    """What the time limit left out, in words; none where nothing is missing."""
+    """Words for what the time limit left out; none where nothing is missing."""
     done, asked = band.omega.size, error.omega.size
     return [] if done == asked else [f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"]
 

@@ -119,7 +119,7 @@ def _unexcited(drive: np.ndarray, index: np.ndarray) -> np.ndarray:
 def _left(
     lines: np.ndarray, u: np.ndarray, y: np.ndarray, index: np.ndarray, values: np.ndarray, inputs: np.ndarray
 ) -> _Lines:
-    """What unexcited lines hold beyond the linear response to what the inputs hold there."""
+    """Output on unexcited lines beyond the linear response to what the inputs hold there."""
     response = _continued(lines, index, values)
     left = y[lines] - response[:, None] @ u[lines]
     mean = left.mean(axis=1)

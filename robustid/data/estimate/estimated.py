@@ -1,4 +1,4 @@
-"""What a method finds in the records, and the bound for all spectral lines and entries at once that follows."""
+"""Findings of a method in the records, and the bound for all spectral lines and entries at once that follows."""
 
 from __future__ import annotations
 

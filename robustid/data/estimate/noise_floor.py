@@ -54,7 +54,7 @@ class NoiseFloor(Frozen):
             self._set(**{name: freeze(as_array(name, getattr(self, name)))})
 
     def probability(self, samples: int) -> float:
-        """That `samples` further ones of each output all stay within its largest deviation, for exchangeable noise.
+        """Probability that `samples` further ones of each output all stay within its largest deviation, for exchangeable noise.
 
         ``T/(T + samples)`` for one output: the largest of all T + samples lies anywhere with the same probability. Several
         outputs by adding what is missing to 1. It leaves the factor out: the probability of the bound is larger.

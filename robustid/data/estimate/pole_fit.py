@@ -69,7 +69,9 @@ class PoleFit:
             ahead, poles, best = self._ahead(delay), self._first(order), (np.inf, np.zeros(0, complex))
             for _ in range(_RELOCATIONS):
                 poles = self._relocated(ahead, poles)
-                cost = sum(float(one.rest @ one.rest) for one in self._entries(ahead, self._functions(0.0, poles)))
+                cost = sum(
+                    float(one.residual @ one.residual) for one in self._entries(ahead, self._functions(0.0, poles))
+                )
                 best = min(best, (cost, poles), key=lambda item: item[0])
             costs.append(best[0])
             found.append(best[1])
@@ -92,7 +94,7 @@ class PoleFit:
             return float(z[0] * unit), moved
 
         def residual(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([one.rest for one in self._entries(self.values, self._functions(*unpack(z)))])
+            return np.concatenate([one.residual for one in self._entries(self.values, self._functions(*unpack(z)))])
 
         def slopes(z: np.ndarray) -> np.ndarray:
             ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in _STEP * np.eye(z.size)]
@@ -110,7 +112,7 @@ class PoleFit:
         return Refined(*unpack(found.x), 2 * float(found.cost))
 
     def deviation(self, best: Refined) -> float:
-        """How far the delay goes, the poles following, before the cost has risen as much as one standard deviation costs.
+        """Way of the delay, the poles following, until the cost has risen as much as one standard deviation costs.
 
         Not from the curvature at the minimum: within a sample the cost of a held plant can be as flat as a fourth power.
         """
@@ -160,7 +162,7 @@ class PoleFit:
         entries = self._entries(values, self._functions(0.0, poles))
         for weight, value, one in zip(self.weight.T, values.T, entries, strict=True):
             rows.append(one.tangent(_real((weight * value)[:, None] * functions)))
-            rights.append(one.rest)
+            rights.append(one.residual)
         stacked = np.vstack(rows)
         scale = lengths(stacked)
         c = np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0], dtype=float) / scale

@@ -145,7 +145,7 @@ class _Smooth:
 
 
 def _together(residuals: np.ndarray, variance: Real, dof: float, count: int) -> Real:
-    """How many lines of a pool are worth one, (F,): 1 where they vary independently."""
+    """Number of lines of a pool that are worth one, (F,): 1 where they vary independently."""
     white = residuals / np.sqrt(np.where(variance > 0, variance, 1))[:, None]
     power = np.sum(np.abs(white) ** 2, axis=1)  # (F, q)
     least, wide = _TOGETHER * dof, 2 * count + 1

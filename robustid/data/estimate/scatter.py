@@ -57,7 +57,7 @@ class Scatter(NamedTuple):
 
 
 class _Residuals(NamedTuple):
-    """What the response leaves of the experiments, in signals whose scatter is the same in all of them.
+    """Residuals of the experiments, in signals whose scatter is the same in all of them.
 
     Where every experiment drives the inputs alike, the outputs scatter alike in all nu experiments of a block: the signals are
     the outputs, with nu times the degrees of freedom. Else they are the entries of the response of a block.
@@ -132,7 +132,7 @@ def scattered(
 
 
 def _changing(shared: Pool, noise: Pool | None, blocks: int, single: _Residuals, shape: tuple[int, ...]) -> Changing:
-    """What changes: the variance between blocks less that of the noise, or all of it where that makes the surer bound."""
+    """Variance of what changes: that between blocks less that of the noise, or all of it where that makes the surer bound."""
     own = np.einsum("fii->fi", shared.matrix).real
     dof = shared.dof
     if noise is not None:
@@ -150,7 +150,7 @@ def _changing(shared: Pool, noise: Pool | None, blocks: int, single: _Residuals,
 
 
 def _unseen(shared: Pool, noise: Pool, single: _Residuals, shape: tuple[int, ...]) -> Changing:
-    """What may change although the scatter between blocks is no more than noise explains."""
+    """Variance of what may change although the scatter between blocks is no more than noise explains."""
     own, quiet = (np.einsum("fii->fi", part.matrix).real for part in (shared, noise))
     return Changing(_diagonal(single, np.maximum(own - quiet, own / np.sqrt(shared.dof)[:, None]), shape), shared.dof)
 
@@ -178,7 +178,7 @@ def _common(residuals: np.ndarray, shared: Pool, dof: float) -> float:
 
 
 def alike(u: np.ndarray) -> bool:
-    """Whether every input has about the same size in all experiments; (F, B, P, nu, nu), the experiments last."""
+    """Return whether every input has about the same size in all experiments; (F, B, P, nu, nu), the experiments last."""
     size = np.sqrt(np.mean(np.abs(u.mean(axis=2)) ** 2, axis=0))  # (B, nu, nu)
     return bool(np.all(size.max(axis=(0, 2)) <= _ALIKE * size.min(axis=(0, 2))))
 

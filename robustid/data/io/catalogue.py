@@ -1,4 +1,4 @@
-"""Where the published data sets come from: addresses at fixed commits, checksums, licences, citations."""
+"""Catalogue of the published data sets: addresses at fixed commits, checksums, licences, citations."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def _unit(label: str) -> str:
 
 
 def _touchstone_lines(path: Path) -> int:
-    """How many lines begin a frequency: those with an odd number of numbers. Refuses what would allocate without end."""
+    """Count the lines that begin a frequency: those with an odd number of numbers. Refuses what would allocate without end."""
     size, odd, options = os.path.getsize(path), 0, 0
     ports = re.fullmatch(r"\.[sgyzh](\d+)p", path.suffix.lower())
     stated = [int(ports[1][:9])] if ports else []

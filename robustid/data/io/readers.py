@@ -78,7 +78,7 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
 
 
 def export(table: Table) -> str:
-    """How to get at objects that only MATLAB can read, as the end of a sentence."""
+    """End of a sentence: a way to objects that only MATLAB can read."""
     if not table.objects:
         return ""
     name, kind = next(iter(table.objects.items()))

@@ -1,4 +1,4 @@
-"""Which array of a file plays which role: names given or usual, several signals, units, the time axis."""
+"""Roles of the arrays of a file: names given or usual, several signals, units, the time axis."""
 
 from __future__ import annotations
 

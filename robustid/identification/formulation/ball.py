@@ -183,7 +183,7 @@ class TurnedBall(Ball):
         return (turned + turned.T) / 2
 
     def multiplier(self, Z: list[Real]) -> Real:
-        """That of the ball, whatever the coordinates."""
+        """The multiplier of the ball, whatever the coordinates."""
         return self._ball.multiplier(Z)
 
     def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:

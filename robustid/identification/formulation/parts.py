@@ -56,7 +56,7 @@ class Part(Frozen):
         return x[self.x] / self.factor, p[self.p]
 
     def restricted(self, x: Real, p: Real) -> tuple[Real, Real]:
-        """What coefficients and parameters of the whole are in the part."""
+        """Coefficients and parameters of the whole as those of the part."""
         return x[self.x] * self.factor, p[self.p]
 
     def replaced(self, x: Real, p: Real, mine: tuple[Real, Real]) -> tuple[Real, Real]:

@@ -269,11 +269,11 @@ class BlockHankelMap(SymmetricMap):
         return (full + full.T) / 2
 
     def before(self, P: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """What tr(H_i P H_j Q') needs of P, (N, N/2 + 1, m, m^2): `back` of the products with the transposes of `after`."""
+        """Transforms that tr(H_i P H_j Q') needs of P, (N, N/2 + 1, m, m^2): `back` of products with the transposes of `after`."""
         return self._above(self._transform(P))
 
     def after(self, Q: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """What tr(H_i P H_j Q') needs of Q, (N, N/2 + 1, m, m^2)."""
+        """Transforms that tr(H_i P H_j Q') needs of Q, (N, N/2 + 1, m, m^2)."""
         return self._below(self._transform(Q))
 
     def back(self, total: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -322,7 +322,7 @@ class SectionProducts(EntryProducts):
         return np.array([[self._one.adjoint(entry.T) for entry in row] for row in Y])
 
     def transforms(self, corners: Corners) -> Parts:
-        """What tr(H_k U H_l V') needs of U and of V, of all blocks."""
+        """Transforms that tr(H_k U H_l V') needs of U and of V, of all blocks."""
         return {
             place: [[(self._one.before(one), self._one.after(one)) for one in row] for row in block]
             for place, block in corners.items()

@@ -1,4 +1,4 @@
-"""What the class says between the frequency points: the verdict, and the picture of the widths."""
+"""Statements of the class between the frequency points: the verdict, and the picture of the widths."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def family_page(
 
 
 def _verdicts(family: Family, withheld: Any) -> list[Verdict]:
-    """That of the family and that of withheld data, which comes first where it contradicts the band."""
+    """Verdict of the family and that of withheld data, which comes first where it contradicts the band."""
     if withheld is None:
         return [family_verdict(family)]
     both = [family_verdict(family), withheld_verdict(withheld)]
@@ -155,7 +155,7 @@ def family_chart(family: Family) -> Chart:
 
 
 def family_charts(family: Family) -> list[Chart]:
-    """Of every entry the magnitude of the nominal with the band, the ranges of the members, and the errors of these."""
+    """Charts of every entry: the magnitude of the nominal with the band, the ranges of the members, and the errors of these."""
     at = family.omega[family.omega > 0]
     low, high = (at[0], at[-1]) if at.size > 1 else (at[0] / 2, min(2 * at[0], np.pi / family.dt))
     fine = np.unique(np.concatenate([np.geomspace(low, high, _CURVE // 2), np.linspace(low, high, _CURVE // 2), at]))
