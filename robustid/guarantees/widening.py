@@ -46,7 +46,7 @@ def widened_points(points: Points, extra: Real) -> Points | None:
 
 
 def widened_record(record: TimeRecord, distance: Real) -> TimeRecord:
-    """A record that holds of every plant whose impulse response is within `distance` (T, ny, nu) of that of one keeping this one."""
+    """A record that holds of every plant whose impulse response is within `distance` (T, ny, nu) of one that keeps it."""
     inputs, count = np.abs(record.u).T, len(distance)
     extra = [
         sum(np.convolve(u, h)[:count] for u, h in zip(inputs, row, strict=True)) for row in distance.transpose(1, 2, 0)
