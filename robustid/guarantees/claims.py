@@ -16,6 +16,8 @@ from robustid.identification import (
 )
 from robustid.identification.formulation import Rows, SarasonMap
 
+SUMS = 1 + 2.0**-51  # most that a bound can be above a sum of two doubles that stands for it
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SupportClaim(Frozen):
@@ -64,9 +66,20 @@ class SupportClaim(Frozen):
         return shapes and all(np.all(np.isfinite(a)) for a in (proof.samples, proof.left, proof.right))
 
 
+class RelaxedClaim(SupportClaim):
+    """A `SupportClaim` about a relaxed problem, whose bounds are sums that may be too small by one rounding."""
+
+    def verify(self, exact: bool = False) -> bool:
+        """As of any claim; in ball arithmetic for bounds that are larger by so much."""
+        if not super().verify():
+            return False
+        proof = dataclasses.replace(self.certificate, level=self.certificate.level * SUMS)
+        return not exact or verify_support_exactly(proof, self.functional, self.rows, self.sarason)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class RefutationClaim(Frozen):
-    """The margin of a problem exceeds 1, by a certificate.
+    """The margin of a relaxed problem exceeds 1, by a certificate.
 
     Attributes
     ----------
@@ -88,7 +101,7 @@ class RefutationClaim(Frozen):
         proof = self.certificate
         fits = proof.samples.shape == self.rows.y.shape and proof.ball.shape == self.sarason.shape
         numbers = all(np.all(np.isfinite(a)) for a in (proof.samples, proof.ball, proof.upper))
-        if not (fits and numbers and proof.value > 1):
+        if not (fits and numbers and proof.value > SUMS):
             return False
         arguments = self.rows, self.sarason
         return proof.verify(*arguments) and (not exact or verify_margin_exactly(proof, *arguments))

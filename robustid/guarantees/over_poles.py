@@ -30,6 +30,7 @@ from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.claims import RefutationClaim, SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, set_of, which
+from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation, union_of
@@ -93,12 +94,24 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         """Evaluate all proofs again, from their numbers and those of the problem; no solver is involved.
 
         The cells must leave out no part of the box, the certificates of each must hold for its relaxed problem, made anew, and the
-        bounds follow from them. `exact` evaluates the certificates in ball arithmetic too (`robustid[exact]`).
+        bounds follow from them. `exact` evaluates the certificates in ball arithmetic too, and what the problems are relaxed by,
+        for all poles between the ends of each cell (`robustid[exact]`); the arrays of the problems, and the polygons of the
+        certificates, are taken as they are in double precision.
         """
-        if not (self.covered and self.supported):
+        if not (self.covered and self.supported) or (exact and self.not_relaxed_enough()):
             return False
         with threads_for(self.identification.problem.coefficients):
             return all(claim.verify(exact) for claim in self.claims())
+
+    def not_relaxed_enough(self) -> list[str]:
+        """Cells whose relaxed problem can't be shown in ball arithmetic to cover all their poles; needs `robustid[exact]`."""
+        cells = [item.cell for item in (*self.kept, *self.refuted)]
+        problem = self.identification.problem
+        return [
+            f"cell {number}, expansion about its middle"
+            for number, cell in enumerate(cells, start=1)
+            if not relaxed_enough(cell, problem, self.omega)
+        ]
 
     def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
         """Every inequality that is stated of a cell, with its certificate."""

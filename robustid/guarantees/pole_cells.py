@@ -19,7 +19,7 @@ from robustid.guarantees.widening import Points, smallest_bounds, widened_points
 from robustid.identification import Identification, MixedProblem
 
 AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
-_REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
+REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
 # Least amplitudes of entries in which the model hardly has a mode, as parts: of the entry's largest mode, and of what the other
 # entries of its row and column suggest, since modes are of rank one.
 _FLOOR, _WEAK = 1e-3, 0.5
@@ -79,13 +79,13 @@ class PoleCell(Frozen):
     def basis(self) -> ParametricBasis:
         """Repeated pairs at the middle."""
         omega, damping = self.omega.mean(axis=1), self.damping.mean(axis=1)
-        return kautz(omega, damping, dt=self.dt, repeat=_REPEAT, delay=self.delay)
+        return kautz(omega, damping, dt=self.dt, repeat=REPEAT, delay=self.delay)
 
     def intervals(self) -> Real:
         """Intervals of the coefficients of `basis`, (2 M repeat, 2); MIMO: (2 M repeat, ny, nu, 2)."""
         ends: list[Real] = []
         for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
-            one = kautz(w, d, dt=self.dt, repeat=_REPEAT, delay=self.delay)
+            one = kautz(w, d, dt=self.dt, repeat=REPEAT, delay=self.delay)
             rows = np.linalg.norm(one.C, axis=1)
             norms = (np.linalg.norm(one.A, axis=1) if self.delay == 0 else np.ones(rows.size)) / rows
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
@@ -102,7 +102,7 @@ class PoleCell(Frozen):
             distance = np.abs(1 - pole * z) - _ROUNDING
             room = self._each(distance - self.radius)
             with np.errstate(divide="ignore", invalid="ignore"):
-                terms = self.amplitude * self._each((self.radius / distance) ** _REPEAT) / room
+                terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
                 total += np.where(room > 0, terms, np.inf)
         return total * _WIDER
 
@@ -119,9 +119,9 @@ class PoleCell(Frozen):
 
         k = np.arange(count)[:, None] - self.delay
         largest = np.abs(self.middle) + self.radius
-        ways = scipy.special.comb(np.maximum(k, 0), _REPEAT) * _WIDER
-        size = 2 * self.amplitude * self._each(self.radius**_REPEAT)
-        return size * self._each(ways) * self._each(largest ** np.maximum(k - _REPEAT, 0))
+        ways = scipy.special.comb(np.maximum(k, 0), REPEAT) * _WIDER
+        size = 2 * self.amplitude * self._each(self.radius**REPEAT)
+        return size * self._each(ways) * self._each(largest ** np.maximum(k - REPEAT, 0))
 
     def _each(self, array: NDArray[Any]) -> Real:
         """An array whose last axis goes with the modes, with an axis more for each of the entries."""

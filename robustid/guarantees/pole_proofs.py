@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real
-from robustid.guarantees.claims import RefutationClaim, SupportClaim
+from robustid.guarantees.claims import RefutationClaim, RelaxedClaim, SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import ValueSet, by_frequency, closes, value_set_claims
@@ -48,8 +48,9 @@ class KeptCell(Frozen):
         # A centre is where solvers start: no certificate needs it.
         consistent = ConsistentSet(posed, Candidate(none, none, none, none, ""), 1.0)
         for sets in by_frequency(self.values).values():
-            for claim in value_set_claims(consistent, *sets):
-                yield dataclasses.replace(claim, name=f"{name}, {claim.name}")
+            for one in value_set_claims(consistent, *sets):
+                parts = one.functional, one.stated, one.certificate, one.rows, one.sarason
+                yield RelaxedClaim(f"{name}, {one.name}", *parts)
 
     def is_about(self, problem: MixedProblem, omega: Real) -> bool:
         """Return whether the polygons are closed, of all entries at these frequencies, of a relaxed problem; or there are none."""

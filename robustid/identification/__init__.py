@@ -8,7 +8,7 @@ from robustid.identification.certificate import (
     evaluate_support,
 )
 from robustid.identification.consistency import OBJECTIVES, identify
-from robustid.identification.exact_evaluation import verify_margin_exactly, verify_support_exactly
+from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
@@ -33,6 +33,7 @@ __all__ = [
     "Residual",
     "SupportCertificate",
     "Validation",
+    "ball_arithmetic",
     "certify_support",
     "check_model",
     "describe_poles",

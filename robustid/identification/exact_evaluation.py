@@ -50,7 +50,7 @@ def enclose_support(
     functional: Functional, samples: NDArray[Any], Y: Real, level: float, rows: Rows, sarason: SarasonMap
 ) -> float:
     """A double above the bound of `evaluate_support`, evaluated without rounding errors."""
-    with _precision() as flint:
+    with ball_arithmetic() as flint:
         S = sarason.stein(Y)
         size = _sizes(samples, rows)
         reach = [flint.arb(level) + tail for tail in rows.tail.tolist()]
@@ -62,7 +62,7 @@ def enclose_support(
 
 def enclose_margin(samples: NDArray[Any], ball: Real, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """A double below the bound of `evaluate_certificate`, evaluated without rounding errors."""
-    with _precision():
+    with ball_arithmetic():
         size = _sizes(samples, rows)
         weight = _sum(size)
         if not weight > 0:
@@ -86,7 +86,8 @@ def _sizes(samples: NDArray[Any], rows: Rows) -> list[Any]:
 
 
 @contextlib.contextmanager
-def _precision() -> Generator[Any]:
+def ball_arithmetic() -> Generator[Any]:
+    """The library FLINT, with as many bits as products of doubles take."""
     flint = _flint()
     with flint.ctx.workprec(_BITS):
         yield flint

@@ -92,6 +92,11 @@ def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
     if not band.covered:
         return ["cells of poles: they leave out a part of the pole-uncertainty box"]
     failed = _claim_failures(console, band, exact)
+    if exact:
+        wrong, count = band.not_relaxed_enough(), len(band.kept) + len(band.refuted)
+        word = "FAILED" if wrong else "verified"
+        say(console, f"{word:<11}{count - len(wrong)} of {count} cells cover all their poles, in ball arithmetic")
+        failed += wrong
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
 
 
