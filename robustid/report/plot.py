@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import InputError
 from robustid.guarantees import (
     Family,
     ResponseTube,
@@ -22,20 +21,26 @@ from robustid.guarantees import (
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.reduction import ModelWorth, Reduction
-from robustid.report.charts import Chart, in_rows, lighter, side_by_side
-from robustid.report.identified import siso
-from robustid.report.sections import fit_charts, frequency, guarantee_charts, order_sweep, response_charts, worth
+from robustid.report.assembled import (
+    fit_bode,
+    fit_convergence,
+    fit_poles,
+    guaranteed_bode,
+    identified_bode,
+    identified_residuals,
+    identified_time,
+    response_bode,
+    tried_orders,
+)
+from robustid.report.charts import Chart
+from robustid.report.sections import guarantee_charts, order_sweep, worth
 from robustid.report.sections.claims import kind_of, refuse_foreign
 from robustid.report.sections.family import family_chart, schedule_chart
-from robustid.report.sections.fit_view import FitView
 from robustid.report.sections.model import model_chart
 from robustid.report.sections.pole_box import pole_box_chart
 from robustid.report.sections.poles import pole_chart
-from robustid.report.sections.reduction import hankel_chart, margin_chart
-from robustid.report.sections.residuals import residual_chart
-from robustid.report.sections.response_view import ResponseView
+from robustid.report.sections.reduction import hankel_chart
 from robustid.report.sections.stability import stability_chart
-from robustid.report.sections.time import answer_charts, time_chart
 from robustid.report.sections.tube import tube_chart
 from robustid.report.sections.weights import weights_chart
 from robustid.report.with_matplotlib import draw
@@ -154,45 +159,16 @@ def bode(
     import control
 
     kinds: dict[type, tuple[Callable[..., Chart], tuple[str, ...]]] = {
-        Identification: (_identified_bode, ("models",)),
-        WorstCaseError: (_guaranteed_bode, ()),
+        Identification: (identified_bode, ("models",)),
+        WorstCaseError: (guaranteed_bode, ()),
         WorstCaseOverPoles: (pole_box_chart, ()),
         StructuredWeight: (weights_chart, ()),
-        MatrixFraction: (_fit_bode, ("data",)),
-        FrequencyResponse: (_response_bode, ("records",)),
+        MatrixFraction: (fit_bode, ("data",)),
+        FrequencyResponse: (response_bode, ("records",)),
         control.StateSpace: (model_chart, ()),
         Family: (family_chart, ()),
     }
     return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
-
-
-def _identified_bode(identification: Identification, models: Models = None) -> Chart:
-    found = frequency.frequency_charts(identification, models)
-    if siso(identification):
-        return found[0]
-    sigma = frequency.sigma_chart(identification, models).panels
-    return side_by_side("frequency", lighter(found), len(identification.problem.inputs), sigma)
-
-
-def _guaranteed_bode(error: WorstCaseError) -> Chart:
-    found = guarantee_charts.worst_case_charts(error)
-    if siso(error.identification):
-        return found[0]
-    sigma = guarantee_charts.worst_case_sigma_chart(error).panels
-    return side_by_side("guarantee", lighter(found), len(error.identification.problem.inputs), sigma)
-
-
-def _fit_bode(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
-    view = FitView(fit, data)
-    return side_by_side("fit", fit_charts.response_charts(view), view.nu)
-
-
-def _response_bode(frf: FrequencyResponse, records: Any = None) -> Chart:
-    view = ResponseView(frf, records)
-    spectra = response_charts.spectrum_charts(view)
-    further = (response_charts.overview_charts(view), spectra[: view.nu], spectra[view.nu :])
-    groups = ([panel for chart in group for panel in chart.panels] for group in further)
-    return side_by_side("frf", response_charts.entry_charts(view), view.nu, *groups)
 
 
 def time_response(result: Identification | ResponseTube, *, models: Models = None, ax: Any = None) -> Figure:
@@ -216,16 +192,8 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
     >>> len(rid.plot.time_response(rid.response_tube(result, input="step", horizon=4)).axes)
     1
     """
-    kinds = {Identification: (_identified_time, ("models",)), ResponseTube: (tube_chart, ())}
+    kinds = {Identification: (identified_time, ("models",)), ResponseTube: (tube_chart, ())}
     return _drawn(kinds, result, {"models": models}, ax)
-
-
-def _identified_time(identification: Identification, models: Models = None) -> Chart:
-    chart, columns = time_chart(identification, models), len(identification.problem.inputs)
-    if siso(identification):
-        return chart
-    answers = side_by_side("answers", lighter(answer_charts(identification, models)), columns)
-    return in_rows(chart, columns, answers.panels)
 
 
 def schedule(result: Family, *, ax: Any = None) -> Figure:
@@ -268,12 +236,7 @@ def residuals(result: Identification, *, models: Models = None, ax: Any = None) 
     >>> rid.plot.residuals(result).axes[0].get_ylabel()
     '|residual| / bound'
     """
-    return _drawn({Identification: (_residuals, ("models",))}, result, {"models": models}, ax)
-
-
-def _residuals(identification: Identification, models: Models = None) -> Chart:
-    chart = residual_chart(identification, models)
-    return in_rows(chart, len(identification.problem.inputs)) if chart.grid else chart
+    return _drawn({Identification: (identified_residuals, ("models",))}, result, {"models": models}, ax)
 
 
 def nyquist(result: WorstCaseError, *, ax: Any = None) -> Figure:
@@ -317,12 +280,8 @@ def poles(
     >>> [axes.get_xlabel() for axes in rid.plot.poles(fit).axes]
     ['real part of s/2π [Hz]', 'natural frequency [Hz]']
     """
-    kinds = {Identification: (pole_chart, ("models",)), MatrixFraction: (_fit_poles, ("data",))}
+    kinds = {Identification: (pole_chart, ("models",)), MatrixFraction: (fit_poles, ("data",))}
     return _drawn(kinds, result, {"models": models, "data": data}, ax)
-
-
-def _fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
-    return fit_charts.fit_pole_chart(FitView(fit, data))
 
 
 def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Any = None) -> Figure:
@@ -358,11 +317,7 @@ def convergence(result: MatrixFraction, *, ax: Any = None) -> Figure:
     >>> [axes.get_ylabel() for axes in rid.plot.convergence(fit).axes]
     ['cost [–]', 'κ − 1 [–]']
     """
-    return _drawn({MatrixFraction: (_convergence, ())}, result, {}, ax)
-
-
-def _convergence(fit: MatrixFraction) -> Chart:
-    return fit_charts.convergence_chart(FitView(fit))
+    return _drawn({MatrixFraction: (fit_convergence, ())}, result, {}, ax)
 
 
 def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Figure:
@@ -388,14 +343,8 @@ def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Fi
     >>> rid.plot.orders(small).axes[0].get_xlabel()
     'order [–]'
     """
-    kinds = {OrderSweep: order_sweep.order_chart, Reduction: _tried, ModelWorth: worth.worth_chart}
+    kinds = {OrderSweep: order_sweep.order_chart, Reduction: tried_orders, ModelWorth: worth.worth_chart}
     return _drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
-
-
-def _tried(reduction: Reduction) -> Chart:
-    if not reduction.tried:
-        raise InputError("`result` must be from reduce_within_bounds: a truncation tries no orders against the samples")
-    return margin_chart(reduction)
 
 
 def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin], *, ax: Any = None) -> Figure:
