@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Budget, Frozen, Real, freeze, responses
+from robustid.core import Budget, Frozen, Real, freeze
 from robustid.errors import InputError
 from robustid.guarantees import PoleCell, norm_of_bounds, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -105,7 +105,7 @@ class ClassCandidate(Frozen):
                 found = worst_case_error(result, **options)
             upper[np.isin(grid, found.omega)] = found.upper
         if self.cell is not None:
-            upper = upper + self.cell.slack(grid * self.problem.dt)
+            upper = upper + self.cell.slack(self.problem.plane.angles(grid))
         return result, entries.as_given(upper[place])
 
     def evaluated(self, omega: Real, *, time_limit: float | None = None) -> ClassCandidate:
@@ -113,7 +113,7 @@ class ClassCandidate(Frozen):
         result, upper = self.guaranteed(omega, time_limit=time_limit)
         if not result.consistent:
             return dataclasses.replace(self, margin=result.margin)
-        entries, model = result.problem.entries, responses(result.model, omega * result.problem.dt)
+        entries, model = result.problem.entries, result.problem.plane.values_at(result.model, omega)
         scaled = model / result.problem.prior.scales(*entries.shape)
         size = np.abs(model[:, 0, 0]) if entries.single else np.linalg.norm(scaled, 2, axis=(1, 2))
         found = dataclasses.replace(self, margin=result.margin, upper=upper)
@@ -204,7 +204,7 @@ class ClassSuggestion(Frozen):
 
 def _numbers(row: ClassCandidate) -> str:
     prior = row.prior
-    text = f"{prior.gain_bound:10.4g}{prior.decay_rate:9.5g}" if prior is not None else f"{'-':>10}{'-':>9}"
+    text = f"{prior.gain_bound:10.4g}{prior.rate:9.5g}" if prior is not None else f"{'-':>10}{'-':>9}"
     text += f"{row.margin:9.3g}" if np.isfinite(row.margin) else f"{'-':>9}"
     if np.any(np.isnan(row.error)):
         return text + 3 * f"{'-':>9}"

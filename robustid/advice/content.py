@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind, freeze, one_thread, responses
+from robustid.core import Frozen, Real, as_kind, freeze, one_thread
 from robustid.guarantees import consistent_set
 from robustid.identification import Identification
 
@@ -147,7 +147,8 @@ def content(identification: Identification) -> Content:
         on, between = np.maximum(sizes[0], sizes[1]), sizes[2]
     real = 2 * sum(int(f.bound.used.sum()) for f in problem.frequency)
     real += sum(int(record.bound.used.sum()) for record in problem.time)
-    separation = (problem.prior.decay_rate - 1) / float(np.median(gaps) * problem.dt) if gaps.size else np.nan
+    decay = problem.prior.rate - 1 if problem.dt else problem.prior.rate
+    separation = decay / float(np.median(gaps) * (problem.dt or 1.0)) if gaps.size else np.nan
     return Content(
         omega=middle,
         on=on,
@@ -161,6 +162,7 @@ def content(identification: Identification) -> Content:
 
 def _relative(identification: Identification, widths: Real, *omega: Any) -> Real:
     """Largest width of the entries relative to the norm of the response, (3, P)."""
-    angles = np.concatenate(omega) * identification.problem.dt
-    size = np.linalg.norm(responses(identification.model, angles), axis=(1, 2))
+    size = np.linalg.norm(
+        identification.problem.plane.values_at(identification.model, np.concatenate(omega)), axis=(1, 2)
+    )
     return (widths.max(axis=(1, 2)) / np.maximum(size, np.finfo(float).tiny)).reshape(3, -1)

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import further_mode
 from robustid.advice.pole_search import improve_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
-from robustid.core import Budget, Complex, Frozen, Progress, Real, as_kind, one_thread
+from robustid.core import Budget, Complex, Frozen, Plane, Progress, Real, as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem
@@ -140,14 +140,15 @@ def diagnose(
     """
     as_kind("identification", identification, Identification, "an Identification")
     problem = identification.problem
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    K, rate = problem.prior.gain_bound, problem.prior.rate
     changes: list[tuple[str, MixedProblem]] = []
     if (terms := _further_terms(problem)) is not None:
         changes.append(("each pair repeated once more", _with_functions(problem, terms)))
     if (pair := _missing_pair(problem)) is not None:
         changes.append((pair[0], _with_functions(problem, pair[1])))
     changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
-    changes.append(("rho - 1 halved", problem.with_prior(decay_rate=1 + (rho - 1) / 2)))
+    slower = ("rho - 1 halved", 1 + (rate - 1) / 2) if problem.dt else ("decay halved", rate / 2)
+    changes.append((slower[0], problem.with_prior(rate=slower[1])))
     if problem.parameter_bounds is not None:
         changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
     moving = not identification.consistent and problem.coefficients <= QUICK_EXACT
@@ -220,10 +221,11 @@ def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProbl
     return dataclasses.replace(problem, parametric=parts, parameter_bounds=bounds)
 
 
-def _mode_of(poles: Complex, dt: float) -> tuple[Real, Real]:
+def _mode_of(poles: Complex, plane: Plane) -> tuple[Real, Real]:
     """Natural frequency in rad/s and damping ratio of complex poles."""
-    size = np.abs(np.log(poles))
-    return size / dt, -np.log(np.abs(poles)) / size
+    logs = np.log(poles)
+    size = np.abs(logs)
+    return plane.modes(size, -np.log(np.abs(poles)) / size)
 
 
 def _modes(problem: MixedProblem) -> list[tuple[Complex, int]]:
@@ -242,9 +244,9 @@ def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
     """The next derivative terms k^j a^k of every complex pole pair of the parametric part."""
     parts: list[ParametricBasis] = []
     for pole, count in _modes(problem):
-        chain = kautz(*_mode_of(pole, problem.dt), dt=problem.dt, repeat=count + 1, delay=1)
+        chain = kautz(*_mode_of(pole, problem.plane), dt=problem.dt, repeat=count + 1, delay=int(problem.dt > 0))
         parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))
-    return as_basis(parts, problem.dt) if parts else None
+    return as_basis(parts, problem.plane) if parts else None
 
 
 def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
@@ -258,7 +260,7 @@ def _missing_pair(problem: MixedProblem) -> tuple[str, ParametricBasis] | None:
     poles = np.concatenate([pole for pole, _ in _modes(problem)] or [np.zeros(0, complex)])
     if 2 * omega.size < 4 * (poles.size + 1) + 4:
         return None
-    data = FrequencyResponse(omega, value, bound=bound, dt=problem.dt)
-    new = further_mode(data, *_mode_of(poles, problem.dt))
+    data = FrequencyResponse(omega, value, bound=bound, dt=problem.dt or None)
+    new = further_mode(data, *_mode_of(poles, problem.plane))
     text = f"one more pair, at {new[0] / (2 * np.pi):.4g} Hz with damping {new[1]:.2g}"
-    return text, kautz(*new, dt=problem.dt, delay=1)
+    return text, kautz(*new, dt=problem.dt, delay=int(problem.dt > 0))

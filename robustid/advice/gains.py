@@ -37,7 +37,7 @@ def smallest_gain(
     largest, smallest = response_sizes(problem if whole is None else whole)
     for ceiling in ceilings:
         K = ceiling * largest
-        trial = problem.with_prior(gain_bound=K, decay_rate=decay_rate)
+        trial = problem.with_prior(gain_bound=K, rate=decay_rate)
         form = formulate(trial, accuracy=TAILS)
         data, kappa = form.data, 1.0
         with threads_for(form.count):

@@ -20,7 +20,7 @@ from robustid.advice.pole_fit import (
 )
 from robustid.advice.pole_interval import damped_outside, pole_interval
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Real, as_count, as_positive, freeze, one_thread
+from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 
@@ -97,7 +97,7 @@ def suggest_kautz(
         Frequency points that are missing are left out; the modes are common to all entries. Without `bound`, 5 % of the
         magnitude takes its place; of an ellipse, the disc around it; of a joint bound, that of each entry alone.
     dt : float, s
-        Sample time of the basis; default that of `frf`.
+        Sample time of the basis; default that of `frf`, whose modes are those of a continuous model where it has none.
     modes : int
         How many. Default: until the residuals are within the bounds, or the next mode removes less than 0.3 % of the
         sum of squares (relative to the bounds) that there was without modes and doesn't halve the residuals either.
@@ -113,7 +113,7 @@ def suggest_kautz(
     Raises
     ------
     InputError
-        No sample time, too few frequency points for the modes asked.
+        Too few frequency points for the modes asked, frequencies above pi/dt.
     InputTypeError
         Something that isn't a FrequencyResponse.
 
@@ -155,15 +155,17 @@ def suggest_kautz(
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
-    step = fit.dt
-    omega, damping = np.exp(poles[kept]).T / np.array([[step], [1.0]])
-    chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
+    step = fit.plane.dt
+    omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
+    chosen = 0
+    if step:
+        chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
     boxes = [pole_interval(fit, poles, int(i)) for i in kept]
-    edges = np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2)
+    edges = mode_intervals(np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2), fit.plane)
     return KautzSuggestion(
         omega=omega,
         damping=damping,
-        omega_interval=edges[:, 0] / step,
+        omega_interval=edges[:, 0],
         damping_interval=edges[:, 1],
         level=np.array([level for _, level, _ in boxes]),
         undetermined=np.array([reached for _, _, reached in boxes], bool) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
@@ -176,12 +178,26 @@ def suggest_kautz(
 def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[float, float]:
     """Natural frequency and damping of the mode, in the measured range, that a fit with these and a smooth remainder lacks most."""
     data = _checked(frf, None)
-    poles = np.log(np.stack([omega * data.dt, damping], axis=1))
+    poles = np.log(np.stack(data.plane.turned(omega, damping), axis=1))
     start = best_start(poles, data)
     positive = data.angle[data.angle > 0]
     low, high = np.log([[positive[0], DAMPING[0]], [min(positive[-1], 0.999 * np.pi), DAMPING[1]]])
     ((turn, zeta),) = np.exp(refine_beside(poles, start[None], data, low, high))
-    return float(turn / data.dt), float(zeta)
+    one, zeta = data.plane.modes(np.array([turn]), np.array([zeta]))
+    return float(one[0]), float(zeta[0])
+
+
+def mode_intervals(edges: Real, plane: Plane) -> Real:
+    """Ends of natural frequencies and dampings, (M, 2, 2), of intervals of the poles in z (angle and damping there).
+
+    In continuous time those of the four corners of every box, and of the middles of its sides.
+    """
+    if plane.dt:
+        return edges / np.array([plane.dt, 1.0])[:, None]
+    parts = np.array([0.0, 0.5, 1.0])
+    turn, damping = (edges[:, k, :1] + np.diff(edges[:, k]) * parts for k in (0, 1))
+    corners = plane.modes(*(np.broadcast_arrays(turn[:, :, None], damping[:, None])))
+    return np.stack([np.stack([part.min(axis=(1, 2)), part.max(axis=(1, 2))], axis=1) for part in corners], axis=1)
 
 
 def _checked(frf: Any, dt: Any) -> LineData:
@@ -190,28 +206,25 @@ def _checked(frf: Any, dt: Any) -> LineData:
             f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
         )
     given = frf.dt if dt is None else dt
-    if given is None:
-        raise InputError("`dt` is needed: `frf` is of continuous time; give the sample time of the model in s")
-    step = as_positive("dt", given)
     frf = frf.select(~frf.missing.all(axis=(1, 2)))
-    angle = frf.omega * step
-    if angle.max() > np.pi * (1 + 1e-12):
+    plane = plane_of(None if given is None else as_positive("dt", given), frf.omega)
+    if frf.omega.max() > plane.top * (1 + 1e-12):
         raise InputError(
-            f"`dt` = {step:g} s allows frequencies up to {np.pi / step:g} rad/s; got {frf.omega.max():g} rad/s"
+            f"`dt` = {plane.dt:g} s allows frequencies up to {plane.top:g} rad/s; got {frf.omega.max():g} rad/s"
         )
     if not np.any(np.abs(frf.values[~frf.missing]) > 0):
         raise InputError("`frf` is zero at all frequency points; check the output")
-    data = line_data([frf], step)
+    data = line_data([frf], plane)
     if data.room < 1:
         raise InputError(
-            f"`frf` has {angle.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
+            f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
         )
     return data
 
 
-def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
+def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
     """Frequency points of all, in order, without entries that are zero throughout."""
-    angle = np.concatenate([f.omega for f in frfs]) * dt
+    angle = plane.angles(np.concatenate([f.omega for f in frfs]))
     order = np.argsort(angle, kind="stable")
     measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]
     value = np.concatenate([f.values for f in frfs]).reshape(angle.size, -1)[order]
@@ -222,5 +235,5 @@ def line_data(frfs: Sequence[FrequencyResponse], dt: float) -> LineData:
         bound = np.concatenate([f.bound.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
     bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
     if size.shape[1] == 1:
-        return LineData(angle[order], value[:, 0], bound[:, 0], dt)
-    return LineData(angle[order], value[:, seen], bound[:, seen], dt)
+        return LineData(angle[order], value[:, 0], bound[:, 0], plane)
+    return LineData(angle[order], value[:, seen], bound[:, seen], plane)

@@ -20,7 +20,7 @@ from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of
-from robustid.identification import MixedProblem, Prior, identify
+from robustid.identification import MixedProblem, identify, posed_alone
 
 _log = logging.getLogger("robustid")
 
@@ -28,7 +28,6 @@ _REPEATS = (1, 2, 3)  # a third term is the last that the expansion of a cell of
 _PREPARING = 0.5  # of a time limit at most, for modes and priors
 _PRIORS = 3  # pairs (K, rho) tried with the best parametric part
 _LATE = "the time was over"
-_ANY = Prior(gain_bound=1.0, decay_rate=1.05)  # a placeholder
 
 
 @one_thread()
@@ -95,10 +94,10 @@ def suggest_class(
     >>> found.recommended.repeat, rid.identify(found.problem).consistent
     (1, True)
     """
-    data = MixedProblem(frequency=frequency, time=time, prior=_ANY)
+    data = posed_alone(frequency, time)
     if not data.entries.single:
         scaling = suggest_scaling(data) if scaling is None else scaling
-        data = dataclasses.replace(data, prior=dataclasses.replace(_ANY, scaling=scaling))
+        data = dataclasses.replace(data, prior=dataclasses.replace(data.prior, scaling=scaling))
     wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
     preparing = budget.share(_PREPARING)
     if modes is None:

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.bases import ParametricBasis, kautz, stack_bases
+from robustid.bases import ParametricBasis, Sections, kautz, stack_bases
 from robustid.core import Complex, Frozen, Real, freeze
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
-from robustid.identification.formulation import Formulation, TaylorFormulation
+from robustid.identification.formulation import Formulation, formulate_in
 
 _SAME = 1e-6  # relative: a block that agrees with `kautz` so far was made by it
 _STEP = 1e-4  # of a difference quotient, in the units of `units`
@@ -70,6 +70,8 @@ class MovingPairs(Frozen):
     def inside(self, poles: Real) -> Real:
         """Return the poles with dampings and frequencies that are possible: inside the circle, below the Nyquist frequency."""
         damping = np.clip(poles[:, 1], np.log(_LIGHTEST), np.log(_HEAVIEST))
+        if not self.dt:
+            return np.stack([poles[:, 0], damping], axis=1)
         turn = np.log(_HIGHEST * np.pi / self.dt) - 0.5 * np.log1p(-np.exp(2 * damping))
         return np.stack([np.minimum(poles[:, 0], turn), damping], axis=1)
 
@@ -80,11 +82,11 @@ def units(problem: MixedProblem, poles: Real) -> Real:
     In frequency the distance of the pole from the nearest frequency point on the circle, for records of N samples 1/N rad or the
     half-width: a damping far below what the data resolve must not make the steps tiny. In damping a factor e.
     """
-    turn, damping = np.exp(poles[:, 0]) * problem.dt, np.exp(poles[:, 1])
+    turn, damping = problem.plane.turned(*np.exp(poles).T)
     half = damping * turn
     away = [np.maximum(half, 1 / record.u.shape[0]) for record in problem.time]
     for frf in problem.frequency:
-        away.append(np.hypot(half, np.abs(frf.omega[:, None] * problem.dt - turn).min(axis=0)))
+        away.append(np.hypot(half, np.abs(problem.plane.angles(frf.omega)[:, None] - turn).min(axis=0)))
     return np.stack([np.min(away, axis=0) / turn, np.ones(len(poles))], axis=1)
 
 
@@ -92,6 +94,7 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
     """Find the pairs that `kautz` made in a basis."""
     from scipy.sparse.csgraph import connected_components
 
+    basis = basis.in_s()
     n = basis.states
     links = np.zeros((n + basis.size,) * 2, bool)
     links[:n, :n], links[n:, :n] = basis.A != 0, basis.C != 0
@@ -124,16 +127,17 @@ def _mode_of(part: ParametricBasis) -> tuple[Real, int, int] | None:
     if m < 2 or m % 2 or n < m:
         return None
     a = complex(part.A[0, 0], part.A[1, 0])
-    if not (a.imag > 0 and abs(a) < 1):
+    if not (a.imag > 0 and (abs(a) < 1 if part.dt else a.real < 0)):
         return None
-    size = abs(np.log(a))
-    damping, delay = -np.log(abs(a)) / size, 0 if part.D.any() else n - m + 1
-    made = kautz(size / part.dt, damping, dt=part.dt, repeat=m // 2, delay=delay)
+    s, step = (np.log(a), part.dt) if part.dt else (a, 1.0)
+    size = abs(s)
+    damping, delay = -s.real / size, 0 if part.D.any() or not part.dt else n - m + 1
+    made = kautz(size / step, damping, dt=part.dt, repeat=m // 2, delay=delay)
     for name in "ABCD":
         own, other = getattr(part, name), getattr(made, name)
         if own.shape != other.shape or not np.allclose(own, other, rtol=_SAME, atol=_SAME * np.abs(other).max()):
             return None
-    return np.log([size / part.dt, damping]), m // 2, delay
+    return np.log([size / step, damping]), m // 2, delay
 
 
 def moved_samples(pairs: MovingPairs, formulation: Formulation, p: Real, poles: Real) -> Complex:
@@ -156,7 +160,7 @@ def moved_samples(pairs: MovingPairs, formulation: Formulation, p: Real, poles: 
 
 def _columns(problem: MixedProblem) -> Complex:
     """The columns of the parameters at the samples; those of the non-parametric part are left out but for one."""
-    return TaylorFormulation(problem, 1).rows.P
+    return formulate_in(problem, Sections.shift(1)).rows.P
 
 
 def pairs_of(problem: MixedProblem) -> MovingPairs:

@@ -230,16 +230,17 @@ def _drive(record: TimeRecord, input: int) -> float:
 
 def _between(problem: MixedProblem) -> Real:
     """Middles of the widest gaps, relative to their frequency, of the frequency points, 0 and pi/dt; and the parametric poles."""
-    top, basis = np.pi / problem.dt, problem.parametric
+    plane, basis = problem.plane, problem.parametric
+    top = plane.top if plane.dt else float(plane.omega(problem.angles[-1:])[0])
     integrator = basis is not None and basis.has_integrator
-    lines = problem.angles / problem.dt if problem.angles.size else np.linspace(0, top, _FREQUENCIES + 1)
+    lines = plane.omega(problem.angles) if problem.angles.size else np.linspace(0, top, _FREQUENCIES + 1)
     edges = np.unique(np.concatenate([[lines[0] / 2 if integrator else 0.0], lines, [top]]))
     middles, widths = (edges[:-1] + edges[1:]) / 2, np.diff(edges)
     grid = [middles[np.argsort(-widths / middles)[:_FREQUENCIES]]]
     if basis is not None:
         poles = basis.poles[np.imag(basis.poles) > 0]
         turns = np.round(np.asarray(np.angle(poles), dtype=float), 12)
-        grid.append(np.asarray(np.unique(turns) / problem.dt, dtype=float))
+        grid.append(np.asarray(plane.omega(np.unique(turns).astype(float)), dtype=float))
     return np.concatenate(grid)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Projection, Real, projected
+from robustid.core import Complex, Plane, Projection, Real, projected
 
 _log = logging.getLogger("robustid")
 
@@ -30,16 +30,16 @@ _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a 
 
 @dataclasses.dataclass(frozen=True)
 class LineData:
-    """Angles of the frequency points, values, bounds, sample time; for several entries (F, E), a bound infinite if not measured."""
+    """Angles of the frequency points, values, bounds, plane; for several entries (F, E), a bound infinite if not measured."""
 
     angle: Real
     value: Complex
     bound: Real
-    dt: float
+    plane: Plane
 
     def select(self, index: Any) -> LineData:
         """Some of the frequency points."""
-        return LineData(self.angle[index], self.value[index], self.bound[index], self.dt)
+        return LineData(self.angle[index], self.value[index], self.bound[index], self.plane)
 
     @property
     def each(self) -> tuple[LineData, ...]:
@@ -47,7 +47,7 @@ class LineData:
         if self.value.ndim == 1:
             return (self,)
         pairs = zip(self.value.T, self.bound.T, strict=True)
-        return tuple(LineData(self.angle, *pair, self.dt).select(np.isfinite(pair[1])) for pair in pairs)
+        return tuple(LineData(self.angle, *pair, self.plane).select(np.isfinite(pair[1])) for pair in pairs)
 
     @property
     def room(self) -> int:

@@ -61,7 +61,7 @@ def _local_fit(data: LineData, poles: Real, which: int) -> tuple[_Local, tuple[f
     far = sum(
         (pole_pair(data.angle, poles[i]) @ weights[2 * i : 2 * i + 2] for i in others if i not in close), np.zeros(1)
     )
-    local = LineData(data.angle, data.value - far, data.bound, data.dt).select(near)
+    local = LineData(data.angle, data.value - far, data.bound, data.plane).select(near)
     parts = [pole_pair(local.angle, poles[i], k) for i in close for k in range(1, power + 1)] + [
         smooth_terms(local.angle)
     ]

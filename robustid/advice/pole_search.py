@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.advice.kautz import KautzSuggestion, line_data
+from robustid.advice.kautz import KautzSuggestion, line_data, mode_intervals
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
 from robustid.advice.pole_interval import pole_interval
 from robustid.core import (
@@ -373,16 +373,18 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not lines:
         return None
-    data = line_data(lines, problem.dt)
+    data = line_data(lines, problem.plane)
     if data.room < len(poles):
         return None
-    turns = poles + np.log([problem.dt, 1.0])
+    turns = (
+        poles + np.log([problem.dt, 1.0]) if problem.dt else np.log(np.stack(problem.plane.turned(*np.exp(poles).T), 1))
+    )
     ends, levels, reached = zip(*(pole_interval(data, turns, i) for i in range(len(poles))), strict=True)
-    edges, (omega, damping) = np.array(ends), np.exp(poles).T
+    edges, (omega, damping) = mode_intervals(np.array(ends), problem.plane), np.exp(poles).T
     return KautzSuggestion(
         omega=omega,
         damping=damping,
-        omega_interval=edges[:, 0] / problem.dt,
+        omega_interval=edges[:, 0],
         damping_interval=edges[:, 1],
         level=np.array(levels),
         undetermined=np.array(reached) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),

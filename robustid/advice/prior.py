@@ -50,6 +50,8 @@ class PriorSuggestion(Frozen):
         In words.
     points : int
         Frequency points that the gains rest on; fewer than there are where a part stands for all.
+    continuous : bool
+        Whether `decay_rates` are decays in 1/s, of data of continuous time.
     """
 
     prior: Prior | None
@@ -60,24 +62,29 @@ class PriorSuggestion(Frozen):
     safety: float
     reason: str
     points: int = 0
+    continuous: bool = False
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("decay_rates", "gains", "errors")})
 
     def by_slope(self) -> list[Prior]:
-        """The consistent `priors`, that with the smallest slope bound K rho/(rho^2 - 1) first."""
-        return sorted((p for p in self.priors if p is not None), key=slope_bound)
+        """The consistent `priors`, that with the smallest slope bound (`Prior.slope`) first."""
+        return sorted((p for p in self.priors if p is not None), key=lambda prior: prior.slope)
 
     def summary(self) -> str:
         """The curve as a table, then the reason."""
         known = np.any(np.isfinite(self.errors))
-        lines = ["decay rate    smallest K    K rho/(rho^2 - 1)" + ("    guaranteed error" if known else "")]
+        head = (
+            "decay, 1/s    smallest K          K/(2 decay)"
+            if self.continuous
+            else "decay rate    smallest K    K rho/(rho^2 - 1)"
+        )
+        lines = [head + ("    guaranteed error" if known else "")]
         for rho, gain, error in zip(self.decay_rates, self.gains, self.errors, strict=True):
-            mark = "   <- recommended" if self.prior is not None and rho == self.prior.decay_rate else ""
+            slope = gain / (2 * rho) if self.continuous else gain * _slope(rho)
+            mark = "   <- recommended" if self.prior is not None and rho == self.prior.rate else ""
             lines.append(
-                f"{rho:10.5g}    {gain:10.4g}    {gain * _slope(rho):10.4g}"
-                + (f"    {100 * error:16.3g}%" if known else "")
-                + mark
+                f"{rho:10.5g}    {gain:10.4g}    {slope:10.4g}" + (f"    {100 * error:16.3g}%" if known else "") + mark
             )
         return "\n".join([*lines, self.reason])
 
@@ -102,10 +109,11 @@ def suggest_prior(
     problem : MixedProblem
         Measurements and parametric part. Its prior is a placeholder: neither K nor rho of it are used.
     decay_rates : (R,) array, optional
-        The rho to try, all > 1. Default: 9 values, rho - 1 in equal ratios from twice the mean distance of (at most 40) frequency
-        points in rad, or one over the number of time samples, to half the highest frequency point in rad, 0.3 at the most. A
-        slower decay lets the non-parametric part do anything between the points, and every data set is consistent; one that
-        decays faster is next to a constant, a stronger assumption than a default should make.
+        The rho to try, all > 1; of continuous data the decays in 1/s. Default: 9 values, rho - 1 in equal ratios from twice the
+        mean distance of (at most 40) frequency points in rad, or one over the number of time samples, to half the highest frequency
+        point in rad, 0.3 at the most; of continuous data likewise, in rad/s. A slower decay lets the non-parametric part do
+        anything between the points, and every data set is consistent; one that decays faster is next to a constant, a stronger
+        assumption than a default should make.
     criterion : {"slope", "error"}
         What the recommended pair makes small: the slope bound (quick), or the median half-width of the guaranteed band relative
         to the response, with the gain bound that is recommended at each decay rate (each is identified and its worst case
@@ -151,8 +159,9 @@ def suggest_prior(
     rates = None if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")
-    if rates is not None and (rates.size == 0 or rates[0] <= 1):
-        raise InputError(f"`decay_rates` must hold numbers above 1; got {decay_rates!r}")
+    least = 1 if problem.dt else 0
+    if rates is not None and (rates.size == 0 or rates[0] <= least):
+        raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
     budget = Budget(time_limit, progress)
     masks = _representatives(problem)
     while True:
@@ -161,7 +170,7 @@ def suggest_prior(
         found = _suggested(problem, part, tried, criterion, budget)
         if masks is None or found.prior is None or budget.over:
             return found
-        if _lighter(problem, part, found.prior.decay_rate) is problem:
+        if _lighter(problem, part, found.prior.rate) is problem:
             return found  # its gain is that of all points already
         model = identify(dataclasses.replace(part, prior=found.prior)).model
         more = missed(problem, masks, model)
@@ -173,15 +182,15 @@ def suggest_prior(
 def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> PriorSuggestion:
     """The gain at the recommended decay rate from all frequency points; where it is infinite, at the next best."""
     while (prior := found.prior) is not None and not budget.over:
-        trial = problem.with_prior(gain_bound=prior.gain_bound, decay_rate=prior.decay_rate)
+        trial = problem.with_prior(gain_bound=prior.gain_bound, rate=prior.rate)
         if formulate(trial, accuracy=TAILS).work > _QUICK_WORK:
             return found
-        gain = smallest_gain(problem, prior.decay_rate, problem, CEILINGS[:1])
-        gains = np.where(found.decay_rates == prior.decay_rate, gain, found.gains)
+        gain = smallest_gain(problem, prior.rate, problem, CEILINGS[:1])
+        gains = np.where(found.decay_rates == prior.rate, gain, found.gains)
         if np.isinf(gain):
-            gains[found.decay_rates > prior.decay_rate] = np.inf
+            gains[found.decay_rates > prior.rate] = np.inf
         found = _result(problem, found.decay_rates, gains, found.errors, found.points)
-        if found.prior is None or found.prior.decay_rate == prior.decay_rate:
+        if found.prior is None or found.prior.rate == prior.rate:
             return found
     return found
 
@@ -223,9 +232,7 @@ def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProb
     """All points where they cost no more than a part of them: a fast decay needs few coefficients for any number of points."""
     if part is problem:
         return problem
-    trials = (
-        one.with_prior(gain_bound=CEILINGS[0] * response_sizes(problem)[0], decay_rate=rho) for one in (problem, part)
-    )
+    trials = (one.with_prior(gain_bound=CEILINGS[0] * response_sizes(problem)[0], rate=rho) for one in (problem, part))
     try:
         whole, few = (formulate(one, accuracy=TAILS).work for one in trials)
     except SizeError:
@@ -238,7 +245,7 @@ def _priors(problem: MixedProblem, rates: Real, gains: Real) -> tuple[Prior | No
     # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
     floor = response_sizes(problem)[1]
     return tuple(
-        dataclasses.replace(problem.prior, gain_bound=SAFETY * max(float(gain), floor), decay_rate=float(rho))
+        dataclasses.replace(problem.prior.with_rate(float(rho)), gain_bound=SAFETY * max(float(gain), floor))
         if np.isfinite(gain)
         else None
         for rho, gain in zip(rates, gains, strict=True)
@@ -257,12 +264,8 @@ def _result(problem: MixedProblem, rates: Real, gains: Real, errors: Real, point
         safety=SAFETY,
         reason=reason,
         points=points,
+        continuous=not problem.dt,
     )
-
-
-def slope_bound(prior: Prior) -> float:
-    """K rho/(rho^2 - 1): how much G can change per radian, at most."""
-    return prior.gain_bound * _slope(prior.decay_rate)
 
 
 def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) -> Real:
@@ -271,7 +274,7 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
     for k, prior in enumerate(priors):
         if prior is not None:
             errors[k] = guaranteed(dataclasses.replace(problem, prior=prior), default_points(problem))[1]
-            _log.info("decay rate %.6g: median guaranteed error %.4g", prior.decay_rate, errors[k])
+            _log.info("decay rate %.6g: median guaranteed error %.4g", prior.rate, errors[k])
     return errors
 
 
@@ -286,7 +289,7 @@ def _possible(problem: MixedProblem, rates: Real) -> Real:
     entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
     for first, rho in enumerate(rates):
         try:
-            trial = problem.with_prior(gain_bound=largest, decay_rate=float(rho))
+            trial = problem.with_prior(gain_bound=largest, rate=float(rho))
             form = formulate(trial, accuracy=DIGITS)
         except SizeError as error:
             refusal = error
@@ -300,6 +303,10 @@ def _possible(problem: MixedProblem, rates: Real) -> Real:
 def _default_rates(problem: MixedProblem) -> Real:
     finest: list[float] = []
     widest: list[float] = []
+    if not problem.dt:
+        top = float(max(f.omega.max() for f in problem.frequency)) or 1.0
+        high, finest = top / 2, [_APART * top / min(problem.angles.size, _FEW)]
+        return np.asarray(np.geomspace(np.clip(finest[0], high / 300, high / 8), high, _RATES), dtype=float)
     if problem.angles.size:
         finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, _FEW))
         widest.append(float(problem.angles[-1]) / 2)
@@ -315,6 +322,10 @@ def _slope(rho: Any) -> Any:
     return rho / (rho**2 - 1)
 
 
+def _rate_words(rate: float, problem: MixedProblem) -> str:
+    return f"decay rate {rate:.5g}" if problem.dt else f"decay {rate:.5g} 1/s"
+
+
 def _recommend(
     problem: MixedProblem,
     rates: Real,
@@ -323,14 +334,14 @@ def _recommend(
     priors: tuple[Prior | None, ...],
 ) -> tuple[Prior | None, str]:
     largest, floor = response_sizes(problem)
-    cost = np.array([np.inf if p is None else slope_bound(p) for p in priors])
+    cost = np.array([np.inf if p is None else p.slope for p in priors])
     k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]
     if prior is None:
         ceiling = CEILINGS[-1] * largest
         return None, (
-            f"no gain bound up to {ceiling:.3g} makes the data consistent, even at decay rate {rates[0]:.5g}: samples contradict"
-            " each other (repeated frequency points, overlapping records) or the parametric part"
+            f"no gain bound up to {ceiling:.3g} makes the data consistent, even at {_rate_words(rates[0], problem)}: samples"
+            " contradict each other (repeated frequency points, overlapping records) or the parametric part"
             + (" is wrong" if problem.parameter_bounds is None else " or an interval of its coefficients is wrong")
             + "; check them, or widen the bounds"
         )
@@ -341,13 +352,14 @@ def _recommend(
             else f"a non-parametric part of {gains[k]:.3g}, below every bound,"
         )
         reason = (
-            f"{what} fits the data up to decay rate {rates[k]:.5g}: recommended"
+            f"{what} fits the data up to {_rate_words(rates[k], problem)}: recommended"
             f" K = {prior.gain_bound:.4g} = {SAFETY:g} x the smallest error bound {floor:.4g}"
         )
     else:
-        what = " the slope bound K rho/(rho^2 - 1) is smallest;" if np.isnan(errors[k]) else ""
+        slope = "K rho/(rho^2 - 1)" if problem.dt else "K/(2 decay)"
+        what = f" the slope bound {slope} is smallest;" if np.isnan(errors[k]) else ""
         reason = (
-            f"at decay rate {rates[k]:.5g}{what} the smallest K is"
+            f"at {_rate_words(rates[k], problem)}{what} the smallest K is"
             f" {gains[k]:.4g}, recommended K = {prior.gain_bound:.4g} = {SAFETY:g} x {gains[k]:.4g}"
         )
     if gains[k] > largest:

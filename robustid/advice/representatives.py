@@ -28,7 +28,7 @@ def thinned(problem: MixedProblem, most: int) -> tuple[Mask, ...]:
     sizes = np.array([f.omega.size for f in problem.frequency])
     shares = np.maximum(2, np.round(np.asarray(most * sizes / sizes.sum(), dtype=float))).astype(int)
     return tuple(
-        _of_response(f.omega * problem.dt, _poles(problem), int(share))
+        _of_response(problem.plane.angles(f.omega), _poles(problem), int(share))
         for f, share in zip(problem.frequency, shares, strict=True)
     )
 

@@ -131,7 +131,7 @@ def sensitivity(
             if rows and budget.over:
                 break
             prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
-            rows.append(Variation(what, kind, prior.gain_bound, prior.decay_rate, lines, *guaranteed(changed, grid)))
+            rows.append(Variation(what, kind, prior.gain_bound, prior.rate, lines, *guaranteed(changed, grid)))
             budget.tell(len(rows), len(asked))
     except KeyboardInterrupt:
         if not rows:
@@ -167,13 +167,13 @@ def half_width(support: Real) -> float:
 
 
 def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]]:
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    K, rate = problem.prior.gain_bound, problem.prior.rate
     yield "as stated", "stated", problem
     for factor in _FACTORS:
         yield f"gain bound x {factor:g}", "gain", problem.with_prior(gain_bound=factor * K)
     for factor in _FACTORS:
-        changed = 1 + factor * (rho - 1)
-        yield f"decay rate {changed:.5g} (was {rho:.5g})", "decay", problem.with_prior(decay_rate=changed)
+        words, changed = ("decay rate", 1 + factor * (rate - 1)) if problem.dt else ("decay", factor * rate)
+        yield f"{words} {changed:.5g} (was {rate:.5g})", "decay", problem.with_prior(rate=changed)
     for step in (2, 4):
         if problem.frequency and min(f.omega.size for f in problem.frequency) >= 4 * step:
             thinned = tuple(f.select(slice(0, None, step)) for f in problem.frequency)
@@ -186,7 +186,7 @@ def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]
 
 def default_points(problem: MixedProblem) -> Real:
     """Frequencies over the range of the frequency points, in rad/s."""
-    top = np.pi / problem.dt
+    top = problem.plane.top
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 100, top / 2)
     return np.linspace(max(low, 1e-3 * high), high, _POINTS)

@@ -23,7 +23,7 @@ from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import MixedProblem, Prior, identify, prior_fields
+from robustid.identification import MixedProblem, Prior, any_prior, identify, prior_fields
 from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 DOUBLED = (
@@ -36,7 +36,7 @@ SPARE = 1.1  # beyond the smallest inflation of the bounds
 def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
-        return run if run.modes.delay is not None else run.changed("modes", delay=1)
+        return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
     if not data.responses:
         note = "No parametric part: there is no frequency response to take modes from."
         return run.changed("modes", hz=(), damping=(), delay=1, note=note)
@@ -129,7 +129,7 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
     margin = identify(dataclasses.replace(problem, prior=reference)).margin
     factor = max(1.0, SPARE * float(margin))
     note = (
-        f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in |z| < {reference.decay_rate:.5g}) needs them"
+        f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in {reference.where}) needs them"
         f" {margin:.4g} times as large. "
         + (
             "They are left as they are."
@@ -145,26 +145,19 @@ def placeholder(run: RunFile, data: Measured) -> Prior:
     """A prior of no meaning but its scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
         return default_prior((*data.responses, *data.records))
-    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=run.prior.scaling)
+    return any_prior(data.dt, run.prior.scaling)
 
 
 def default_prior(data: Sequence[Any]) -> Prior:
     """A prior of no meaning but its scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
-    return Prior(gain_bound=1.0, decay_rate=1.05, scaling=scaling)
-
-
-def _stated(run: RunFile) -> Prior | None:
-    gain, decay = run.prior.gain_bound, run.prior.decay_rate
-    if gain is None or decay is None:
-        return None
-    return Prior(gain_bound=gain, decay_rate=decay, scaling=run.prior.scaling)
+    return any_prior(getattr(data[0], "dt", None) if data else None, scaling)
 
 
 def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
     """A class that says something: as stated, or a non-parametric part that is not larger than the data and decays."""
-    if (stated := _stated(run)) is not None:
+    if (stated := run.prior.stated) is not None:
         return stated, "the class as stated"
     sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
     small = run.modes.hz and sizes.size
@@ -172,7 +165,7 @@ def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
     rates = possible_rates(problem)
     part = "a non-parametric part as large as the"
     words = f"the modes beside {part} median response" if small else f"{part} response"
-    return dataclasses.replace(problem.prior, gain_bound=size, decay_rate=float(rates[len(rates) // 2])), words
+    return dataclasses.replace(problem.prior.with_rate(float(rates[len(rates) // 2])), gain_bound=size), words
 
 
 def inflated(data: Any, run: RunFile) -> Any:
@@ -194,7 +187,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
 
     Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
     """
-    if (stated := _stated(run)) is not None:
+    if (stated := run.prior.stated) is not None:
         return run, dataclasses.replace(problem, prior=stated)
     say("looking for a prior")
     chosen = run.modes
@@ -208,7 +201,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
         prior, what = _reference(run, problem)
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
-            f" |G| <= {prior.gain_bound:.4g} in |z| < {prior.decay_rate:.5g}"
+            f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     problem = dataclasses.replace(problem, prior=prior)
     return dataclasses.replace(run, prior=PriorChoice(**prior_fields(prior), note=note)), problem

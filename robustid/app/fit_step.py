@@ -55,7 +55,7 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
         damping=tuple(row.damping for row in modes),
         repeat=chosen.repeat,
         integrators=chosen.integrators + rigid,
-        delay=chosen.delay if chosen.delay is not None else int(not run.fit.feedthrough),
+        delay=chosen.delay if chosen.delay is not None else int(not run.fit.feedthrough and frf.dt is not None),
         note="\n".join([MODES_NOTE + words, *lines]),
         **_box(modes),
     )

@@ -43,6 +43,11 @@ class Measured(NamedTuple):
     withheld: tuple[FrequencyResponse, ...] = ()
     kind: str = "records"
 
+    @property
+    def dt(self) -> float | None:
+        """Sample time in s; None in continuous time."""
+        return next((item.dt for item in (*self.responses, *self.records)), None)
+
     def each(self, change: Callable[[Any], Any]) -> Measured:
         """With a change of every response and record."""
         return self.each_response(change)._replace(records=tuple(map(change, self.records)))
@@ -95,7 +100,11 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
             frf: Any = read_file(folder / str(source.file), kind="frequency", **given)
         say(f"read {source.file}: {frf.omega.size} frequency points")
         sources.append(_with_digest(source, [frf], place))
-        responses.append(_sampled(frf, place))
+        if frf.dt is None:
+            say(
+                f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
+            )
+        responses.append(_with_bound(frf, place))
     return dataclasses.replace(run, frequency=tuple(sources)), responses
 
 
@@ -168,9 +177,7 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
 
 
-def _sampled(frf: FrequencyResponse, place: str) -> FrequencyResponse:
-    if frf.dt is None:
-        raise InputError(f"{place}: no sample time in it; give dt = ...")
+def _with_bound(frf: FrequencyResponse, place: str) -> FrequencyResponse:
     if frf.bound is None:
         raise InputError(
             f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every frequency point)"

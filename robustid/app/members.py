@@ -18,7 +18,7 @@ from robustid.app.withheld import compared, looked_at
 from robustid.core import Frozen
 from robustid.errors import InconsistentDataError, Status
 from robustid.guarantees import Coverage, Family, Member, default_grid, family
-from robustid.identification import Identification, MixedProblem, Prior, identify
+from robustid.identification import Identification, MixedProblem, Prior, identify, prior_fields
 
 if TYPE_CHECKING:
     import control
@@ -149,14 +149,14 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
     asked = [(one, problem.prior) for one, problem in found]
     if run.prior.gain_bound is not None:
         return asked[0]
-    gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.decay_rate for _, prior in asked)
+    gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.rate for _, prior in asked)
     first, prior = asked[0]
     notes = [f"{name}: {one.prior.note}" for name, (one, _) in zip(problems, asked, strict=True)]
     note = (
         f"One class for all members, {gain:.4g} and {decay:.5g}: the largest gain bound and the smallest decay rate.\n"
     )
-    stated = first.changed("prior", gain_bound=gain, decay_rate=decay, note=note + "\n".join(notes))
-    return stated, dataclasses.replace(prior, gain_bound=gain, decay_rate=decay)
+    prior = dataclasses.replace(prior.with_rate(decay), gain_bound=gain)
+    return first.changed("prior", **prior_fields(prior), note=note + "\n".join(notes)), prior
 
 
 def _united(
@@ -177,7 +177,7 @@ def _united(
         grid = np.unique(np.concatenate([default_grid(one) for one in found.values()]))
         basis = members[0].identification.problem.parametric
         withheld = [frf for one in left.values() for frf in one.withheld]
-        grid = looked_at(grid, () if basis is None else basis.poles, members[0].identification.problem.dt, withheld)
+        grid = looked_at(grid, () if basis is None else basis.poles, members[0].identification.problem.plane, withheld)
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)

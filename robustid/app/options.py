@@ -7,7 +7,7 @@ A run file is validated by these sections, `robustid run --keys` lists them, the
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robustid.app.checks import (
     AUTO,
@@ -25,6 +25,9 @@ from robustid.app.checks import (
 )
 from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from robustid.identification import Prior
 
 _positive, _frequencies = number(above=0), number(least=0)
 _NOTE = "How the program chose these values, in words; written by the program."
@@ -203,12 +206,38 @@ class PriorChoice:
         _positive, help="Prior: gain bound K of the non-parametric part, in units of the response.", flag="--gain"
     )
     decay_rate: float | None = key(
-        number(above=1), help="Prior: decay rate rho > 1 of the non-parametric part, per sample.", flag="--decay"
+        number(above=1), help="Prior: decay rate rho > 1 of the non-parametric part, per sample.", flag="--decay-rate"
+    )
+    decay: float | None = key(
+        _positive,
+        help="Prior: decay of the non-parametric part, in the place of the decay rate; of responses of continuous time.",
+        unit="1/s",
+        flag="--decay",
     )
     scaling: tuple | None = key(
         several(several(_positive)), help="Of MIMO responses: sizes of the entries, one row an output."
     )
     note: str | None = key(text(), help=_NOTE)
+
+    @property
+    def stated(self) -> Prior | None:
+        """The prior; None where it is to be chosen."""
+        from robustid.identification import Prior
+
+        fields = {
+            name: value for name in ("gain_bound", "decay_rate", "decay") if (value := getattr(self, name)) is not None
+        }
+        return Prior(**fields, scaling=self.scaling) if "gain_bound" in fields else None
+
+    def check(self, names: dict[str, str]) -> None:
+        """Refuse a part of a prior; `names` are those of its keys where they were given."""
+        gain, *decays = (names[name] for name in ("gain_bound", "decay_rate", "decay"))
+        given = [name for name, value in zip(decays, (self.decay_rate, self.decay), strict=True) if value is not None]
+        if len(given) > 1:
+            raise InputError(f"{given[0]} (per sample) and {given[1]} (in 1/s) say the same thing; give one of them")
+        if (self.gain_bound is None) != (not given):
+            one, other = (given[0], gain) if given else (gain, f"{decays[0]} (or {decays[1]} in 1/s)")
+            raise InputError(f"{one} is given without {other}; give both, or neither to have them chosen")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -58,7 +58,7 @@ def propose(
     dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     twice = None
     if modes.hz is not None:
-        basis = basis_of(dataclasses.replace(modes, delay=1 if modes.delay is None else modes.delay), dt)
+        basis = basis_of(dataclasses.replace(modes, delay=int(dt > 0) if modes.delay is None else modes.delay), dt)
     elif frequency:
         suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
         basis = suggestion.basis
@@ -73,6 +73,6 @@ def propose(
         chosen = found.prior
         if chosen is None:  # nothing fits: a class large enough to show the contradiction of the data themselves
             size = 100 * response_sizes(problem)[0]
-            chosen = dataclasses.replace(placeholder, gain_bound=size or 1.0, decay_rate=float(found.decay_rates[0]))
+            chosen = dataclasses.replace(placeholder.with_rate(float(found.decay_rates[0])), gain_bound=size or 1.0)
         problem = dataclasses.replace(problem, prior=chosen)
     return Proposal(problem, tuple(choices))

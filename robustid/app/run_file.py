@@ -56,9 +56,7 @@ class RunFile(Frozen, General):
         _check_fit(self)
         _check_modes(self)
         _check_notes(self)
-        for one, other in (("gain_bound", "decay_rate"), ("decay_rate", "gain_bound")):
-            if getattr(self.prior, one) is not None and getattr(self.prior, other) is None:
-                raise InputError(f"[prior] {one} is given without {other}; give both, or neither to have them chosen")
+        self.prior.check({"gain_bound": "[prior] gain_bound", "decay_rate": "decay_rate", "decay": "decay"})
         points = self.frequency_points
         if points.near_hz is not None and points.every == 1:
             raise InputError(
@@ -193,7 +191,12 @@ def _check_notes(run: RunFile) -> None:
     for place, note, start, numbers in (
         ("[delay] note", delay.note, DELAY_NOTE, [f"{delay.seconds:.6g}"] if delay.seconds != "auto" else []),
         ("[modes] note", modes.note, MODES_NOTE, [f"{hz:.5g} Hz" for hz in modes.hz or ()]),
-        ("[prior] note", prior.note, PRIOR_NOTE, [f"{prior.gain_bound or 0:.4g}", f"{prior.decay_rate or 0:.5g}"]),
+        (
+            "[prior] note",
+            prior.note,
+            PRIOR_NOTE,
+            [f"{prior.gain_bound or 0:.4g}", f"{prior.decay_rate or prior.decay or 0:.5g}"],
+        ),
         (
             "[identify] inflate_note",
             how.inflate_note,

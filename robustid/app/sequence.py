@@ -118,7 +118,7 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
 def _check_frequencies(run: RunFile, dt: float) -> None:
     """Refuse what is stated in Hz above the Nyquist frequency of the data."""
     for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
-        if stated and max(stated) > 0.5 / dt * (1 + 1e-9):
+        if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
             raise InputError(
                 f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
             )
@@ -237,7 +237,7 @@ def _bounded(
     asked, basis = run.worst_case, result.problem.parametric
     if asked.at_hz is None:
         poles = () if basis is None else basis.poles
-        grid = looked_at(default_grid(result), poles, result.problem.dt, withheld)
+        grid = looked_at(default_grid(result), poles, result.problem.plane, withheld)
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)

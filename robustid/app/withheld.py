@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.app.checks import AUTO
 from robustid.app.run_file import RunFile
-from robustid.core import Real
+from robustid.core import Plane, Real
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseError, coverage
@@ -96,14 +96,15 @@ def split_points(run: RunFile, frf: FrequencyResponse) -> tuple[RunFile, Frequen
     return run, frf.select(~out), frf.select(out)
 
 
-def looked_at(grid: Real, poles: Any, dt: float, withheld: Sequence[FrequencyResponse]) -> Real:
+def looked_at(grid: Real, poles: Any, plane: Plane, withheld: Sequence[FrequencyResponse]) -> Real:
     """The frequencies of a band, and some withheld ones: the nearest to each pole, and others over the whole range."""
     if not withheld:
         return grid
     lines = np.unique(np.concatenate([frf.omega for frf in withheld]))
     spread = np.linspace(0, lines.size - 1, _LOOKED_AT).round().astype(int)
     angles = np.abs(np.angle(np.asarray(poles, complex)))
-    near = [int(np.argmin(np.abs(lines - angle / dt))) for angle in np.unique(np.round(angles[angles > 0], 12))]
+    at = plane.omega(np.unique(np.round(angles[angles > 0], 12)).astype(float))
+    near = [int(np.argmin(np.abs(lines - omega))) for omega in at]
     return np.unique(np.concatenate([grid, lines[np.unique([*spread, *near])]]))
 
 

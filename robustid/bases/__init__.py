@@ -1,6 +1,13 @@
 """The functions in which systems are described: interpolation bases and parametric bases."""
 
-from robustid.bases.input_normal import InputNormalPair, input_normal_pair, shift_pair, solve_stein
+from robustid.bases.input_normal import (
+    InputNormalPair,
+    input_normal_pair,
+    line_section,
+    nodes_pair,
+    shift_pair,
+    solve_stein,
+)
 from robustid.bases.parametric import ParametricBasis, as_basis, integrators, kautz, stack_bases
 from robustid.bases.sections import Sections
 
@@ -12,6 +19,8 @@ __all__ = [
     "input_normal_pair",
     "integrators",
     "kautz",
+    "line_section",
+    "nodes_pair",
     "shift_pair",
     "solve_stein",
     "stack_bases",

@@ -101,11 +101,16 @@ def input_normal_pair(
     True
     """
     angles = np.sort(np.asarray(list(angles), dtype=float))
-    lines = [line_section(angle, radius) for angle in angles]
+    return nodes_pair(
+        [line_section(angle, radius) for angle in angles], taylor, [line_section(w, radius) for w in first]
+    )
+
+
+def nodes_pair(lines: list[np.ndarray], taylor: int = 0, head: list[np.ndarray] | None = None) -> InputNormalPair:
+    """Input-normal pair of sections (`line_section`) in the order of their angles, dealt out as in `input_normal_pair`."""
     delays = [_real_section(0.0)] * taylor
     half = taylor // 2
-    head = [line_section(angle, radius) for angle in first]
-    return cascade([*head, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
+    return cascade([*(head or []), *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]])
 
 
 def shift_pair(length: int) -> InputNormalPair:

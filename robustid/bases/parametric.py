@@ -12,7 +12,19 @@ import numpy as np
 import scipy.linalg
 
 from robustid.bases.input_normal import solve_stein
-from robustid.core import Frozen, StateMatrices, as_array, as_count, as_positive, freeze, input_states
+from robustid.core import (
+    Frozen,
+    Plane,
+    SPlane,
+    StateMatrices,
+    ZPlane,
+    as_array,
+    as_count,
+    as_positive,
+    freeze,
+    input_states,
+    time_words,
+)
 from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
@@ -21,7 +33,7 @@ _INTEGRATOR_RADIUS = 1e-7
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ParametricBasis(Frozen):
-    """m known functions P_i(z), the outputs of one state-space system with one input.
+    """m known functions P_i(z) or P_i(s), the outputs of one state-space system with one input.
 
     ``P(z) = C (zI - A)^{-1} B + D`` has m rows; the parametric part of a model is ``p' P(z)`` with real p.
 
@@ -29,12 +41,15 @@ class ParametricBasis(Frozen):
     ----------
     A, B, C, D : (n, n), (n, 1), (m, n), (m, 1) arrays
     dt : float
-        Sample time in s.
+        Sample time in s; 0 for functions of s.
     labels : tuple of str
         One name per function.
     poles : (n,) complex array, optional
-        Poles in the z-plane, where they are known: the eigenvalues of a repeated pole split by rounding. Default: the
-        eigenvalues of A.
+        Eigenvalues of A where they are known: those of a repeated pole split by rounding. Default: as they are computed.
+    corner : float, rad/s, optional
+        Of functions of s that are written in the variable z = (corner + s)/(corner - s), as a problem holds them.
+    original : ParametricBasis, optional
+        Those functions as they are written in s.
     """
 
     A: np.ndarray
@@ -44,6 +59,8 @@ class ParametricBasis(Frozen):
     dt: float
     labels: tuple[str, ...]
     poles: Any = None
+    corner: float | None = None
+    original: ParametricBasis | None = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in "ABCD"})
@@ -61,12 +78,36 @@ class ParametricBasis(Frozen):
         return self.A.shape[0]
 
     @property
+    def matrices(self) -> StateMatrices:
+        """A, B, C, D."""
+        return StateMatrices(self.A, self.B, self.C, self.D)
+
+    @property
+    def plane(self) -> Plane | None:
+        """The plane whose points are on the circle of z; None for functions written in s."""
+        if self.corner is not None:
+            return SPlane(self.corner)
+        return ZPlane(self.dt) if self.dt else None
+
+    @property
     def has_integrator(self) -> bool:
-        """True if a pole sits at z = 1."""
-        return bool(np.any(np.abs(self.poles - 1) <= _INTEGRATOR_RADIUS))
+        """True if a pole sits at z = 1, or s = 0."""
+        return bool(np.any(np.abs(self.poles - (self.plane is not None)) <= _INTEGRATOR_RADIUS))
+
+    def on(self, plane: Plane) -> ParametricBasis:
+        """The same functions as ones of the variable z of a plane of the same kind."""
+        if not isinstance(plane, SPlane) or self.corner == plane.corner:
+            return self
+        own = self.in_s()
+        poles = (plane.corner + own.poles) / (plane.corner - own.poles)
+        return ParametricBasis(*plane.in_z(own.matrices), 0.0, own.labels, poles, plane.corner, own)
+
+    def in_s(self) -> ParametricBasis:
+        """Functions of s that are written in z, written in s; others as they are."""
+        return self if self.original is None else self.original
 
     def response(self, angles: np.ndarray) -> np.ndarray:
-        """P(exp(j*angle)), shape (len(angles), m)."""
+        """P(exp(j*angle)), shape (len(angles), m), of functions that are written in z."""
         z = np.exp(1j * np.asarray(angles))
         if not self.states:
             return np.broadcast_to(self.D[:, 0].astype(complex), (z.size, self.size))
@@ -102,7 +143,8 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     """Kautz pairs: the impulse responses Re a^k and Im a^k of lightly damped modes, unit H2 norm each.
 
     ``a = exp((-damping + j sqrt(1 - damping^2)) omega dt)``; `repeat` adds the terms with k a^k, k^2 a^k ..., which
-    absorb errors of the assumed pole to that order.
+    absorb errors of the assumed pole to that order. In continuous time (dt = 0) Re exp(s t) and Im exp(s t),
+    ``s = (-damping + j sqrt(1 - damping^2)) omega``, and t, t^2 ... times them.
 
     Parameters
     ----------
@@ -111,11 +153,11 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     damping : float or (M,) array
         Damping ratios, 0 < damping <= 1; 1 stands for one real pole exp(-omega dt), as in `mode_table`.
     dt : float, s
-        Sample time.
+        Sample time; 0 for continuous time.
     repeat : int
         Multiplicity of each pole.
     delay : int, samples
-        0: the pair starts at k = 0 (feed-through). 1: it starts at k = 1, as a zero-order-hold mode without
+        In discrete time. 0: the pair starts at k = 0 (feed-through). 1: it starts at k = 1, as a zero-order-hold mode without
         feed-through does; such a mode is not in the span of the undelayed pair.
 
     Returns
@@ -134,7 +176,7 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
     >>> pair.size, pair.states
     (2, 2)
     """
-    dt = as_positive("dt", dt)
+    dt = _as_time(dt)
     omega = np.atleast_1d(as_array("omega", omega))
     damping = np.atleast_1d(as_array("damping", damping))
     repeat, delay = as_count("repeat", repeat, least=1), as_count("delay", delay)
@@ -149,6 +191,8 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
             "`damping` must lie between 0 and 1 (1 for a real pole; integrators are `rid.integrators`);"
             f" got {damping[(damping <= 0) | (damping > 1)][0]:g}"
         )
+    if not dt:
+        return _continuous_kautz(omega, damping, repeat, delay)
     turn = omega * dt * np.sqrt(1 - damping**2)
     if np.any((omega <= 0) | (turn >= np.pi)):
         bad = omega[(omega <= 0) | (turn >= np.pi)][0]
@@ -158,14 +202,14 @@ def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 
 
 
 def integrators(count: int = 1, *, dt: float) -> ParametricBasis:
-    """Integrators: the functions 1/(z - 1) and, with `count` 2, 1/(z - 1)^2.
+    """Integrators: the functions 1/(z - 1) and, with `count` 2, 1/(z - 1)^2; 1/s and 1/s^2 in continuous time.
 
     Parameters
     ----------
     count : int
         1 for an integrator (from torque to speed), 2 for a rigid body (from torque to angle).
     dt : float, s
-        Sample time.
+        Sample time; 0 for continuous time.
 
     Returns
     -------
@@ -182,10 +226,16 @@ def integrators(count: int = 1, *, dt: float) -> ParametricBasis:
     >>> rid.integrators(2, dt=0.1).response([np.pi]).real
     array([[-0.5 ,  0.25]])
     """
-    dt, count = as_positive("dt", dt), as_count("count", count, least=1)
+    dt, count = _as_time(dt), as_count("count", count, least=1)
     labels = ("integrator", "double integrator", *(f"integrator of order {k}" for k in range(3, count + 1)))
-    A, B = np.eye(count) + np.eye(count, k=-1), np.eye(count, 1)
-    return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, labels[:count], np.ones(count, complex))
+    A, B = (np.eye(count) if dt else 0.0) + np.eye(count, k=-1), np.eye(count, 1)
+    poles = np.full(count, bool(dt), complex)
+    return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, labels[:count], poles)
+
+
+def _as_time(dt: Any) -> float:
+    """A sample time in s; 0 for continuous time, which None stands for too."""
+    return 0.0 if dt is None or np.array_equal(dt, 0) else as_positive("dt", dt)
 
 
 def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> ParametricBasis:
@@ -208,30 +258,66 @@ def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> P
         A = np.block([[A, B], [np.zeros((1, n + 1))]])
         B = np.eye(n + 1)[:, -1:]
         C = np.hstack([C, np.zeros((C.shape[0], 1))])
-    hz = f"{omega / (2 * np.pi):.4g} Hz"
-    parts = ("real pole",) if real else ("Re", "Im")
-    labels = [f"{part} {hz}" + (f" (k^{j})" if j else "") for j in range(repeat) for part in parts]
+    labels = _mode_labels(omega, real, repeat, "k")
     own = [a.real] if real else [a, a.conjugate()]
     poles = np.concatenate([np.repeat(own, repeat), np.zeros(A.shape[0] - states)])
-    return ParametricBasis(A, B, C, D, dt, tuple(labels), poles)
+    return ParametricBasis(A, B, C, D, dt, labels, poles)
 
 
-def as_basis(value: Any, dt: float) -> ParametricBasis:
+def _mode_labels(omega: float, real: bool, repeat: int, variable: str) -> tuple[str, ...]:
+    parts, hz = ("real pole",) if real else ("Re", "Im"), f"{omega / (2 * np.pi):.4g} Hz"
+    return tuple(f"{part} {hz}" + (f" ({variable}^{j})" if j else "") for j in range(repeat) for part in parts)
+
+
+def _continuous_kautz(omega: np.ndarray, damping: np.ndarray, repeat: int, delay: int) -> ParametricBasis:
+    """The pairs in s, ordered as those in z."""
+    if delay:
+        raise InputError(f"`delay` is a number of samples, and there are none in continuous time (dt = 0); got {delay}")
+    if np.any(omega <= 0):
+        raise InputError(f"`omega` must be positive; got {omega.min():g} rad/s")
+    return stack_bases([_continuous_mode(w, z, repeat) for w, z in zip(omega, damping, strict=True)])
+
+
+def _continuous_mode(omega: float, damping: float, repeat: int) -> ParametricBasis:
+    s = complex(-damping, np.sqrt(1 - damping**2)) * omega
+    real = damping == 1
+    R = np.array([[s.real]]) if real else np.array([[s.real, -s.imag], [s.imag, s.real]])
+    # x_j(t) = t^j/j! exp(s t) obeys x_j' = s x_j + x_(j-1); in units of 1/omega.
+    A = np.kron(np.eye(repeat), R) + omega * np.kron(np.eye(repeat, k=-1), np.eye(R.shape[0]))
+    B = np.eye(A.shape[0], 1)
+    norms = np.sqrt(np.diag(scipy.linalg.solve_continuous_lyapunov(A, -B @ B.T)))
+    own = [s.real] if real else [s, s.conjugate()]
+    labels = _mode_labels(omega, real, repeat, "t")
+    return ParametricBasis(A, B, np.diag(1 / norms), np.zeros_like(B), 0.0, labels, np.repeat(own, repeat))
+
+
+def as_basis(value: Any, plane: Plane) -> ParametricBasis:
     """A `ParametricBasis` from bases, `control.StateSpace` systems (one input, m outputs), or a sequence of them.
 
-    Poles must lie inside the unit circle or at z = 1 (integrators).
+    Of functions of z on the circle of the plane. Poles must lie inside it or at z = 1 (integrators).
     """
+    return _as_basis(value, plane.dt).on(plane)
+
+
+def _as_basis(value: Any, dt: float) -> ParametricBasis:
     if isinstance(value, Sequence) and not isinstance(value, str):
         if not value:
             raise InputError("`parametric` is an empty sequence; leave it out instead")
         items: list[Any] = list(value)  # type: ignore[reportUnknownArgumentType]
-        return stack_bases([as_basis(item, dt) for item in items])
+        return stack_bases([_as_basis(item, dt).in_s() for item in items])
     basis = value if isinstance(value, ParametricBasis) else _from_statespace(value, dt)
     if abs(basis.dt - dt) > 1e-9 * dt:
         raise InputError(
-            f"`parametric` has dt = {basis.dt:g} s, the data have dt = {dt:g} s; build the basis with the same"
+            f"`parametric` is of {time_words(basis.dt)}, the data are of {time_words(dt)}; build the basis with the same dt"
         )
     poles = basis.poles
+    if basis.plane is None:
+        bad = poles[(poles.real >= 0) & (np.abs(poles) > _INTEGRATOR_RADIUS)]
+        if bad.size:
+            raise InputError(
+                f"`parametric` must have its poles in Re s < 0 or at s = 0; got one with real part {bad.real.max():.6g} rad/s"
+            )
+        return basis
     bad = poles[(np.abs(poles) >= 1) & (np.abs(poles - 1) > _INTEGRATOR_RADIUS)]
     if bad.size:
         raise InputError(
@@ -252,7 +338,7 @@ def _from_statespace(value: Any, dt: float) -> ParametricBasis:
         )
     if value.ninputs != 1:
         raise InputError(f"`parametric` systems must have one input (each output is one function); got {value.ninputs}")
-    if value.dt == 0:
+    if value.dt == 0 and dt:
         raise InputError("`parametric` must be discrete-time with the dt of the data; got a continuous-time system")
     known = value.dt is not None and value.dt is not True
     labels = tuple(f"{value.name}:{label}" for label in value.output_labels)

@@ -3,6 +3,7 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.files import atomic_write
+from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.projection import Projection, projected
 from robustid.core.scales import lengths
 from robustid.core.state_space import (
@@ -61,16 +62,19 @@ __all__ = [
     "Budget",
     "Complex",
     "Frozen",
+    "Plane",
     "Progress",
     "Projection",
     "Real",
     "Record",
     "Response",
+    "SPlane",
     "Savable",
     "Signal",
     "StateMatrices",
     "StateSpace",
     "Workers",
+    "ZPlane",
     "as_array",
     "as_bound",
     "as_count",
@@ -82,6 +86,8 @@ __all__ = [
     "as_signals",
     "atomic_write",
     "balancing",
+    "bilinear_in_s",
+    "bilinear_in_z",
     "describe",
     "digest",
     "freeze",
@@ -92,6 +98,7 @@ __all__ = [
     "one_thread",
     "part",
     "paths",
+    "plane_of",
     "points_of",
     "projected",
     "read_arrays",
@@ -106,6 +113,7 @@ __all__ = [
     "simulate",
     "text_array",
     "threads_for",
+    "time_words",
     "under",
     "worker_pool",
     "written_by",

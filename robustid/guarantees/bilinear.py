@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Frozen
+from robustid.core import Frozen, StateMatrices, bilinear_in_s, bilinear_in_z
 from robustid.errors import InputError
 from robustid.identification import check_model
 
@@ -56,36 +56,18 @@ def discrete(continuous: Any, dt: float) -> Any:
     system = check_model("continuous", continuous)
     if system.nstates and system.dt != 0:
         raise InputError(f"`continuous` must be in continuous time; got dt = {system.dt}")
-    a, half = np.asarray(system.A), dt / 2
-    inverse = np.linalg.inv(np.eye(a.shape[0]) - half * a)
-    root = np.sqrt(dt)
-    return control.StateSpace(
-        inverse @ (np.eye(a.shape[0]) + half * a),
-        root * inverse @ system.B,
-        root * system.C @ inverse,
-        system.D + half * system.C @ inverse @ system.B,
-        dt,
-        remove_useless_states=False,
-    )
+    found = bilinear_in_z(StateMatrices.of(system), dt)
+    return control.StateSpace(*found, dt, remove_useless_states=False)
 
 
 def bilinear(model: Any) -> Any:
     """The continuous model with the same values, at s = (2/dt)(z - 1)/(z + 1)."""
     import control
 
-    a = np.asarray(model.A)
-    n = a.shape[0]
-    if n and np.linalg.cond(a + np.eye(n)) > 1e12:
+    system = StateMatrices.of(model)
+    n = system.A.shape[0]
+    if n and np.linalg.cond(system.A + np.eye(n)) > 1e12:
         raise InputError(
             "`nominal` has a pole at z = -1 (half the sampling rate), which has no place in continuous time"
         )
-    inverse = np.linalg.inv(a + np.eye(n))
-    root = 2 / np.sqrt(model.dt)
-    return control.StateSpace(
-        2 / model.dt * inverse @ (a - np.eye(n)),
-        root * inverse @ model.B,
-        root * model.C @ inverse,
-        model.D - model.C @ inverse @ model.B,
-        0.0,
-        remove_useless_states=False,
-    )
+    return control.StateSpace(*bilinear_in_s(system, model.dt), 0.0, remove_useless_states=False)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze, responses
+from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
@@ -30,6 +30,7 @@ from robustid.identification import Identification, MixedProblem
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
+_PIECES = 64  # of the arc from the highest frequency point to infinity
 _ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
@@ -42,7 +43,7 @@ class CircleBound(Frozen):
     Attributes
     ----------
     edges : (C+1,) array, rad/s
-        From 0, or from the first frequency point where the plant has an integrator, to pi/dt.
+        From 0, or from the first frequency point where the plant has an integrator, to pi/dt, or infinity in continuous time.
     bound : (C,) array
     lower : float
         Error of a consistent system at one of the edges, attained.
@@ -72,9 +73,10 @@ class CircleBound(Frozen):
 
     @property
     def peak(self) -> float:
-        """Middle of the cell with the largest bound, rad/s."""
+        """Middle of the cell with the largest bound, rad/s; of one without end its beginning."""
         cell = int(np.argmax(self.bound))
-        return float((self.edges[cell] + self.edges[cell + 1]) / 2)
+        low, high = self.edges[cell : cell + 2].tolist()
+        return (low + high) / 2 if np.isfinite(high) else low
 
 
 class Remembered:
@@ -120,15 +122,45 @@ class ModelError:
     def range(self) -> tuple[float, float]:
         """Ends of the circle, rad/s: from 0, or from the first frequency point where the plant has an integrator."""
         problem = self.identification.problem
-        top, basis = np.pi / problem.dt, problem.parametric
+        top, basis = problem.plane.top, problem.parametric
         if basis is None or not basis.has_integrator:
             return 0.0, top
         return float(min((f.omega.min() for f in problem.frequency), default=self.lowest)), top
 
+    @property
+    def end(self) -> float:
+        """The last edge with value sets, rad/s: the top of the range; in continuous time the highest frequency point."""
+        problem, top = self.identification.problem, self.range[1]
+        if np.isfinite(top):
+            return top
+        return float(max(f.omega.max() for f in problem.frequency))
+
+    def beyond(self) -> Real:
+        """Bound of the entries from the last edge to infinity, (1, ny, nu): the gain bound, and the rest by its ends and bends."""
+        identification, plane = self.identification, self.identification.problem.plane
+        K, scales = identification.problem.prior.gain_bound, identification.problem.prior.scales(*self.model.D.shape)
+        angles = np.linspace(float(plane.angles(np.array(self.end))), np.pi, _PIECES + 1)
+        rest, reach = -plane.values(self.model, angles), np.zeros((angles.size, *scales.shape))
+        if identification.problem.parametric is not None:
+            functions = identification.problem.parametric.response(angles)
+            parts = (-1, *scales.shape)
+            rest = rest + np.tensordot(functions, identification.parameters.reshape(parts), 1)
+            reach = np.tensordot(np.abs(functions), self.parameters.reach(identification.parameters).reshape(parts), 1)
+        pairs = itertools.pairwise(angles.tolist())
+        bends = np.max([self.curvature.outside(a, b) * (b - a) ** 2 / 8 for a, b in pairs], axis=0)
+        return (K * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
+
+    def bend(self, low: float, high: float, pieces: int = 1) -> Real:
+        """What the error can exceed the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
+        plane = self.identification.problem.plane
+        a, b = (float(plane.angles(np.array(end))) for end in (low, high))
+        width = (high - low) * plane.dt if plane.dt else b - a
+        return self.curvature.largest(a, b, pieces) * width**2 / 8
+
     def at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
         """Bounds at frequencies, from the value sets of their entries."""
         omega = np.array(list(sets))
-        nominal = responses(self.model, omega * self.identification.problem.dt)
+        nominal = self.identification.problem.plane.values_at(self.model, omega)
         limits = norms_of_class(self.identification, self.parameters, nominal, omega)
         limits = np.minimum(limits, norms_of_samples(self.identification.problem, nominal, omega))
         return tuple(largest_errors(*each) for each in zip(sets.values(), nominal, limits.tolist(), strict=True))
@@ -157,12 +189,16 @@ def refine(
     New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
     matter.
     """
-    dt, (bottom, top) = error.identification.problem.dt, error.range
+    plane, (bottom, top) = error.identification.problem.plane, error.range
+    further = error.beyond() if top > error.end else np.zeros((0, *error.model.D.shape))
     known = by_frequency(before.values if before is not None else ())
-    known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= top}
-    fine = {w for w, sets in known.items() if np.isin(sets[0].directions, directions_at(w, dt, settings[0])).all()}
+    last = error.end
+    known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= last}
+    fine = {
+        w for w, sets in known.items() if np.isin(sets[0].directions, directions_at(w, plane.dt, settings[0])).all()
+    }
     limits: dict[tuple[float, float], Real] = {}
-    coarse: list[float] = [w for w in (bottom, top) if w not in known]
+    coarse: list[float] = [w for w in (bottom, last) if w not in known]
     sharp: list[float] = []
     rounds = 0
     while True:
@@ -184,13 +220,20 @@ def refine(
         ends = np.maximum(sure[:-1], sure[1:])
         peak = ends if everywhere else np.full(ends.size, sure.max())
         arcs = list(itertools.pairwise(edges.tolist()))
-        limits |= {arc: error.curvature.largest(arc[0] * dt, arc[1] * dt) for arc in arcs if arc not in limits}
-        bends = np.array([limits[arc] * ((arc[1] - arc[0]) * dt) ** 2 / 8 for arc in arcs])
+        limits |= {(a, b): error.bend(a, b) for a, b in arcs if (a, b) not in limits}
+        bends = np.array([limits[arc] for arc in arcs])
         bounds = np.maximum(entries[:-1], entries[1:]) + bends
         bend, bound = norm_of_bounds(bends), _norms(bounds, upper, bends)
         open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
         sets = tuple(one for w in edges.tolist() for one in known[w])
-        result = CircleBound(edges, bound, float(lower.max()), open_arcs.size == 0, sets, bounds)
+        result = CircleBound(
+            np.append(edges, [top] * len(further)),
+            np.append(bound, norm_of_bounds(further)),
+            float(lower.max()),
+            open_arcs.size == 0,
+            sets,
+            np.concatenate([bounds, further]),
+        )
         coarse, sharp = [], []
         for k in open_arcs:
             rough = [
@@ -199,7 +242,7 @@ def refine(
             if bend[k] <= 0.5 * rtol * peak[k] and rough:
                 sharp += rough
             else:
-                coarse.append(float(sum(arcs[k]) / 2))
+                coarse.append(plane.middle(arcs[k][0], arcs[k][1]))
         sharp = sorted(set(sharp))
         if result.converged or cut or edges.size + len(coarse) > _LARGEST or rounds == _ROUNDS:
             return result
@@ -209,18 +252,19 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
     """Return whether the value sets at its edges, whose certificates are claims of their own, give the bounds that it states."""
     sets = by_frequency(circle.values)
     omega = np.array(list(sets))
-    if not np.array_equal(omega, circle.edges) or error.range != (omega[0], omega[-1]):
+    (bottom, top), last = error.range, error.end
+    edges = omega if top == last else np.append(omega, top)
+    if not np.array_equal(edges, circle.edges) or (bottom, last) != (omega[0], omega[-1]):
         return False
-    dt, (entries, upper, _) = error.identification.problem.dt, error.arrays_at(sets)
-    arcs = list(itertools.pairwise(circle.edges.tolist()))
-    for pieces in (
-        1,
-        4,
-    ):  # earlier versions bounded the curvature in other coordinates: at least that of the quarters of an arc
-        curvatures = np.array([error.curvature.largest(a * dt, b * dt, pieces) for a, b in arcs])
-        bends = curvatures * (np.diff(circle.edges) * dt)[:, None, None] ** 2 / 8
+    entries, upper, _ = error.arrays_at(sets)
+    further = error.beyond() if top > last else np.zeros((0, *error.model.D.shape))
+    arcs = list(itertools.pairwise(omega.tolist()))
+    # Earlier versions bounded the curvature in other coordinates: at least that of the quarters of an arc.
+    for pieces in (1, 4):
+        bends = np.array([error.bend(a, b, pieces) for a, b in arcs])
         bounds = np.maximum(entries[:-1], entries[1:]) + bends
-        norms = _norms(bounds, upper, bends)
+        norms = np.append(_norms(bounds, upper, bends), norm_of_bounds(further))
+        bounds = np.concatenate([bounds, further])
         if np.all(bounds <= circle.entries * (1 + 1e-9)) and np.all(norms <= circle.bound * (1 + 1e-9)):
             return True
     return False
@@ -264,7 +308,7 @@ def norms_of_class(
     problem, (_, p, q) = identification.problem, nominal.shape
     known, loose, rounding = -nominal, np.zeros(nominal.shape), np.linalg.norm(nominal, axis=(1, 2))
     if problem.parametric is not None:
-        functions = problem.parametric.response(omega * problem.dt)
+        functions = problem.parametric.response(problem.plane.angles(omega))
         reach = parameters.reach(identification.parameters).reshape(-1, p, q)
         outside = np.tensordot(functions, identification.parameters.reshape(-1, p, q), 1)
         known, loose = known + outside, np.tensordot(np.abs(functions), reach, 1)

@@ -236,8 +236,8 @@ class ConsistentSet(Frozen):
         return max(self.data.margin(x, p), self.data.sarason.norm(x))
 
     def value_weights(self, omega: float, entry: Entry = (0, 0)) -> tuple[Complex, Complex, float]:
-        """Weights of (x, p) in an entry of F(exp(j omega T)), complex, and what the other coefficients can add."""
-        problem, here = self.posed.problem, np.array([omega * self.posed.problem.dt])
+        """Weights of (x, p) in an entry of F at a frequency, complex, and what the other coefficients can add."""
+        problem, here = self.posed.problem, self.posed.problem.plane.angles(np.array([omega]))
         prior, entries, phi = problem.prior, problem.entries, self.posed.values(here)[0]
         tail = float(self.posed.response_tail(here)[0])
         number, part = entries.place(*entry)
@@ -285,7 +285,7 @@ class ConsistentSet(Frozen):
 
         Not what the set can do, but how much at one frequency beside another, for the price of one Newton matrix.
         """
-        here = self._in(self.posed.with_nodes(omega * self.posed.problem.dt))
+        here = self._in(self.posed.with_nodes(self.posed.problem.plane.angles(omega)))
         entries = here.posed.problem.entries
         shape = omega.size, entries.outputs, entries.inputs
         parts = [here.value_weights(float(omega[k]), (i, j)) for k, i, j in np.ndindex(*shape)]
@@ -297,7 +297,7 @@ class ConsistentSet(Frozen):
 
     def posed_at(self, omega: float) -> Formulation:
         """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""
-        return self.posed.with_node(omega * self.posed.problem.dt)
+        return self.posed.with_node(float(self.posed.problem.plane.angles(np.array(omega))))
 
     @functools.cached_property
     def _interpolant(self) -> tuple[Real, ...]:
@@ -329,7 +329,7 @@ def consistent_set(identification: Identification) -> ConsistentSet:
         Candidate(shrink * identification.coefficients, identification.scaled_parameters, none, none, ""),
         Candidate(claim.x, claim.p, none, none, ""),
     ]
-    if identification.prior.decay_rate != problem.prior.decay_rate:
+    if not identification.prior.decays_as(problem.prior):
         starts = starts[1:]
     return set_of(posed, level, starts)
 

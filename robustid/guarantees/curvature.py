@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Real
+from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.identification import Identification, Prior, parametric_states
+from robustid.identification import Identification, Prior, Region, parametric_states
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -27,8 +27,9 @@ class Curvature:
 
     E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart.
 
-    * |d^2 G/d theta^2| <= K rho/(rho-1)^2: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n! (1 - |g|^2) /
-      ((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 = -(z G' + z^2 G'').
+    * |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
+      (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
+      -(z G' + z^2 G''); in continuous time likewise (`Region.bend`).
     * the P_i from their state space, times the half-widths of the certified intervals;
       MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
     * the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
@@ -36,6 +37,7 @@ class Curvature:
     """
 
     prior: Prior
+    region: Region
     known: StateSpace
     basis: StateSpace | None
     reach: Real
@@ -49,10 +51,16 @@ class Curvature:
         if pieces > 1:
             ends = itertools.pairwise(np.linspace(low, high, pieces + 1).tolist())
             return np.max([self.largest(*each) for each in ends], axis=0)
-        K, rho = self.prior.gain_bound, self.prior.decay_rate
-        known = second_derivative(*self.known, low, high)
-        ball = self.prior.scales(*known.shape) * (K * rho / (rho - 1) ** 2 * (1 + 1e-6))
+        K, known = self.prior.gain_bound, second_derivative(*self.known, low, high)
+        ball = self.prior.scales(*known.shape) * (self.region.bend(K, low, high) * (1 + 1e-6))
         total = ball + (np.minimum(known, ball) if self.inside else known)
+        return self._with_parameters(total, low, high)
+
+    def outside(self, low: float, high: float) -> Real:
+        """Of E - G on an arc, (ny, nu)."""
+        return self._with_parameters(second_derivative(*self.known, low, high), low, high)
+
+    def _with_parameters(self, total: Real, low: float, high: float) -> Real:
         if self.basis is not None:
             sizes = second_derivative(*self.basis, low, high)[:, 0]
             for size, reach in zip(sizes, self.reach, strict=True):
@@ -69,7 +77,8 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     # A reduced interpolant is near the ball, not in it.
     inside = own and identification.formulation.exact
     shape = len(identification.problem.outputs), len(identification.problem.inputs)
-    return Curvature(identification.problem.prior, parts, functions, reach.reshape(-1, *shape), inside)
+    problem = identification.problem
+    return Curvature(problem.prior, problem.region, parts, functions, reach.reshape(-1, *shape), inside)
 
 
 def is_own(model: Any, identification: Identification) -> bool:
@@ -120,8 +129,9 @@ def _on_short_arc(A: Real, B: Real, C: Real, low: float, high: float) -> Real | 
 
 def known_part(model: Any, identification: Identification) -> StateSpace:
     """State space (A, B, C) of q'P - model, each in coordinates of its own."""
-    A, B, C = input_normal(np.asarray(model.A), np.asarray(model.B), -np.asarray(model.C))
     problem = identification.problem
+    a, b, c, _ = problem.plane.in_z(StateMatrices.of(model))
+    A, B, C = input_normal(a, b, -c)
     if problem.parametric is None or not problem.parametric.states:
         return A, B, C
     residues = identification.parameters.reshape(-1, *model.D.shape)
@@ -133,7 +143,8 @@ def interpolant_part(identification: Identification) -> StateSpace:
     """State space of minus the non-parametric part of its own model, whose parametric part is q'P exactly, its states the last."""
     model, basis = identification.model, identification.problem.parametric
     n = model.nstates - (0 if basis is None else basis.states * min(model.D.shape))
-    return input_normal(np.asarray(model.A)[:n, :n], np.asarray(model.B)[:n], -np.asarray(model.C)[:, :n])
+    A, B, C, _ = identification.problem.plane.in_z(StateMatrices.of(model))
+    return input_normal(A[:n, :n], B[:n], -C[:, :n])
 
 
 def input_normal(A: Real, B: Real, C: Real) -> StateSpace:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real, Savable, freeze, responses
+from robustid.core import Complex, Frozen, Plane, Real, Savable, freeze
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
@@ -84,13 +84,18 @@ class Family(Frozen, Drawable, Savable):
 
     @property
     def dt(self) -> float:
-        """Sample time, s."""
-        return self.members[0].identification.problem.dt
+        """Sample time, s; 0 in continuous time."""
+        return self.plane.dt
+
+    @property
+    def plane(self) -> Plane:
+        """The plane of the first member."""
+        return self.members[0].identification.problem.plane
 
     @functools.cached_property
     def nominal(self) -> Complex:
         """Response of the nominal, (F,) complex; MIMO: (F, ny, nu)."""
-        found = responses(self.model, self.omega * self.dt)
+        found = self.plane.values_at(self.model, self.omega)
         return freeze(self.members[0].identification.problem.entries.as_given(found))
 
     @functools.cached_property
@@ -255,7 +260,7 @@ class Family(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        size = np.linalg.norm(responses(self.model, self.omega * self.dt), 2, axis=(1, 2))
+        size = np.linalg.norm(self.plane.values_at(self.model, self.omega), 2, axis=(1, 2))
         relative = np.median(self.sigma_upper / np.maximum(size, np.finfo(float).tiny))
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"

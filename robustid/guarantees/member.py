@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, as_count, as_float, digest
+from robustid.core import Complex, Frozen, as_count, as_float, digest, time_words
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.worst_case_result import WorstCaseError
@@ -144,8 +144,8 @@ def _check_alike(first: Member, other: Member) -> None:
     """Refuse members of other signals, sample time or class than the first."""
     pair = first.identification.problem, other.identification.problem
     dts = [problem.dt for problem in pair]
-    if abs(dts[0] - dts[1]) > 1e-9 * dts[0]:
-        raise _unlike(first, other, "sample times", f"{dts[0]:g} s", f"{dts[1]:g} s", "resample to one")
+    if abs(dts[0] - dts[1]) > 1e-9 * max(dts):
+        raise _unlike(first, other, "sample times", time_words(dts[0]), time_words(dts[1]), "resample to one")
     for side in ("outputs", "inputs"):
         names = [", ".join(f"{s.name} [{s.unit}]" if s.unit else str(s.name) for s in getattr(p, side)) for p in pair]
         if names[0] != names[1]:
@@ -220,7 +220,7 @@ def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
     """
     if isinstance(bounded, WorstCaseError):
         return [one.vertices for one in bounded.of_entry(*entry)]
-    angles = bounded.omega * bounded.identification.problem.dt
+    angles = bounded.identification.problem.plane.angles(bounded.omega)
     slacks = [item.cell.slack(angles)[:, *entry] for item in bounded.kept]
     if not all(item.values for item in bounded.kept) or not np.all(np.isfinite(slacks)):
         raise InputError(

@@ -22,7 +22,6 @@ from robustid.core import (
     as_kind,
     as_positive,
     freeze,
-    responses,
     threads_for,
     worker_pool,
 )
@@ -155,7 +154,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     @property
     def nominal(self) -> Complex:
         """Response of the model, (F, ny, nu)."""
-        return responses(self.model, self.omega * self.identification.problem.dt)
+        return self.identification.problem.plane.values_at(self.model, self.omega)
 
     @property
     def next_line(self) -> float:
@@ -225,7 +224,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 def _bounds(kept: tuple[KeptCell, ...], model: Any, omega: Real, identification: Identification) -> tuple[Real, Real]:
     """Error and magnitude over all cells, around a model, as they are stated."""
     problem = identification.problem
-    upper, magnitude = union_of(kept, responses(model, omega * problem.dt), omega * problem.dt)
+    upper, magnitude = union_of(kept, problem.plane.values_at(model, omega), problem.plane.angles(omega))
     return upper, problem.entries.as_given(magnitude)
 
 
@@ -336,7 +335,7 @@ def worst_case_over_poles(
 
 def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
     """Over the range of the frequency points, and at the modes."""
-    top = np.pi / problem.dt
+    top = problem.plane.top
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)
     return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
@@ -350,7 +349,7 @@ def _search(
     waiting = [whole]
     kept: list[tuple[PoleCell, ConsistentSet | None]] = []
     refuted: list[RefutedCell] = []
-    angles = np.concatenate([grid * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
+    angles = problem.plane.angles(np.concatenate([grid, *(f.omega for f in problem.frequency)]))
     while waiting:
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
         costs = [c.cost(angles, smallest) for c in waiting]

@@ -16,7 +16,7 @@ from robustid.core import Complex, Frozen, Real, as_array, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import Identification, MixedProblem, check_sampled
 
 AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
@@ -135,7 +135,7 @@ class PoleCell(Frozen):
         """A problem with fixed poles that every consistent system with poles in the cell solves; None if no data are left."""
         frequency: list[Points] = []
         for points in problem.frequency:
-            wider = widened_points(points, self.slack(points.omega * problem.dt))
+            wider = widened_points(points, self.slack(problem.plane.angles(points.omega)))
             frequency += [] if wider is None else [wider]
         time: list[TimeRecord] = []
         for record in problem.time:
@@ -159,7 +159,7 @@ class PoleCell(Frozen):
 
     def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
         """Two halves of the side of the mode that matters most."""
-        angles = np.concatenate([omega * problem.dt, *(f.omega * problem.dt for f in problem.frequency)])
+        angles = problem.plane.angles(np.concatenate([omega, *(f.omega for f in problem.frequency)]))
         weight = np.minimum(self.remainder(angles), _ENDLESS).max(axis=0).reshape(len(self.middle), -1)
         mode = int(np.argmax((weight / smallest_bounds(problem).ravel()).max(axis=1)))
         sides = [
@@ -217,6 +217,7 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
         other than zero initial conditions.
     """
     problem = identification.problem
+    check_sampled(problem, "a pole-uncertainty box")
     poles = _modes(identification, delay)
     omega, damping = _intervals(omega, damping, poles.size, problem.dt)
     for record in problem.time:

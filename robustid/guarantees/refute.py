@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for, time_words
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
@@ -376,8 +376,9 @@ def _check(item: Any, problem: MixedProblem) -> None:
                 raise InputError(
                     f"`new_data` has its {role} in [{b.unit}], the identification in [{a.unit}]; convert it"
                 )
-    if item.dt is None or abs(item.dt - problem.dt) > 1e-9 * problem.dt:
-        raise InputError(f"`new_data` must have the dt of the identified data, {problem.dt:g} s; got dt = {item.dt}")
+    if abs((item.dt or 0.0) - problem.dt) > 1e-9 * problem.dt:
+        own, other = time_words(problem.dt), time_words(item.dt)
+        raise InputError(f"`new_data` must have the dt of the identified data, {own}; got {other}")
     if item.bound is None or not np.any(item.bound.used):
         raise InputError("`new_data` needs a bound on its samples: what is outside depends on it; use with_bound(...)")
     if item.bound.radius is None or item.bound.joint != "entry":

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Progress, Real, atomic_write, digest, read_arrays, responses, text_array
+from robustid.core import Budget, Complex, Progress, Real, atomic_write, digest, read_arrays, text_array
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
@@ -106,7 +106,7 @@ def _values_of(model: Any, omega: list[float], consistent: ConsistentSet) -> dic
     problem = consistent.posed.problem
     if problem.entries.single:
         return {}
-    return dict(zip(omega, responses(model, np.array(omega) * problem.dt), strict=True))
+    return dict(zip(omega, problem.plane.values_at(model, np.array(omega)), strict=True))
 
 
 def _one(consistent: ConsistentSet, omega: float, directions: int, gap: float, about: Mapping[float, Complex]) -> Sets:

@@ -32,7 +32,7 @@ from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
-from robustid.identification import Identification, SupportCertificate
+from robustid.identification import Identification, SupportCertificate, check_sampled
 
 _log = logging.getLogger("robustid")
 
@@ -339,6 +339,7 @@ def response_tube(
     (array([0. , 0.1]), array([0. , 0.5]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
+    check_sampled(identification.problem, "a response in time")
     at = as_entry(entry, identification.problem)
     kind, u = as_signal(input, horizon, identification)
     samples = as_samples(times, u.size, identification.problem.dt)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, responses
+from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, plane_of, time_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.families import Family
@@ -27,7 +27,7 @@ _IN_ORDER = 0.1  # probability below which the order of the scores is no chance
 
 
 class Band(NamedTuple):
-    """Discs that are said to hold the response: `omega` (F,) rad/s, `centre` and `radius` (F, ny, nu), `dt` in s."""
+    """Discs that are said to hold the response: `omega` (F,) rad/s, `centre` and `radius` (F, ny, nu), `dt` in s or 0."""
 
     omega: Real
     centre: Complex
@@ -38,12 +38,12 @@ class Band(NamedTuple):
     def of(cls, thing: Any) -> Band:
         """The band of a worst-case error, of a family, or of a response with its bound."""
         if isinstance(thing, FrequencyResponse):
-            if thing.bound is None or thing.dt is None:
-                raise InputError("`band` is a response without a bound or without a sample time; give both")
-            return cls(thing.omega, thing.values, thing.bound.outer_radius, float(thing.dt))
+            if thing.bound is None:
+                raise InputError("`band` is a response without a bound; use with_bound(...), or estimate_frf")
+            return cls(thing.omega, thing.values, thing.bound.outer_radius, float(thing.dt or 0.0))
         if isinstance(thing, WorstCaseError | WorstCaseOverPoles | Family):
             model, omega = thing.model, thing.omega
-            return cls(omega, responses(model, omega * model.dt), thing.upper, float(model.dt))
+            return cls(omega, plane_of(model.dt, omega).values_at(model, omega), thing.upper, float(model.dt))
         raise InputTypeError(
             "`band` must be a WorstCaseError, a WorstCaseOverPoles, a Family or a FrequencyResponse; got"
             f" {type(thing).__name__}"
@@ -302,9 +302,9 @@ def _check_fits(band: Band, item: FrequencyResponse, name: str) -> None:
         raise InputError(
             f"`withheld`: {name} is a {sizes[0]} response, the band is about {sizes[1]}; take the same entries"
         )
-    if item.dt is None or abs(item.dt - band.dt) > _SAME * band.dt:
+    if abs((item.dt or 0.0) - band.dt) > _SAME * band.dt:
         raise InputError(
-            f"`withheld`: {name} has dt = {item.dt}, the band {band.dt:g} s; they must be of one sample time"
+            f"`withheld`: {name} is of {time_words(item.dt)}, the band of {time_words(band.dt)}; they must be of one sample time"
         )
 
 

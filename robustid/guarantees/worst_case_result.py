@@ -21,7 +21,6 @@ from robustid.core import (
     as_flag,
     as_positive,
     freeze,
-    responses,
     threads_for,
 )
 from robustid.errors import InputError, TimeLimitError
@@ -91,7 +90,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @functools.cached_property
     def _nominal(self) -> Complex:
-        return responses(self.model, self.omega * self.identification.problem.dt)
+        return self.identification.problem.plane.values_at(self.model, self.omega)
 
     @functools.cached_property
     def _errors(self) -> tuple[Errors, ...]:

@@ -10,10 +10,12 @@ from robustid.identification.certificate import (
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
+from robustid.identification.image import image_of, model_in_s
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
-from robustid.identification.prior import Prior, prior_fields
-from robustid.identification.problem import MixedProblem, excited_lines
+from robustid.identification.prior import Prior, any_prior, prior_fields
+from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
+from robustid.identification.region import Region
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.storage import describe_problem
@@ -30,21 +32,27 @@ __all__ = [
     "MarginCertificate",
     "MixedProblem",
     "Prior",
+    "Region",
     "Residual",
     "SupportCertificate",
     "Validation",
+    "any_prior",
     "ball_arithmetic",
     "certify_support",
     "check_model",
+    "check_sampled",
     "describe_poles",
     "describe_problem",
     "entry_name",
     "evaluate_support",
     "excited_lines",
     "identify",
+    "image_of",
     "largest_ratio",
+    "model_in_s",
     "model_residuals",
     "parametric_states",
+    "posed_alone",
     "prior_fields",
     "prove_margin",
     "validate",

@@ -172,7 +172,7 @@ def _choose_point(
     K = formulation.problem.prior.gain_bound
     gain, growth = _smallest_gain(data, center, level, solver, budget), 1e-3
     while gain < 1:
-        smaller = formulation.with_prior(gain_bound=K * gain)
+        smaller = formulation.with_gain(K * gain)
         try:
             return analytic_center(smaller.data, level), smaller, ()
         except SolverError:  # the solver's gain was too small

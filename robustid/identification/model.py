@@ -12,7 +12,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, StateMatrices, freeze
 from robustid.identification.formulation.base import Formulation, States
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.formulation.rows import Rows
@@ -94,7 +94,8 @@ def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[n
         a, b, c, d = parametric_states(problem, residue_matrices(problem, rows, p))
         A, B = scipy.linalg.block_diag(A, a), np.vstack([B, b])
         C, D = np.hstack([C, c]), D + d
-    return control.ss(A, B, C, D, problem.dt, **signal_names(problem))
+    states = problem.plane.from_z(StateMatrices(A, B, C, D))
+    return control.ss(*states, problem.dt, **signal_names(problem))
 
 
 def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> States:
@@ -143,10 +144,12 @@ def parametric_values(
 class Mode(Frozen):
     """One pole pair (or real pole) of the parametric part: R/(z - a) + conj(R)/(z - conj(a)), of a simple pole.
 
+    In continuous time s in the place of z.
+
     Attributes
     ----------
     omega : float, rad/s
-        Natural frequency |log a|/dt.
+        Natural frequency |log a|/dt; |a| in continuous time.
     damping : float
         Damping ratio.
     residue : (ny, nu) complex array
@@ -166,17 +169,18 @@ class Mode(Frozen):
 
 def modes_of(basis: ParametricBasis, residues: NDArray[np.float64]) -> tuple[Mode, ...]:
     """The modes of sum_i P_i R_i, residues (m, ny, nu), by frequency; those of repeated poles are left out."""
+    basis = basis.in_s()
     values, *vectors = scipy.linalg.eig(basis.A, left=True)
     left, right = (np.asarray(side) for side in vectors)
     overlap = np.sum(left.conj() * right, axis=0)
-    near = np.abs(values[:, None] - values) <= _SAME_POLE
+    near = np.abs(values[:, None] - values) <= _SAME_POLE * (1.0 if basis.dt else np.abs(values))
     found: list[Mode] = []
     for k, pole in enumerate(values):
         if np.sum(near[k]) > 1 or np.abs(overlap[k]) < _DEFECTIVE or np.imag(pole) < 0 or pole == 0:
             continue
         weights = (basis.C @ right[:, k]) * (left[:, k].conj() @ basis.B[:, 0]) / overlap[k]
         R = np.tensordot(weights, residues, 1)
-        log = np.log(pole) / basis.dt
+        log = np.log(pole) / basis.dt if basis.dt else pole
         singular = np.linalg.svd(R, compute_uv=False)
         ratio = float(singular[1] / singular[0]) if singular.size > 1 and singular[0] > 0 else 0.0
         damping = float(-log.real / abs(log)) if log != 0 else 0.0

@@ -16,17 +16,20 @@ _SLOWEST = 1e-6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prior(Frozen):
-    """The non-parametric part G is analytic and bounded by K in the disc |z| < rho (series in the delay).
+    """The non-parametric part G is analytic and bounded by K beyond the frequencies: its impulse response decays.
 
-    In the forward-shift convention: the poles of G lie inside |z| <= 1/rho and |G| <= K on |z| = 1/rho; the impulse
-    response obeys ``|g[k]| <= gain_bound * decay_rate**-k``.
+    In discrete time in the disc |z| < rho (series in the delay): the poles of G lie inside |z| <= 1/rho and |G| <= K on
+    |z| = 1/rho; the impulse response obeys ``|g[k]| <= gain_bound * decay_rate**-k``. In continuous time in Re s > -alpha: the
+    poles have real parts of at most -alpha and |G(s)| <= K on Re s = -alpha.
 
     Parameters
     ----------
     gain_bound : float
         K > 0, output unit per input unit.
     decay_rate : float
-        rho > 1, per sample.
+        rho > 1, per sample. One of `decay_rate` and `decay`.
+    decay : float, 1/s
+        alpha > 0. For discrete data it stands for ``rho = exp(alpha dt)``.
     scaling : (ny, nu) array, optional
         For MIMO: the largest singular value of G divided by it, entry by entry, is below K. So that no signal
         dominates: sizes of the outputs over sizes of the inputs, ``numpy.divide.outer(sizes_y, sizes_u)``, or any gains of the
@@ -41,6 +44,8 @@ class Prior(Frozen):
     >>> import robustid as rid
     >>> rid.Prior(gain_bound=0.2, decay_rate=1.1)
     Prior(gain_bound=0.2, decay_rate=1.1)
+    >>> rid.Prior(gain_bound=0.2, decay=30.0)
+    Prior(gain_bound=0.2, decay=30.0)
 
     Outputs of 50 um and 1e-4 rad, an input of 10 V: K is without unit then.
 
@@ -49,16 +54,23 @@ class Prior(Frozen):
     """
 
     gain_bound: float
-    decay_rate: float
+    decay_rate: Any = None
+    decay: Any = None
     scaling: Any = None
 
     def __post_init__(self) -> None:
-        self._set(
-            gain_bound=as_positive("gain_bound", self.gain_bound),
-            decay_rate=as_positive("decay_rate", self.decay_rate),
-        )
+        self._set(gain_bound=as_positive("gain_bound", self.gain_bound))
         if self.scaling is not None:
             self._set(scaling=_as_scaling(self.scaling))
+        if (self.decay_rate is None) == (self.decay is None):
+            raise InputError(
+                "`decay_rate` (rho, per sample) or `decay` (alpha, in 1/s) must be given to the prior, one of the two;"
+                f" got {'neither' if self.decay is None else 'both'}"
+            )
+        if self.decay is not None:
+            self._set(decay=as_positive("decay", self.decay))
+            return
+        self._set(decay_rate=as_positive("decay_rate", self.decay_rate))
         if self.decay_rate <= 1:
             raise InputError(
                 f"`decay_rate` must exceed 1 (the impulse response decays as decay_rate**-k); got {self.decay_rate:g}"
@@ -71,7 +83,44 @@ class Prior(Frozen):
 
     def __repr__(self) -> str:
         scaling = "" if self.scaling is None else f", scaling={[list(row) for row in self.scaling]}"
-        return f"Prior(gain_bound={self.gain_bound!r}, decay_rate={self.decay_rate!r}{scaling})"
+        decay = f"decay_rate={self.decay_rate!r}" if self.decay is None else f"decay={self.decay!r}"
+        return f"Prior(gain_bound={self.gain_bound!r}, {decay}{scaling})"
+
+    @property
+    def rate(self) -> float:
+        """The decay rate per sample, or the decay in 1/s."""
+        return float(self.decay_rate if self.decay is None else self.decay)
+
+    @property
+    def slope(self) -> float:
+        """Bound of |dG/dz| on the unit circle, K rho/(rho^2 - 1), or of |dG/ds| on the imaginary axis, K/(2 alpha)."""
+        if self.decay is None:
+            return self.gain_bound * self.decay_rate / (self.decay_rate**2 - 1)
+        return self.gain_bound / (2 * self.decay)
+
+    def with_rate(self, rate: float) -> Prior:
+        """The same class with another decay, of the same kind."""
+        return dataclasses.replace(self, **{"decay_rate" if self.decay is None else "decay": rate})
+
+    @property
+    def decay_words(self) -> str:
+        """How fast impulse responses of the class decay, in words."""
+        return f"decay rate {self.decay_rate:g}" if self.decay is None else f"decay {self.decay:g} 1/s"
+
+    @property
+    def where(self) -> str:
+        """The region of the class, as it is printed."""
+        return f"|z| < {self.decay_rate:g}" if self.decay is None else f"Re s > -{self.decay:g} 1/s"
+
+    def decays_as(self, other: Prior) -> bool:
+        """Say whether another class is analytic in the same region."""
+        return (self.decay_rate, self.decay) == (other.decay_rate, other.decay)
+
+    def sampled(self, dt: float) -> Prior:
+        """The class of discrete time for a sample time in s: ``rho = exp(alpha dt)`` where a decay in 1/s is given."""
+        if self.decay is None:
+            return self
+        return dataclasses.replace(self, decay=None, decay_rate=float(np.exp(self.decay * dt)))
 
     def scales(self, outputs: int, inputs: int) -> Real:
         """The scaling as a matrix, (ny, nu): G = scales * (a function of the ball K)."""
@@ -85,6 +134,11 @@ class Prior(Frozen):
         return scales
 
 
+def any_prior(dt: float | None, scaling: Any = None) -> Prior:
+    """A prior without meaning but for its scaling, where a problem needs one, for data of a sample time or of continuous time."""
+    return Prior(gain_bound=1.0, scaling=scaling, **({"decay_rate": 1.05} if dt else {"decay": 1.0}))
+
+
 def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
     """The matrix, as numbers that can be compared."""
     matrix = as_array("scaling", value, ndim=2)
@@ -95,4 +149,6 @@ def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
 
 def prior_fields(prior: Prior) -> dict[str, Any]:
     """Fields from which a prior was made, for storage and copies."""
-    return {field.name: getattr(prior, field.name) for field in dataclasses.fields(prior)}
+    fields = {field.name: getattr(prior, field.name) for field in dataclasses.fields(prior)}
+    del fields["decay" if prior.decay is None else "decay_rate"]
+    return fields

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import as_basis
-from robustid.core import Frozen, Real, Signal, as_array, as_flag, as_kind, freeze
+from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.entries import Entries
-from robustid.identification.prior import Prior
+from robustid.identification.prior import Prior, any_prior
+from robustid.identification.region import Region, region_of
 from robustid.identification.signals import check_excitation, check_signals
 
 # Angles closer than this, relatively, are one node with several discs on one value.
@@ -27,7 +28,8 @@ _EXCITED = 1e-12
 class MixedProblem(Frozen):
     """Do these samples fit F = p'P + G, with p free and G in the ball of the prior?
 
-    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses) and time samples
+    Frequency samples ``|y_k - F(exp(j omega_k dt))| <= bound_k`` (or in ellipses; F(j omega_k) in continuous time, where the
+    frequency responses have no dt) and time samples
     ``|y_k - sum_j f_j u_{k-j}| <= bound_k`` together; every sample needs a bound. For MIMO F is a matrix: every
     measured entry is a sample, p are free real matrices (residues), and the prior bounds the largest singular value of G.
 
@@ -53,9 +55,9 @@ class MixedProblem(Frozen):
     Raises
     ------
     InputError
-        Missing bounds, different dt, different signals, an input that no experiment excites or an output that none sees,
-        inputs that always move together, a frequency point on an integrator, functions that the data cannot tell apart, bounds
-        of another shape, in the wrong order or with one infinite end.
+        Missing bounds, different dt, a prior of the other kind of time, different signals, an input that no experiment excites or
+        an output that none sees, inputs that always move together, a frequency point on an integrator, functions that the data
+        cannot tell apart, bounds of another shape, in the wrong order or with one infinite end.
 
     Notes
     -----
@@ -78,6 +80,8 @@ class MixedProblem(Frozen):
     symmetric: bool = False
 
     entries: Entries = dataclasses.field(init=False, repr=False)
+    plane: Plane = dataclasses.field(init=False, repr=False)
+    region: Region = dataclasses.field(init=False, repr=False)
     angles: Real = dataclasses.field(init=False, repr=False)
     taylor: int = dataclasses.field(init=False, repr=False)
 
@@ -87,14 +91,16 @@ class MixedProblem(Frozen):
         if not frequency and not time:
             raise InputError("`frequency` and `time` are both missing; give at least one experiment")
         as_kind("prior", self.prior, Prior, "a Prior")
-        _check_same_dt((*frequency, *time))
+        _check_same_time((*frequency, *time))
         self._set(frequency=frequency, time=time, symmetric=as_flag("symmetric", self.symmetric))
         check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
+        self._set(plane=self._plane())
+        self._set(region=self._region())
         check_excitation((*frequency, *time))
         if self.parametric is not None:
-            self._set(parametric=as_basis(self.parametric, self.dt))
+            self._set(parametric=as_basis(self.parametric, self.plane))
         if self.parameter_bounds is not None:
             self._set(parameter_bounds=freeze(_intervals(self.parameter_bounds, self.parametric, self.entries)))
         self._set(angles=freeze(_merge(self._all_angles())), taylor=self._taylor())
@@ -102,8 +108,8 @@ class MixedProblem(Frozen):
 
     @property
     def dt(self) -> float:
-        """Sample time in s, common to all experiments."""
-        return float((*self.frequency, *self.time)[0].dt)
+        """Sample time in s, common to all experiments; 0 in continuous time."""
+        return self.plane.dt
 
     @property
     def coefficients(self) -> int:
@@ -155,9 +161,10 @@ class MixedProblem(Frozen):
             parts[number] = np.stack([low, high], axis=1)
         return np.concatenate([parts[number] for number in sorted(parts)])
 
-    def with_prior(self, **changes: float) -> MixedProblem:
-        """Problem with the same data and another gain bound or decay rate."""
-        return dataclasses.replace(self, prior=dataclasses.replace(self.prior, **changes))
+    def with_prior(self, *, rate: float | None = None, **changes: Any) -> MixedProblem:
+        """Problem with the same data and another prior; `rate` is the decay rate, in continuous time the decay."""
+        prior = self.prior if rate is None else self.prior.with_rate(rate)
+        return dataclasses.replace(self, prior=dataclasses.replace(prior, **changes))
 
     def node_index(self, angles: Real) -> NDArray[np.intp]:
         """Index of the node of each angle."""
@@ -168,9 +175,20 @@ class MixedProblem(Frozen):
         return pair[np.argmin(np.abs(self.angles[pair] - angles), axis=0), np.arange(np.size(angles))]
 
     def _all_angles(self) -> Real:
-        angles = [f.omega[f.bound.used.any(axis=(1, 2))] * self.dt for f in self.frequency]
+        angles = [self.plane.angles(f.omega[f.bound.used.any(axis=(1, 2))]) for f in self.frequency]
         angles += [2 * np.pi * excited_lines(t) / t.u.shape[0] for t in self.time if t.initial == "periodic"]
         return np.concatenate(angles) if angles else np.zeros(0)
+
+    def _region(self) -> Region:
+        """The region of the class; of discrete data the prior states it per sample."""
+        if isinstance(self.plane, ZPlane):
+            self._set(prior=self.prior.sampled(self.plane.dt))
+        return region_of(self.prior, self.plane)
+
+    def _plane(self) -> Plane:
+        """The plane of the data: of continuous time unless they have a sample time."""
+        used = [f.omega[f.bound.used.any(axis=(1, 2))] for f in self.frequency]
+        return plane_of((*self.frequency, *self.time)[0].dt, np.concatenate([np.zeros(0), *used]))
 
     def _taylor(self) -> int:
         used = [t.bound.used.any(axis=1) for t in self.time if t.initial != "periodic"]
@@ -199,6 +217,24 @@ class MixedProblem(Frozen):
             )
 
 
+def check_sampled(problem: MixedProblem, what: str) -> None:
+    """Refuse a problem of continuous time where something is about samples in time."""
+    if not problem.dt:
+        raise InputError(
+            f"`identification` is of continuous time, and {what} needs a sample time: give the FrequencyResponse the `dt` at which"
+            " inputs are held and outputs sampled, and identify it again"
+        )
+
+
+def posed_alone(frequency: Any, time: Any, scaling: Any = None) -> MixedProblem:
+    """Data with a prior of no meaning, to be chosen from them; whatever is wrong with the data is refused."""
+    items: list[Any] = []
+    for given in (frequency, time):
+        items += given if isinstance(given, Sequence) else [given]
+    dt = next((getattr(one, "dt", None) for one in items if one is not None), None)
+    return MixedProblem(frequency=frequency, time=time, prior=any_prior(dt, scaling))
+
+
 def excited_lines(record: TimeRecord) -> NDArray[np.intp]:
     """Spectral lines of the record at which its inputs are not zero."""
     spectrum = np.abs(np.fft.rfft(record.u, axis=0))
@@ -214,10 +250,6 @@ def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple[Any, .
         if not isinstance(item, kinds):
             raise InputTypeError(
                 f"`{name}` must be a {kinds[0].__name__} or a sequence of them; got {type(item).__name__}"
-            )
-        if item.dt is None:
-            raise InputError(
-                f"`{name}` must be discrete-time: give the FrequencyResponse the sample time `dt` of its plant"
             )
         if item.bound is None:
             raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
@@ -261,7 +293,12 @@ def _merge(angles: Real) -> Real:
     return angles[keep]
 
 
-def _check_same_dt(items: Sequence[Any]) -> None:
-    steps = [item.dt for item in items]
+def _check_same_time(items: Sequence[Any]) -> None:
+    steps = [item.dt or 0.0 for item in items]
+    if min(steps) == 0 < max(steps):
+        raise InputError(
+            f"`dt`: some experiments are of continuous time (no dt), others are sampled (dt = {max(steps):g} s); give each"
+            " FrequencyResponse the sample time of the records"
+        )
     if max(steps) - min(steps) > 1e-9 * max(steps):
         raise InputError(f"`dt` differs between experiments: {sorted(set(steps))} s; resample to one sample time")

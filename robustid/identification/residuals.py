@@ -127,7 +127,7 @@ def _least_largest(columns: Real, right: Real) -> Real:
 
 def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[Residual]:
     """Residuals of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
-    predicted = responses(model, frf.omega * problem.dt)
+    predicted = problem.plane.values_at(model, frf.omega)
     out: list[Residual] = []
     if not isinstance(frf, FrequencyResponse):
         error = frf.values - np.einsum("klrab,kab->klr", frf.weights, predicted)

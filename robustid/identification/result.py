@@ -52,7 +52,7 @@ class Identification(Frozen, Drawable, Savable):
     scaled_parameters : (m,) array
         As the solvers see them; `parameters` are in the user's units.
     model : control.StateSpace
-        Central interpolant joined with the parametric part, forward-shift convention, with dt.
+        Central interpolant joined with the parametric part, forward-shift convention, with dt; continuous for continuous data.
     verification : Verification
         Every claim, evaluated again.
     timing : dict
@@ -255,10 +255,8 @@ class Identification(Frozen, Drawable, Savable):
         prior, where there is one, multiplies left U right entry by entry).
         """
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
-        angles = omega * self.problem.dt
-        K, rho = self.prior.gain_bound, self.prior.decay_rate
-        zeta = np.exp(-1j * angles) / rho
-        centre, left, right = self._family.weyl_ball(zeta)
+        angles, K = self.problem.plane.angles(omega), self.prior.gain_bound
+        centre, left, right = self._family.weyl_ball(self.problem.region.points(angles))
         scales = self.prior.scales(*centre.shape[1:])
         outside = parametric_values(self.problem, self._used.rows, self.scaled_parameters, angles)
         return K * scales * centre + outside, K * left, right
@@ -297,9 +295,10 @@ class Identification(Frozen, Drawable, Savable):
             f"status     {self.status.value}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             *(f"bounds     {sentence}" for sentence in problem.about),
-            f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, dt = {problem.dt:g} s",
+            f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, "
+            + (f"dt = {problem.dt:g} s" if problem.dt else "continuous time"),
             *self._signal_lines,
-            f"class      {self._gain} <= {prior.gain_bound:g} in |z| < {prior.decay_rate:g}"
+            f"class      {self._gain} <= {prior.gain_bound:g} in {prior.where}"
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
@@ -325,7 +324,8 @@ class Identification(Frozen, Drawable, Savable):
             for name, end in self.active_intervals
         ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
-        lines.append("assumed    gain bound, decay rate and parametric poles: data can refute them, never prove them")
+        decay = "decay rate" if problem.dt else "decay"
+        lines.append(f"assumed    gain bound, {decay} and parametric poles: data can refute them, never prove them")
         return "\n".join(lines)
 
     @property

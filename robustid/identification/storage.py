@@ -81,7 +81,7 @@ def describe_problem(problem: MixedProblem) -> tuple[Arrays, Record]:
             described["class"] = type(item).__name__
             text[kind].append(described)
     if problem.parametric is not None:
-        basis = problem.parametric
+        basis = problem.parametric.in_s()
         arrays |= {f"parametric/{name}": getattr(basis, name) for name in ("A", "B", "C", "D", "poles")}
         text["parametric"] = {"dt": basis.dt, "labels": list(basis.labels)}
     if problem.parameter_bounds is not None:
@@ -136,8 +136,8 @@ def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
             experiments[kind].append(from_fields(_CLASSES[name], fields | described))
     basis = None
     if text["parametric"] is not None:
-        matrices = {name: arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles")}
-        basis = ParametricBasis(**matrices, dt=text["parametric"]["dt"], labels=tuple(text["parametric"]["labels"]))
+        A, B, C, D, poles = (arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles"))
+        basis = ParametricBasis(A, B, C, D, text["parametric"]["dt"], tuple(text["parametric"]["labels"]), poles)
     prior = Prior(**text["prior"])
     return MixedProblem(
         frequency=experiments["frequency"],

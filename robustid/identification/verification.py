@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import responses, simulate
+from robustid.core import StateMatrices, simulate
 from robustid.data import tilted
 from robustid.errors import Status
 from robustid.identification.certificate import MarginCertificate
@@ -120,6 +120,8 @@ def _interval_checks(problem: MixedProblem, data: ConvexData, point: Candidate) 
 def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) -> list[Check]:
     """Properties that the state space must share with the interpolant that it stands for."""
     problem, model, n = formulation.problem, nominal.model, nominal.states
+    A = problem.plane.in_z(StateMatrices.of(model)).A[:n, :n]
+    poles = np.linalg.eigvals(A).astype(complex) if n else np.zeros(0, complex)
     if not formulation.exact:
         return [
             Check(
@@ -132,7 +134,7 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
                 point_error(formulation, point, model),
                 nominal.error / problem.prior.gain_bound + 1e-9,
             ),
-            Check("largest |pole| of the non-parametric part", spectral_radius(model.A[:n, :n]), 1.0),
+            Check("largest |pole| of the non-parametric part", float(np.abs(poles).max(initial=0.0)), 1.0),
         ]
     return [
         Check(
@@ -141,8 +143,8 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
             1e-9,
         ),
         Check(
-            "largest |pole| of the non-parametric part times rho",
-            spectral_radius(model.A[:n, :n]) * problem.prior.decay_rate,
+            problem.region.depth_name,
+            problem.region.depth(poles),
             1.0,
         ),
     ]
@@ -151,10 +153,12 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
 def truncation_error(formulation: Formulation, point: Candidate, model: Any, count: int = 257) -> float:
     """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states."""
     problem = formulation.problem
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
-    angles, scales = np.pi * (np.arange(count) + 0.5) / count, _scales(problem)
-    values = formulation.family(point.x).evaluate(np.exp(-1j * angles) / rho).reshape(count, *scales.shape)
-    error = (responses(model, angles) - parametric_values(problem, formulation.rows, point.p, angles)) / scales
+    K, scales = problem.prior.gain_bound, _scales(problem)
+    angles = np.pi * (np.arange(count) + 0.5) / count
+    values = formulation.family(point.x).evaluate(problem.region.points(angles)).reshape(count, *scales.shape)
+    error = (
+        problem.plane.values(model, angles) - parametric_values(problem, formulation.rows, point.p, angles)
+    ) / scales
     return float(np.linalg.norm(error - K * values, 2, axis=(1, 2)).max()) / K
 
 
@@ -175,7 +179,7 @@ def point_error(formulation: Formulation, point: Candidate, model: Any) -> float
     difference = rows.y - rows.E @ point.x - rows.P @ point.p
     difference[: rows.discs] -= from_model
     difference[rows.discs :] = 0
-    limit = np.concatenate([formulation.response_tail(r.axis * problem.dt) for r in found])
+    limit = np.concatenate([formulation.response_tail(problem.plane.angles(r.axis)) for r in found])
     tail = rows.tail[: limit.size]
     excess = (rows.sizes(difference)[: limit.size] - tail) * limit / tail
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
@@ -189,22 +193,18 @@ def _parts(residual: Residual) -> list[NDArray[Any]]:
     return [(error / bound)[np.isfinite(bound)] for error, bound in pairs]
 
 
-def spectral_radius(A: NDArray[np.float64]) -> float:
-    """Largest |eigenvalue| of A."""
-    return float(np.abs(np.linalg.eigvals(A)).max()) if A.size else 0.0
-
-
 def interpolation_error(formulation: Formulation, point: Candidate, model: Any) -> float:
     """Model against K phi x' + p'P at the nodes, and against its Taylor coefficients; relative to their size."""
     problem, data = formulation.problem, formulation.data
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    K, region = problem.prior.gain_bound, problem.region
     rows, pair, scales, worst = data.rows, data.sarason.pair, _scales(problem), 0.0
     x = K * problem.entries.expand(point.x) * scales[..., None]
     if problem.angles.size:
-        values = np.moveaxis(x @ pair.evaluate(np.exp(-1j * problem.angles) / rho).T, 2, 0)
+        values = np.moveaxis(x @ pair.evaluate(region.points(problem.angles)).T, 2, 0)
         values = values + parametric_values(problem, rows, point.p, problem.angles)
-        worst = _relative(responses(model, problem.angles) - values, values, scales, K)
+        worst = _relative(problem.plane.values(model, problem.angles) - values, values, scales, K)
     if problem.taylor:
+        rho = problem.prior.decay_rate
         values = np.moveaxis(x @ (rho ** -np.arange(problem.taylor)[:, None] * pair.taylor(problem.taylor)).T, 2, 0)
         if problem.parametric is not None:
             residues = residue_matrices(problem, rows, point.p)

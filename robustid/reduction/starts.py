@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification
@@ -80,20 +80,21 @@ def _without_chains(pair: Pair, integrators: int) -> Pair:
 
 
 def _parametric_kept(identification: Identification, samples: SampleMap) -> Family:
-    """Functions truncated in the scaled variable, phi(zeta) in place of G(z) = K phi(z/rho): poles stay inside 1/rho."""
+    """Functions truncated in the variable of the unit disc, phi(zeta) in place of G: poles stay where those of the class lie."""
     import control
 
-    full, rho, basis = identification.model, identification.prior.decay_rate, identification.problem.parametric
+    full, region, basis = identification.model, identification.problem.region, identification.problem.parametric
     n = full.nstates - basis.states
     A, B, C = full.A[:n, :n], full.B[:n], full.C[:, :n]
-    short = balanced_truncations(control.StateSpace(A * rho, B, C * rho, full.D, full.dt))
+    series = region.series(StateMatrices(A, B, C, full.D))
+    short = balanced_truncations(control.StateSpace(*series, full.dt, remove_useless_states=False))
     kept = without_integrators(basis.poles, samples.integrators)
 
     def of_rest(count: int) -> Pair | None:
         left = count - kept.size
         if not 0 <= left <= n:
             return None
-        return for_one(np.concatenate([kept, short(left).model.poles() / rho]))
+        return for_one(np.concatenate([kept, region.poles_in_z(short(left).model.poles())]))
 
     return of_rest
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Progress, as_kind, one_thread
+from robustid.core import Budget, Progress, SPlane, as_kind, one_thread
 from robustid.errors import InputError
-from robustid.identification import Identification
+from robustid.identification import Identification, image_of, model_in_s
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
@@ -52,7 +52,8 @@ def reduce_within_bounds(
     with a truncated non-parametric part: what is known of the plant is kept where that suffices. Else all poles move: starts from
     balanced truncation (of the whole model; of the non-parametric part alone), from a subspace and a Sanathanan-Koerner fit, and
     from the order below; refined by least squares over the poles; then made minimax by a sequence of second-order cone programs.
-    The model is judged anew, by responses and simulations, at every sample.
+    The model is judged anew, by responses and simulations, at every sample. Continuous data are taken to the circle of a bilinear
+    variable z for it, exactly.
 
     Between and beyond the frequency points, where no sample holds a model, it may differ from the identified one by K S (the
     prior) and the largest gain that one has within a tenth of the frequency, entry by entry: no resonance that nobody measured.
@@ -113,7 +114,12 @@ def reduce_within_bounds(
     """
     as_kind("identification", identification, Identification, "the result of identify()")
     budget = Budget(time_limit, progress)
-    return _Search(identification, _integrators(identification, rigid_body), budget).reduction()
+    image, plane = image_of(identification), identification.problem.plane
+    found = _Search(image, _integrators(image, rigid_body), budget).reduction()
+    if not isinstance(plane, SPlane):
+        return found
+    kept = found.status is SearchStatus.UNREDUCED
+    return dataclasses.replace(found, model=identification.model if kept else model_in_s(found.model, plane))
 
 
 def near_fit(identification: Identification, model: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import responses as values_at
+from robustid.core import Complex
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification, Residual, check_model
@@ -125,6 +125,8 @@ def checked_model(name: str, model: Any, identification: Identification) -> Any:
             f"`{name}` must have {p} output{'s' * (p > 1)} and {q} input{'s' * (q > 1)}; got {system.noutputs} and"
             f" {system.ninputs}"
         )
+    if system.nstates and not dt and system.dt != 0:
+        raise InputError(f"`{name}` must be continuous, as the data; got dt = {system.dt}")
     if system.nstates and (system.dt is True or abs(system.dt - dt) > 1e-9 * dt):
         raise InputError(
             f"`{name}` must be discrete with dt = {dt:g} s, as the data; got dt = {system.dt}."
@@ -144,9 +146,12 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, Any
 
 
 def band(problem: Any) -> tuple[float, float]:
-    """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s."""
-    high = np.pi / problem.dt
-    points = problem.angles[problem.angles > 0] / problem.dt
+    """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s.
+
+    In continuous time to twice the highest frequency point.
+    """
+    points = problem.plane.omega(problem.angles[problem.angles > 0])
+    high = problem.plane.top if problem.dt else 2 * float(points.max(initial=0.0)) or 1.0
     starts = [points.min()] if points.size else [2 * high / max(t.u.shape[0], 2) for t in problem.time]
     return min([*starts, high / 4]) / 2, high
 
@@ -169,15 +174,15 @@ def responses(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
-    return omega, [values_at(model, omega * problem.dt) for model in models]
+    return omega, [problem.plane.values_at(model, omega) for model in models]
 
 
 def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
     """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1
-    every = np.concatenate([base, wanted, problem.angles[problem.angles > 0] / problem.dt])
-    poles = np.concatenate([model.poles() for model in models]).astype(complex)
-    s = np.log(poles[np.abs(poles) > 0]) / problem.dt
+    every = np.concatenate([base, wanted, problem.plane.omega(problem.angles[problem.angles > 0])])
+    poles: Complex = np.concatenate([model.poles() for model in models]).astype(complex)
+    s: Complex = problem.plane.exponents(poles[np.abs(poles) > 0]) if problem.dt else poles
     light = s[np.abs(s.real) < 4 * step * s.imag]
     return resolved(every, light, _AROUND, low, high)

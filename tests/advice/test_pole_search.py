@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.advice.gains import smallest_gain
 from robustid.advice.moving_pairs import taken_apart
 from robustid.bases import as_basis
+from robustid.core import ZPlane
 from robustid.errors import InputError, InputTypeError
 
 FINE = np.linspace(17.2, 18.1, 10)
@@ -277,7 +278,7 @@ def test_units_of_the_output_do_not_matter():
 def test_pairs_are_found_among_other_functions(repeat, delay):
     pairs = rid.kautz([30.0, 157.07963267948966], [0.02, 1e-4], dt=DT, repeat=repeat, delay=delay)
     others = control.ss([[0.5, 0.1], [-0.1, 0.5]], [[1], [0]], np.eye(2), 0, DT), control.ss([], [], [], 1, DT)
-    basis = as_basis([others[0], pairs, control.ss(1, 1, 1, 0, DT), others[1]], DT)
+    basis = as_basis([others[0], pairs, control.ss(1, 1, 1, 0, DT), others[1]], ZPlane(DT))
     found = taken_apart(basis)
     assert [(p.repeat, p.delay) for p in found.pairs] == [(repeat, delay)] * 2
     np.testing.assert_allclose(np.exp(found.start), [[30, 0.02], [157.07963267948966, 1e-4]], rtol=1e-9)

@@ -32,7 +32,7 @@ def test_identify_reduce_and_report_on_files(files, run):
 
 
 def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
-    wrong = ["--mode", "9:0.1", "--mode", "17.4:0.004", "--gain", "0.2", "--decay", "1.1", "--no-reduce"]
+    wrong = ["--mode", "9:0.1", "--mode", "17.4:0.004", "--gain", "0.2", "--decay-rate", "1.1", "--no-reduce"]
     code, out, _ = run([*COMMAND, *wrong])
     assert code == 3
     assert "nconsistent" in out
@@ -69,7 +69,7 @@ def test_the_form_is_an_option(files, run):
     [
         (["identify"], "--frequency"),
         (["identify", "--frequency", "nothing.csv"], "nothing.csv"),
-        ([*COMMAND, "--gain", "0.2"], "--decay"),
+        ([*COMMAND, "--gain", "0.2"], "--decay-rate"),
         ([*COMMAND, "--mode", "17"], "HZ:DAMPING"),
         ([*COMMAND, "--mode", "9:2"], "damping"),
         ([*COMMAND, "--entry", "0"], "OUTPUT,INPUT"),
@@ -174,7 +174,10 @@ def test_nothing_is_warned_of_without_a_reason(foreign, run):
         (["--frequency", "plain_step.csv", *LINES], "plain_step.csv holds time data; use --time"),
         (["--time", "frf.csv"], "frf.csv holds frequency data; use --frequency"),
         (["--frequency", "beyond.csv", *LINES, *RATE], "63 Hz lies above the Nyquist frequency of 50 Hz"),
-        (["--time", "long.csv", "--time-bound", "0.05", "--gain", "1", "--decay", "1.001"], "--band LOW:HIGH keeps"),
+        (
+            ["--time", "long.csv", "--time-bound", "0.05", "--gain", "1", "--decay-rate", "1.001"],
+            "--band LOW:HIGH keeps",
+        ),
         (["--frequency", "frf.csv", "--band", "60:70"], "frf.csv: no frequency point lies between 60 and 70 Hz"),
         (["--frequency", "frf.csv", "--band", "60"], "LOW:HIGH"),
         (["--time", "step.csv", "--first", "0"], "--first must be positive"),
@@ -189,7 +192,7 @@ def test_nothing_is_warned_of_without_a_reason(foreign, run):
         (["--frequency", "frf.csv", "--entry", "0,1"], "which has 1 output and 1 input"),
         (["--frequency", "frf.csv", "--mode", "9:10"], "not percent (10 % is 0.1)"),
         (["--frequency", "frf.csv", "--mode", "60:0.1"], "the Nyquist frequency, 50 Hz at dt = 0.01 s; got 60 Hz"),
-        (["--frequency", "frf.csv", "--gain", "-1", "--decay", "1.1"], "--gain must be positive"),
+        (["--frequency", "frf.csv", "--gain", "-1", "--decay-rate", "1.1"], "--gain must be positive"),
         (["--frequency", "frf.csv", "-o", "res.mat"], "leave .mat out"),
         (["--frequency", "frf.csv", "--report", "folder"], "folder is a folder"),
         (["--frequency", "frf.csv", "-o", "folder"], "folder is a folder"),

@@ -50,7 +50,7 @@ def test_the_whole_way_of_a_matrix_in_python():
 def test_commands_take_the_whole_matrix(folder, run):
     _, _, frf = measured(count=12)
     rid.save("two.npz", frf)
-    modes = ["--mode", "4:0.03", "--mode", "9:0.03", "--gain", "0.1", "--decay", "1.2"]
+    modes = ["--mode", "4:0.03", "--mode", "9:0.03", "--gain", "0.1", "--decay-rate", "1.2"]
     code, out, err = run(["identify", "--frequency", "two.npz", *modes])
     assert code in (0, 3), err
     assert "all of 2 outputs and 2 inputs" in out

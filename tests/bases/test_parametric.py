@@ -6,6 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.bases import as_basis
+from robustid.core import ZPlane
 
 pytestmark = pytest.mark.quick
 
@@ -45,7 +46,7 @@ def test_zero_order_hold_mode_needs_the_delayed_pair():
 
 def test_a_statespace_basis_keeps_its_outputs_and_integrator():
     rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    basis = as_basis([rigid, rid.kautz(50.0, 0.01, dt=0.01)], 0.01)
+    basis = as_basis([rigid, rid.kautz(50.0, 0.01, dt=0.01)], ZPlane(0.01))
     assert (basis.size, basis.states) == (3, 4)
     assert basis.has_integrator
     z = np.exp(0.3j)
@@ -93,7 +94,7 @@ def test_kautz_refuses_by_name(arguments, words):
 )
 def test_parametric_bases_are_checked(basis, error, words):
     with pytest.raises(error, match=words):
-        as_basis(basis, 0.01)
+        as_basis(basis, ZPlane(0.01))
 
 
 def test_damping_one_is_a_single_real_pole():

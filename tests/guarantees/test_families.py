@@ -166,7 +166,7 @@ def test_identical_members(members):
 
 def test_unlike_sample_times_and_signals(members):
     slow = rid.Member(identified(1.0, dt=DT / 2), "slow")
-    refused([members[0], slow], "'weak' and 'slow' have different sample times: 0.1 s and 0.05 s")
+    refused([members[0], slow], "'weak' and 'slow' have different sample times: dt = 0.1 s and dt = 0.05 s")
     other = rid.Member(identified(1.0, outputs=["torque [Nm]"]), "other")
     refused([members[0], other], r"different outputs: y and torque \[Nm\]")
 

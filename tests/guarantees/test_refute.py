@@ -187,9 +187,9 @@ def test_bad_input(mixed):
         (dataclasses.replace(good, bound=None), "`new_data` needs a bound"),
         (
             dataclasses.replace(good, dt=0.02),
-            "`new_data` must have the dt of the identified data, 0.01 s; got dt = 0.02",
+            "`new_data` must have the dt of the identified data, dt = 0.01 s; got dt = 0.02 s",
         ),
-        (dataclasses.replace(good, dt=None), "`new_data` must have the dt .* got dt = None"),
+        (dataclasses.replace(good, dt=None), "`new_data` must have the dt .* got continuous time"),
         (two, "`new_data` must have the outputs and inputs of the identified data, 1 and 1; got 2 and 1"),
         (one_line(mixed, 10.0, 1.0, 0.1).with_column_bound(0.1), "`new_data` needs a bound of every entry"),
         (

@@ -91,7 +91,7 @@ def test_the_band_of_a_worst_case_error_and_of_a_box():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"dt": 0.4}, "dt = 0.4, the band 0.5 s"),
+        ({"dt": 0.4}, "of dt = 0.4 s, the band of dt = 0.5 s"),
         ({"omega": OMEGA + 0.1}, "no frequency in common"),
         ({"values": np.ones((3, 2, 1)), "bound": None}, "record 1 is a 2 x 1 response, the band is about 1 x 1"),
     ],

@@ -137,14 +137,14 @@ def test_lemma_1_the_condition_number_at_the_roots_of_unity():
         angles = 2 * np.pi * np.arange(N // 2 + 1) / N
         pair = input_normal_pair(angles, 1 / rho)
         assert pair.order == N
-        form = classical_form(pair, angles, rho, 0)
+        form = classical_form(pair, np.exp(-1j * angles) / rho, 1 / rho, 0)
         assert form.condition == pytest.approx(rho ** (2 * (N - 1)), rel=1e-6)
 
 
 def test_the_paper_s_matrices_are_those_of_its_theorem():
     angles, rho, taylor = np.array([0.4, 1.9]), 1.15, 3
     pair = input_normal_pair(angles, 1 / rho, taylor)
-    form = classical_form(pair, angles, rho, taylor)
+    form = classical_form(pair, np.exp(-1j * angles) / rho, 1 / rho, taylor)
     z = np.exp(-1j * np.array([0.4, -0.4, 1.9, -1.9]))
     k = np.arange(taylor)
     Q, S = 1 / (1 - np.outer(z.conj(), z) / rho**2), z.conj()[:, None] ** k * rho ** (-2.0 * k)

@@ -5,7 +5,7 @@ import pytest
 from robustid.app.cli import main as cli
 
 COMMAND = ["identify", "--frequency", "frf.csv", "--time", "step.csv"]
-CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay", "1.1"]
+CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay-rate", "1.1"]
 SHORT = [*CLASS, "--no-reduce"]
 
 

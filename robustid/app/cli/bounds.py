@@ -161,8 +161,8 @@ def _same_poles(one: Any, other: Any) -> bool:
 
 def circle_words(error: Any) -> str:
     """The bound on the whole circle in words."""
-    found = error.circle
-    text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to pi/dt"
+    found, end = error.circle, "pi/dt" if error.identification.problem.dt else "infinity"
+    text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to {end}"
     return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 

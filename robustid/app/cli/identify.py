@@ -48,25 +48,21 @@ def identify(
 ) -> None:
     """Decide whether measurements fit a class of systems, with a proof, and build a model.
 
-    Without --mode, --gain and --decay the program chooses them from the data and says how.
+    Without --mode, --gain and --decay-rate the program chooses them from the data and says how.
     Files are written at the end, all together.
 
     [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
-    --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay 1.1 --report report.html
+    --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay-rate 1.1 --report report.html
 
     Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
     70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.reading import Files
-    from robustid.identification import Prior
 
     paths = [*(frequency or []), *(time or [])]
     if not paths:
         raise InputError("--frequency and --time are both missing; give at least one file")
-    gain, decay = prior.gain_bound, prior.decay_rate
-    if (gain is None) != (decay is None):
-        raise InputError("--gain and --decay make one prior; give both, or neither to have it suggested")
-    wanted = None if gain is None or decay is None else Prior(gain_bound=gain, decay_rate=decay)
+    prior.check({"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay"})
     outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry
     asked = [
@@ -75,12 +71,12 @@ def identify(
     ]
     lines, samples = (one.read(console) for one in asked)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
-    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=wanted)
+    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated)
     finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(terminal.EXIT[result.status])
 
 
-def _with_pairs(modes: Modes, texts: list[str] | None, dt: float) -> Modes:
+def _with_pairs(modes: Modes, texts: list[str] | None, dt: float | None) -> Modes:
     """Modes with the pairs of --mode HZ:DAMPING, checked in Hz; none for "none"."""
     if not texts:
         return modes
@@ -88,7 +84,7 @@ def _with_pairs(modes: Modes, texts: list[str] | None, dt: float) -> Modes:
     return dataclasses.replace(modes, hz=tuple(hz for hz, _ in pairs), damping=tuple(d for _, d in pairs))
 
 
-def _pair(text: str, dt: float) -> tuple[float, float]:
+def _pair(text: str, dt: float | None) -> tuple[float, float]:
     try:
         hz, damping = (float(number) for number in text.split(":"))
     except ValueError:
@@ -97,7 +93,7 @@ def _pair(text: str, dt: float) -> tuple[float, float]:
         raise InputError(
             f"--mode {text}: the damping is a ratio between 0 and 1, not percent (10 % is 0.1); got {damping:g}"
         )
-    nyquist = 0.5 / dt
+    nyquist = 0.5 / dt if dt else math.inf
     if not 0 < hz * math.sqrt(1 - damping**2) < nyquist:
         raise InputError(
             f"--mode {text}: the frequency must lie between 0 and the Nyquist frequency, {nyquist:g} Hz at dt = {dt:g} s;"

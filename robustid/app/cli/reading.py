@@ -96,13 +96,16 @@ class Files:
         say(out, f"read {path}: " + _described(data, words) + _unit_words(found, unit))
         if found.unit_known and unit is not None:
             warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
+        if self.bounded and data.dt is None:
+            warn(
+                out,
+                f"{path.name} has no sample time: it is taken as a response of continuous time; give --dt for a sampled one",
+            )
         if how.dt and found.dt and abs(found.dt - how.dt) > _SAME_STEP * how.dt:
             warn(out, f"--dt {how.dt:g} s is used; {path.name} has {found.dt:.6g} s ({found.dt_from})")
         return data
 
     def _check_bounded(self, path: Path, data: Any) -> None:
-        if data.dt is None:
-            raise InputError(f"{path.name} has no sample time: give --dt")
         if data.bound is None:
             what = "the radius of the error disc of every frequency point"
             what = what if self.kind == "frequency" else "the half-width of the error"

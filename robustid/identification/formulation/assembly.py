@@ -58,7 +58,7 @@ class Assembly:
 
     def lines(self, frf: Any) -> list[Block]:
         """Blocks of a frequency response."""
-        angles = frf.omega * self.problem.dt
+        angles = self.problem.plane.angles(frf.omega)
         if not isinstance(frf, FrequencyResponse):
             return self._directions(frf, angles)
         if frf.bound.joint == "matrix":
@@ -73,7 +73,7 @@ class Assembly:
         """The frequency points of one entry, in discs or ellipses."""
         used = frf.bound.used[:, output, input]
         number, part = self.entries.place(output, input)
-        angles, bound = frf.omega[used] * self.problem.dt, frf.bound.radius[used, output, input]
+        angles, bound = self.problem.plane.angles(frf.omega[used]), frf.bound.radius[used, output, input]
         tilt = None if frf.bound.tilt is None else frf.bound.tilt[used, output, input]
         scale, n, m = float(self.scales[output, input]), self.functions.count, response.shape[1]
         E = make(used, scale, part, bound, tilt)
@@ -92,7 +92,7 @@ class Assembly:
             block.cone = np.searchsorted(lines, np.flatnonzero(measured[:, output]))
             block.joins = input == last
             largest = (self.scales[:, input] / frf.bound.radius[lines, :, input]).max(axis=1)
-            tail = largest * self.functions.response_tail(frf.omega[lines] * self.problem.dt)
+            tail = largest * self.functions.response_tail(self.problem.plane.angles(frf.omega[lines]))
             block.tail = np.zeros(0) if block.joins else tail
             block.fixed, last = np.ones(block.tail.size), input
         return blocks

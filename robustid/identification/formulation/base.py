@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import Frozen
+from robustid.core import Frozen, StateMatrices
 from robustid.errors import SizeError
 from robustid.identification.formulation.convex import ConvexData
 from robustid.identification.formulation.functions import Functions
@@ -62,13 +62,18 @@ class Formulation(Frozen, Functions):
 
     @classmethod
     def takes(cls, problem: MixedProblem) -> bool:
-        """Say whether problems with as many inputs and outputs can be posed so."""
+        """Say whether such problems can be posed so."""
         return True
+
+    @classmethod
+    def refusal(cls, problem: MixedProblem) -> str:
+        """Why a problem is not taken, and what to do: the end of a sentence."""
+        return "does not take such problems"
 
     @property
     @abc.abstractmethod
     def basis(self) -> InputNormalPair | Sections:
-        """The functions phi_j of the scaled variable zeta = z/rho."""
+        """The functions phi_j of the variable zeta of the unit disc, on which the region of the class is mapped."""
 
     @functools.cached_property
     def sarason(self) -> SarasonMap:
@@ -107,9 +112,9 @@ class Formulation(Frozen, Functions):
         """Another problem in the same form."""
         return dataclasses.replace(self, problem=problem)
 
-    def with_prior(self, **changes: float) -> Self:
-        """Another prior with the same problem and form."""
-        return self.of(self.problem.with_prior(**changes))
+    def with_gain(self, gain_bound: float) -> Self:
+        """Another gain bound with the same problem and form."""
+        return self.of(self.problem.with_prior(gain_bound=gain_bound))
 
     def with_node(self, angle: float) -> Formulation:
         """A form in which the value at exp(j angle) is determined, or bounded by a tail."""
@@ -121,8 +126,7 @@ class Formulation(Frozen, Functions):
 
     def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
         """The functions at any exp(j angle), (F, n)."""
-        prior = self.problem.prior
-        return prior.gain_bound * self.basis.evaluate(np.exp(-1j * angles) / prior.decay_rate)
+        return self.problem.prior.gain_bound * self.basis.evaluate(self.problem.region.points(angles))
 
     def impulses(self, count: int) -> NDArray[np.float64]:
         """The first samples of the impulse responses of the functions, (count, n)."""
@@ -148,12 +152,12 @@ class Formulation(Frozen, Functions):
         return realise
 
     def _states(self, x: NDArray[np.float64], E: Any) -> States:
-        """State space of G(z) = K phi(z/rho), forward-shift convention, of phi = (alpha, beta, gamma, delta) in z/rho."""
+        """State space of G(z) = K phi(zeta), forward-shift convention, of that of phi in the series variable zeta."""
         alpha, beta, gamma, delta = self.sarason.interpolants(x).realise(E)
-        K, rho = self.problem.prior.gain_bound, self.problem.prior.decay_rate
+        K = self.problem.prior.gain_bound
         # Half of K on either side keeps the realisation balanced.
         root = np.sqrt(K)
-        return alpha / rho, root * beta, root * gamma / rho, K * delta
+        return self.problem.region.in_z(StateMatrices(alpha, root * beta, root * gamma, K * delta))
 
     @property
     def work(self) -> float:
@@ -182,7 +186,7 @@ class Formulation(Frozen, Functions):
         if self.count > limit:
             raise SizeError(
                 f"`problem` has {self.problem.coefficients} coefficients in the exact form, and needs {self.count} {kind} for"
-                f" accuracy {accuracy:g} at decay rate {self.problem.prior.decay_rate:g}; up to {LARGEST_EXACT} and {limit} are"
+                f" accuracy {accuracy:g} at {self.problem.prior.decay_words}; up to {LARGEST_EXACT} and {limit} are"
                 " possible. Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin"
                 " the data: frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance"
             )

@@ -37,11 +37,7 @@ def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4)
     if form == "auto":
         found = _quickest(problem, accuracy)
     elif not _KINDS[form].takes(problem):
-        p, q = problem.entries.shape
-        raise InputError(
-            f'`form` = "{form}" is the one of the paper, whose theorem is about one input and one output; got {p}x{q}. Take'
-            ' form="orthonormal": the same conditions in another basis, for matrices too'
-        )
+        raise InputError(f'`form` = "{form}" {_KINDS[form].refusal(problem)}')
     else:
         found = _KINDS[form].within(problem, accuracy)
     found.check_size(accuracy)
@@ -52,7 +48,8 @@ def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
     exact = ExactFormulation(problem)
     if exact.quick:
         return exact
-    best = min((TaylorFormulation.within(problem, accuracy), exact), key=lambda form: form.work)
+    others = [TaylorFormulation.within(problem, accuracy)] if TaylorFormulation.takes(problem) else []
+    best = min((*others, exact), key=lambda form: form.work)
     if best.work > (_QUICK if problem.entries.single else _FINITE):
         found = SectionsFormulation.within(problem, accuracy)
         if found.work < _CLEARLY * best.work:
@@ -65,9 +62,13 @@ def lightest(formulation: Formulation, accuracy: float) -> Formulation:
 
     Bounds solve one problem after the other: a slow exact form that is one solution's matter of a second takes minutes there.
     """
-    if not formulation.exact or not formulation.problem.entries.single or formulation.count < _MANY:
+    problem = formulation.problem
+    if (
+        not (formulation.exact and problem.entries.single and TaylorFormulation.takes(problem))
+        or formulation.count < _MANY
+    ):
         return formulation
-    taylor = TaylorFormulation.within(formulation.problem, accuracy)
+    taylor = TaylorFormulation.within(problem, accuracy)
     return taylor if taylor.work < _FAR_LESS * formulation.work else formulation
 
 

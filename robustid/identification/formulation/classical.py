@@ -52,14 +52,13 @@ class ClassicalForm(Frozen):
         return float(np.linalg.cond(self.gram))
 
 
-def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rate: float, taylor: int) -> ClassicalForm:
-    """Return the matrices of Theorem 1 for nodes at `angles` and `taylor` coefficients, in real coordinates."""
+def classical_form(pair: InputNormalPair, nodes: NDArray[np.complex128], radius: float, taylor: int) -> ClassicalForm:
+    """Return the matrices of Theorem 1 for nodes in the order of their angles and `taylor` coefficients, in real coordinates."""
     blocks: list[NDArray[np.float64]] = []
     starts: list[NDArray[np.float64]] = []
     directions: list[list[NDArray[np.float64]]] = []
-    for angle in np.sort(angles):
-        zeta = np.exp(-1j * angle) / decay_rate
-        if angle in (0.0, np.pi):
+    for zeta in nodes:
+        if abs(zeta.imag) <= 1e-15:
             blocks.append(np.array([[zeta.real]]))
             starts.append(np.ones(1))
             directions.append([np.eye(1)])
@@ -68,7 +67,7 @@ def classical_form(pair: InputNormalPair, angles: NDArray[np.float64], decay_rat
             starts.append(np.array([np.sqrt(2.0), 0.0]))
             directions.append([np.eye(2), _TURN])
     if taylor:
-        blocks.append(np.diag(np.full(taylor - 1, 1 / decay_rate), 1))
+        blocks.append(np.diag(np.full(taylor - 1, radius), 1))
         starts.append(np.eye(1, taylor)[0])
         directions.append([np.eye(taylor, k=k) for k in range(taylor)])
     start = np.concatenate(starts)
@@ -116,7 +115,18 @@ class ClassicalFormulation(ExactFormulation):
         """Say whether the problem is SISO."""
         return problem.entries.single
 
+    @classmethod
+    def refusal(cls, problem: MixedProblem) -> str:
+        """The theorem is about one entry."""
+        p, q = problem.entries.shape
+        return (
+            f"is the one of the paper, whose theorem is about one input and one output; got {p}x{q}. Take"
+            ' form="orthonormal": the same conditions in another basis, for matrices too'
+        )
+
     def _sarason(self) -> ClassicalMap:
         problem = self.problem
-        form = classical_form(self.pair, problem.angles, problem.prior.decay_rate, self.determined)
+        radius = float(np.sqrt(1 - problem.region.inside(np.zeros(1))[0]))
+        nodes = problem.region.points(np.sort([*problem.angles, *self.first]))
+        form = classical_form(self.pair, nodes, radius, self.determined)
         return ClassicalMap(self.pair, problem.entries, form=form)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.bases import InputNormalPair, input_normal_pair
+from robustid.bases import InputNormalPair
 from robustid.errors import SizeError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation, Realisation
 from robustid.identification.formulation.functions import filtered_by
@@ -60,8 +60,7 @@ class ExactFormulation(Formulation):
     @functools.cached_property
     def pair(self) -> InputNormalPair:
         """The pair whose nodes are those of the data."""
-        problem = self.problem
-        return input_normal_pair(problem.angles, 1 / problem.prior.decay_rate, self.determined, first=self.first)
+        return self.problem.region.pair(self.problem.angles, self.determined, self.first)
 
     @property
     def basis(self) -> InputNormalPair:

@@ -20,7 +20,7 @@ def shortest_sections(problem: MixedProblem, share: float) -> Sections:
     r"""The repeated section of lowest total degree whose tails are below a share of every bound.
 
     .. math:: n = m \max_k \lceil w_k / g_k \rceil, \quad g_k = -\log|B(\zeta_k)|, \quad
-              w_k = \log \frac{(2/\pi) K \mathbf{K}(1/\rho)}{\text{share} \cdot \text{bound}_k}, \quad
+              w_k = \log \frac{(2/\pi) K \mathbf{K}(|\zeta_k|)}{\text{share} \cdot \text{bound}_k}, \quad
               \zeta_k = e^{-j\theta_k}/\rho
 
     For every degree m the zeros of B maximise min_k g_k/w_k, from a start at the quantiles of the points: a problem in m variables
@@ -43,16 +43,16 @@ def shortest_sections(problem: MixedProblem, share: float) -> Sections:
     hull, inside |zeta| <= 1/rho.
     """
     angles, bounds, everywhere = demands(problem)
-    rho, size = problem.prior.decay_rate, taylor_tail(problem.prior, 0) / share
     if math.isfinite(everywhere) or not angles.size:
         least = min(everywhere, float(bounds.min(initial=problem.prior.gain_bound)))
-        return Sections.shift(max(1, math.ceil(math.log(max(size / least, 1.0)) / math.log(rho))))
-    weights = np.log(size / bounds)
+        size = taylor_tail(problem.prior, 0) / share
+        length = math.ceil(math.log(max(size / least, 1.0)) / math.log(problem.prior.decay_rate))
+        return Sections.shift(max(1, length))
+    weights = np.log(problem.region.reach(problem.prior.gain_bound, angles) / share / bounds)
     felt = weights > 0
     if not np.any(felt):
         return Sections.shift(1)
-    line: Complex = np.exp(-1j * angles[felt])
-    zeta, weights = line / rho, weights[felt]
+    zeta, weights = problem.region.points(angles[felt]), weights[felt]
     some = _representatives(angles[felt], weights)
     found: list[Sections] = []
     for degree in _DEGREES:
@@ -83,12 +83,13 @@ _REAL = 1e-15  # sines this small are rounding
 def _best_zeros(zeta: Complex, weights: Real, pairs: int) -> tuple[complex, ...]:
     """Zeros in conjugate pairs that maximise the smallest decay/weight, as far as a local search finds them.
 
-    In the variables log(1 - |a|), relative to its value at 1/rho, and angle, relative to the width of the band; the logarithm
-    of the smallest ratio is maximised as one more variable (Chebyshev's problem as a smooth program).
+    In the variables log(1 - |a|), relative to its value at the point nearest to the circle, and angle, relative to the width
+    of the band; the logarithm of the smallest ratio is maximised as one more variable (Chebyshev's problem as a smooth program).
     """
     import scipy.optimize
 
-    angles, deepest = np.abs(np.angle(zeta)), math.log(1 - abs(zeta[0]))
+    nearest = zeta[np.argmax(np.round(np.abs(zeta), 12))]  # the first of those that differ by rounding only
+    angles, deepest = np.abs(np.angle(zeta)), math.log(1 - abs(nearest))
     width = max(float(np.ptp(angles)), 0.01)
 
     def zeros(v: Real) -> tuple[complex, ...]:

@@ -20,7 +20,7 @@ from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.exact import MOST_PRODUCTS
 from robustid.identification.formulation.sarason import PairMap, SarasonMap
 from robustid.identification.formulation.section_choice import shortest_sections
-from robustid.identification.formulation.tails import SHARE, taylor_tail
+from robustid.identification.formulation.tails import SHARE
 from robustid.identification.formulation.taylor import TaylorFormulation
 from robustid.identification.problem import MixedProblem
 
@@ -92,16 +92,16 @@ class SectionsFormulation(Formulation):
         return self.values(angles)
 
     def response_tail(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """K |theta(zeta)| (2/pi) K(1/rho) at zeta = exp(-j angle)/rho, by Cauchy's formula on the circle, (F,).
+        """K |theta(zeta)| (2/pi) K(|zeta|) at the zeta of exp(j angle), by Cauchy's formula on the circle, (F,).
 
         With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)); of a
         matrix, whose rows have norm 1, sqrt(ny) times as much.
         """
-        prior, sections, eps = self.problem.prior, self.sections, np.finfo(float).eps
-        inside = (1 - 1 / prior.decay_rate) * (1 + 1 / prior.decay_rate)  # 1 - |zeta|^2
-        size = np.abs(sections.all_pass(np.exp(-1j * angles) / prior.decay_rate)) + 8 * sections.degree * eps / inside
+        K, region = self.problem.prior.gain_bound, self.problem.region
+        sections, inside, eps = self.sections, region.inside(angles), np.finfo(float).eps
+        size = np.abs(sections.all_pass(region.points(angles))) + 8 * sections.degree * eps / inside
         rounding = 8 * (sections.order + 1 / inside) * eps / np.sqrt(inside)
-        return taylor_tail(prior, 0) * size**sections.repeats + prior.gain_bound * self._rows * rounding
+        return region.reach(K, angles) * size**sections.repeats + K * self._rows * rounding
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to the input, (T, n)."""
@@ -164,7 +164,7 @@ class SectionsFormulation(Formulation):
 
 def of_sections(problem: MixedProblem, sections: Sections) -> Formulation:
     """The formulation of a repeated section; that of Taylor coefficients where the section is the delay."""
-    if sections.is_shift:
+    if sections.is_shift and TaylorFormulation.takes(problem):
         return TaylorFormulation(problem, sections.repeats)
     return SectionsFormulation(problem, sections)
 

@@ -40,7 +40,7 @@ def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.floa
     excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
     """
     scales = problem.prior.scales(*problem.entries.shape)
-    angles = [frf.omega * problem.dt for frf in problem.frequency]
+    angles = [problem.plane.angles(frf.omega) for frf in problem.frequency]
     bounds, everywhere = [_felt(frf, scales) for frf in problem.frequency], np.inf
     for record in problem.time:
         if record.initial == "periodic":

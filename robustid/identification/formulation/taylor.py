@@ -13,6 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections, shift_pair
+from robustid.core import ZPlane
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap
 from robustid.identification.formulation.base import Family, Formulation, Realisation, States
@@ -70,6 +71,16 @@ class TaylorFormulation(Formulation):
     def basis(self) -> Sections:
         """The powers of the delay."""
         return self.repeated
+
+    @classmethod
+    def takes(cls, problem: MixedProblem) -> bool:
+        """Say whether all frequencies are as deep in the region of the class: in discrete time."""
+        return isinstance(problem.plane, ZPlane)
+
+    @classmethod
+    def refusal(cls, problem: MixedProblem) -> str:
+        """There are no Taylor coefficients in continuous time."""
+        return 'is for sampled data; these are of continuous time. Take form="sections", or "orthonormal" for few frequency points'
 
     def _sarason(self) -> ShiftMap:
         return ShiftMap(self.length, self.problem.entries)

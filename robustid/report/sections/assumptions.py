@@ -49,13 +49,7 @@ def chosen(identification: Identification) -> list[Block]:
 def assumptions(identification: Identification) -> list[tuple[str, str]]:
     """Names of the assumptions, with their words."""
     problem, prior = identification.problem, identification.problem.prior
-    tau = problem.dt / np.log(prior.decay_rate)
-    words = (
-        f"The non-parametric part G satisfies {_size_words(identification)} in |z| < ρ = {number(prior.decay_rate, 6)}"
-        f" (z: one sample of delay): its poles lie within |z| ≤ {number(1 / prior.decay_rate, 6)}, and its impulse"
-        f" response stays below K ρ⁻ᵏ{'' if siso(identification) else ' in the same sense'}, a time constant of"
-        f" {number(tau, 3)} s."
-    )
+    words = f"The non-parametric part G satisfies {_size_words(identification)} {_region_words(identification)}."
     if identification.prior != prior:
         words += f" The model itself needs only K = {number(identification.prior.gain_bound)}."
     out = [("Prior", words)]
@@ -73,12 +67,28 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
     return out
 
 
+def _region_words(identification: Identification) -> str:
+    """Where the non-parametric part is analytic, and what follows from it."""
+    problem, prior = identification.problem, identification.problem.prior
+    if not problem.dt:
+        return (
+            f"in Re s > −α = −{number(prior.decay, 6)} 1/s: its poles lie to the left of that line, and it decays with a time"
+            f" constant of {number(1 / prior.decay, 3)} s or less"
+        )
+    return (
+        f"in |z| < ρ = {number(prior.decay_rate, 6)} (z: one sample of delay): its poles lie within"
+        f" |z| ≤ {number(1 / prior.decay_rate, 6)}, and its impulse response stays below"
+        f" K ρ⁻ᵏ{'' if siso(identification) else ' in the same sense'}, a time constant of"
+        f" {number(problem.dt / np.log(prior.decay_rate), 3)} s"
+    )
+
+
 def _parametric_words(identification: Identification) -> str:
     problem, basis = identification.problem, identification.problem.parametric
     if basis is None:
         return "None: nothing is known about single modes."
-    rows = pole_rows(basis.poles, problem.dt)
-    times = Counter(describe_pole(row) for row in rows if row.modulus > 0)
+    rows = pole_rows(basis.in_s().poles, problem.dt)
+    times = Counter(describe_pole(row) for row in rows if row.modulus != 0)
     listed = [words if count == 1 else f"{words} ({count} times)" for words, count in times.items()]
     if times.total() < len(rows):  # poles at z = 0
         listed.append(delay_words(basis))

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import responses
 from robustid.errors import InputError
 from robustid.guarantees import Family, WorstCaseOverPoles
 from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, side_by_side
@@ -95,7 +94,7 @@ def family_verdict(family: Family) -> Verdict:
 
 def guarantee_words(family: Family) -> str:
     """The guarantee in plain words."""
-    size = np.linalg.norm(responses(family.model, family.omega * family.dt), 2, axis=(1, 2))
+    size = np.linalg.norm(family.plane.values_at(family.model, family.omega), 2, axis=(1, 2))
     relative = float(np.median(family.sigma_upper / np.maximum(size, np.finfo(float).tiny)))
     about = sorted({words for m in family.members for words in m.identification.problem.about})
     return " ".join(
@@ -157,9 +156,9 @@ def family_chart(family: Family) -> Chart:
 def family_charts(family: Family) -> list[Chart]:
     """Charts of every entry: the magnitude of the nominal with the band, the ranges of the members, and the errors of these."""
     at = family.omega[family.omega > 0]
-    low, high = (at[0], at[-1]) if at.size > 1 else (at[0] / 2, min(2 * at[0], np.pi / family.dt))
+    low, high = (at[0], at[-1]) if at.size > 1 else (at[0] / 2, min(2 * at[0], family.plane.top))
     fine = np.unique(np.concatenate([np.geomspace(low, high, _CURVE // 2), np.linspace(low, high, _CURVE // 2), at]))
-    curve = np.abs(responses(family.model, fine * family.dt))
+    curve = np.abs(family.plane.values_at(family.model, fine))
     return [_entry_chart(family, entry, fine, curve[:, *entry]) for entry in np.ndindex(family.upper.shape[1:])]
 
 
@@ -271,7 +270,7 @@ def _poles_of(error: Any) -> np.ndarray:
     basis = error.identification.problem.parametric
     found: Any = np.zeros(0, complex) if basis is None else np.asarray(basis.poles)
     found = np.unique(np.round(found[(found.imag > 0) & (np.abs(found) > 0)], 12))
-    logs: Any = np.log(found) / error.identification.problem.dt
+    logs: Any = error.identification.problem.plane.exponents(found)
     each = np.stack([np.abs(logs) / HZ, -logs.real / np.abs(logs)], axis=1)
     return np.repeat(each[np.argsort(each[:, 0])][:, :, None], 3, axis=2)
 

@@ -198,9 +198,9 @@ def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for frf in problem.frequency:
         if not isinstance(frf, FrequencyResponse):
             continue
-        for k, node in enumerate(problem.node_index(frf.omega * problem.dt)):
+        for k, node in enumerate(problem.node_index(problem.plane.angles(frf.omega))):
             better = frf.bound.outer_radius[k] < radius[node]
             values[node][better], radius[node][better] = frf.values[k][better], frf.bound.outer_radius[k][better]
     known = np.isfinite(radius).all(axis=(1, 2))
     sigma, reach = (np.linalg.norm(part[known], 2, axis=(1, 2)) for part in (values, radius))
-    return problem.angles[known] / problem.dt, sigma, reach
+    return problem.plane.omega(problem.angles[known]), sigma, reach

@@ -135,8 +135,11 @@ def circle_words(error: WorstCaseError) -> str:
             "Nothing is claimed here: the bounds hold at the frequencies. A bound that holds on the whole circle was not"
             " computed (WorstCaseError.hinf)."
         )
-    start = circle.edges[0] / HZ
-    reach = "the whole circle" if start == 0 else f"all frequencies from {number(start)} Hz on"
+    start, whole = (
+        circle.edges[0] / HZ,
+        "the whole circle" if error.identification.problem.dt else "the whole axis, to infinity,",
+    )
+    reach = whole if start == 0 else f"all frequencies from {number(start)} Hz on"
     rough = "" if circle.converged else " It was left coarser than asked."
     return (
         f"Over {reach} the error stays below {in_unit(at_most(circle.largest), error.identification)} (H-infinity norm of plant"

@@ -135,7 +135,8 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     )
     layers = []
     if (circle := error.known_circle) is not None:  # what has been computed; nothing is computed here
-        edges = np.maximum(np.repeat(circle.edges, 2)[1:-1] / HZ, left)
+        right = x.range[1] if x.range else np.inf
+        edges = np.clip(np.repeat(circle.edges, 2)[1:-1] / HZ, left, right)
         own = entry is not None and not siso(identification)
         bounds = np.repeat(circle.entries[place] if own else circle.bound, 2)
         layers.append(Layer(name="guaranteed between them too", x=edges, y=bounds, colour=FAINT, dash="solid"))

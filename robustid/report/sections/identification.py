@@ -159,7 +159,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
     if shared := shared_words(identification):
         rows.append(("Bounds", shared))
     rows += assumptions(identification)[:-1]  # the bounds stand with their experiments
-    rows.append(("Model", f"order {identification.order}, dt = {number(identification.problem.dt, 6)} s"))
+    rows.append(("Model", f"order {identification.order}, {_time_base(identification)}"))
     if reduction is not None:
         rows.append(("Reduced model", reduction_words(identification, reduction)))
     return rows
@@ -261,12 +261,17 @@ def _parameters_section(identification: Identification) -> list[Block]:
     return [Heading("Parameters"), Table(columns, rows)]
 
 
+def _time_base(identification: Identification) -> str:
+    dt = identification.problem.dt
+    return f"dt = {number(dt, 6)} s" if dt else "continuous time"
+
+
 def _foot(identification: Identification) -> list[Text]:
     timing = ", ".join(f"{stage} {number(seconds, 2)} s" for stage, seconds in identification.timing.items())
     return [
         Text(
             f"Objective “{identification.objective}”, solver “{identification.solver}”, accuracy of the margin"
-            f" {number(identification.accuracy, 2)}, sample time {number(identification.problem.dt, 6)} s."
+            f" {number(identification.accuracy, 2)}, {_time_base(identification).replace('dt =', 'sample time')}."
         ),
         Text(f"Time: {timing}."),
     ]

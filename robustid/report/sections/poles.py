@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,7 +80,8 @@ def modes_table(identification: Identification) -> Table:
         size = np.abs(mode.residue)
         i, j = np.unravel_index(int(np.argmax(size)), size.shape)
         with np.errstate(divide="ignore"):  # an integrator
-            peak = np.linalg.norm(mode.residue, 2) / -np.expm1(-mode.omega * mode.damping * problem.dt)
+            decay = mode.omega * mode.damping
+            peak = np.linalg.norm(mode.residue, 2) / (-np.expm1(-decay * problem.dt) if problem.dt else decay)
         ratio = number(mode.rank_ratio, 2) if min(size.shape) > 1 else "–"
         hz, damping = number(mode.omega / HZ, 5), number(mode.damping, 3)
         rows.append((hz, damping, number(float(peak), 3), transfer(identification, int(i), int(j)), ratio))
@@ -95,16 +97,26 @@ def modes_table(identification: Identification) -> Table:
     return Table(columns, rows, title="Modes of the parametric part", note=note, most=_MOST)
 
 
-def pole_chart(identification: Identification, models: Models = None) -> Chart:
-    """Poles in the z-plane, and their damping over their frequency."""
-    shown, rho = shown_models(identification, models), identification.prior.decay_rate
-    turn = np.linspace(0, 2 * np.pi, 361)
+def _edges(identification: Identification) -> Iterator[Layer]:
+    """The stability boundary, and that of the class."""
+    prior = identification.prior
+    if not identification.problem.dt:
+        height = np.array([-1.0, 1.0]) * 1.1 * max(np.abs(identification.model.poles()).max(initial=0.0), prior.decay)
+        yield Layer(name="imaginary axis: Re s = 0", x=np.zeros(2), y=height, colour=DATA, dash="solid")
+        name = f"Re s = −α = −{number(prior.decay)} 1/s"
+        yield Layer(name=name, x=np.full(2, -prior.decay), y=height, colour=FAINT, dash="dash")
+        return
+    turn, rho = np.linspace(0, 2 * np.pi, 361), prior.decay_rate
     circles = (("unit circle: |z| = 1", 1.0, DATA, "solid"), (f"|z| = 1/ρ = {number(1 / rho)}", 1 / rho, FAINT, "dash"))
-    plane = [
-        Layer(name=name, x=radius * np.cos(turn), y=radius * np.sin(turn), colour=colour, dash=dash)
-        for name, radius, colour, dash in circles
-    ]
-    damping, reach = [], 1.0
+    for name, radius, colour, dash in circles:
+        yield Layer(name=name, x=radius * np.cos(turn), y=radius * np.sin(turn), colour=colour, dash=dash)
+
+
+def pole_chart(identification: Identification, models: Models = None) -> Chart:
+    """Poles in the z-plane or s-plane, and their damping over their frequency."""
+    shown, discrete = shown_models(identification, models), bool(identification.problem.dt)
+    plane = list(_edges(identification))
+    damping, reach = [], max(float(np.abs(layer.x).max()) for layer in plane)
     for one in shown:
         rows, poles = pole_table(one.model) if one.model.nstates else [], one.model.poles()
         marker = "x" if one.colour == NOMINAL else one.marker
@@ -117,16 +129,16 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
         swings = [row for row in rows if row.count == 2 and row.damping > 0]
         x, y = (np.array([getattr(row, part) for row in swings]) for part in ("hz", "damping"))
         damping.append(Layer(x=x, y=y, hover=tuple(_pole_words(row) for row in swings), **style))
-    span = (-1.1 * reach, 1.1 * reach)
+    span, letter = (-1.1 * reach, 1.1 * reach), "z [–]" if discrete else "s [rad/s]"
     every = np.concatenate([layer.x for layer in damping] + [np.array(band(identification.problem)) / HZ])
     ratios = np.concatenate([layer.y for layer in damping])
     panels = (
         Panel(
-            title="Poles in the z-plane",
-            x=Axis(label="real part of z [–]", range=span),
-            y=Axis(label="imaginary part of z [–]", range=span),
+            title=f"Poles in the {letter[0]}-plane",
+            x=Axis(label=f"real part of {letter}", range=span if discrete else None),
+            y=Axis(label=f"imaginary part of {letter}", range=span),
             layers=tuple(plane),
-            square=True,
+            square=discrete,
         ),
         Panel(
             title="Damping of the oscillating poles",

@@ -30,7 +30,7 @@ def stability_section(identification: Identification, margins: Margins) -> list[
     """Build the section of the robust stability margins of controllers for the nominal model."""
     found, problem = named_margins("stability", margins), identification.problem
     for name, one in found.items():
-        shape, nyquist = (len(problem.outputs), len(problem.inputs)), np.pi / problem.dt
+        shape, nyquist = (len(problem.outputs), len(problem.inputs)), problem.plane.top
         if one.shares.shape != shape or (one.margins.size and not np.isclose(one.edges[-1], nyquist, rtol=1e-9)):
             raise InputError(
                 f"`stability`{_of(name)} must be about a model of {shape[0]} x {shape[1]} entries up to {nyquist / HZ:.6g} Hz, as"

@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from robustid.core import simulate
 from robustid.identification import Identification, Residual, model_residuals
@@ -14,6 +15,9 @@ from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import Models, Shown, numbered, shown_models, siso, started, transfer
 from robustid.report.style import DATA, FAINT
 from robustid.report.words import number, unit_label
+
+_Answers = tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]
+_PERIODS, _INSTANTS = 60, 1201  # of the fastest oscillation that are drawn, and samples of the curves
 
 
 def time_section(identification: Identification, models: Models) -> list[Block]:
@@ -25,7 +29,12 @@ def time_section(identification: Identification, models: Models) -> list[Block]:
     blocks.append(Drawing(time_chart(identification, models), titled=True))
     if siso(identification):
         return blocks
-    above = "Above: the input rises by one unit at 0 s; below: it is one unit during the first sample."
+    pulse = (
+        "it is one unit during the first sample"
+        if identification.problem.dt
+        else "it has an area of one unit second at 0 s"
+    )
+    above = f"Above: the input rises by one unit at 0 s; below: {pulse}."
     return [
         *blocks,
         Heading("Step and pulse responses of every entry", 3),
@@ -63,31 +72,63 @@ def answer_charts(identification: Identification, models: Models = None) -> list
     return charts
 
 
-def answer_titles(signal: Any) -> dict[str, str]:
-    """Titles of the answers to a step and to a pulse of an input."""
+def answer_titles(signal: Any, dt: float = 1.0) -> dict[str, str]:
+    """Titles of the answers to a step and to a pulse of an input; without a sample time to an impulse."""
     amount = f"1 {signal.unit}".rstrip()
+    pulse = f"Pulse response: {signal.name} is {amount} during the first sample"
     return {
         "step": f"Step response: {signal.name} rises by {amount} at 0 s",
-        "impulse": f"Pulse response: {signal.name} is {amount} during the first sample",
+        "impulse": pulse
+        if dt
+        else f"Impulse response: {signal.name} has the area {amount} s at 0 s, seen from then on",
     }
 
 
 def answer_panels(identification: Identification, shown: list[Shown], output: int, input_: int) -> list[Panel]:
     """Step and pulse response of one entry of the models."""
-    problem = identification.problem
-    count = _settling(identification.model)
-    t, u = problem.dt * np.arange(count), np.zeros((count, len(problem.inputs)))
-    u[0, input_] = 1
-    pulses = [simulate(one.model, u)[0][:, output] for one in shown]
-    panels, effect = [], str(problem.outputs[output])
-    titles = answer_titles(problem.inputs[input_]).values()
-    for title, answers in zip(titles, ([np.cumsum(pulse) for pulse in pulses], pulses), strict=True):
+    problem, panels = identification.problem, []
+    effect, titles = str(problem.outputs[output]), answer_titles(problem.inputs[input_], problem.dt).values()
+    answer = _sampled_answers if problem.dt else _continuous_answers
+    t, steps, pulses = answer(identification, [one.model for one in shown], output, input_)
+    for title, answers in zip(titles, (steps, pulses), strict=True):
         layers = tuple(
             Layer(name=one.name, x=t, y=y, colour=one.colour, dash=one.dash)
             for one, y in zip(shown, answers, strict=True)
         )
         panels.append(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=effect), layers=layers))
     return panels
+
+
+def _sampled_answers(identification: Identification, models: list[Any], output: int, input_: int) -> _Answers:
+    """Times, and the answers of models to a step and to a pulse."""
+    count = _settling(identification.model)
+    t, u = identification.problem.dt * np.arange(count), np.zeros((count, len(identification.problem.inputs)))
+    u[0, input_] = 1
+    pulses = [simulate(model, u)[0][:, output] for model in models]
+    return t, [np.cumsum(pulse) for pulse in pulses], pulses
+
+
+def _continuous_answers(identification: Identification, models: list[Any], output: int, input_: int) -> _Answers:
+    """Times, and the answers of continuous models to a step and to an impulse, from 0 s on, exact at these times."""
+    poles = identification.model.poles()
+    decays = -poles.real[poles.real < -1e-7 * np.abs(poles)]
+    seconds = 3 / decays.min(initial=np.inf) or 1.0
+    seconds = min(seconds, _PERIODS * 2 * np.pi / max(np.abs(poles.imag).max(initial=0.0), 1 / seconds))
+    t = np.linspace(0.0, seconds, _INSTANTS)
+    steps, impulses = [], []
+    for model in models:
+        n, b = model.nstates, np.asarray(model.B)[:, input_]
+        # The state and the integral of its input, both from one exponential.
+        whole = np.zeros((n + 1, n + 1))
+        whole[:n, :n], whole[:n, n] = model.A, b
+        turn, state, forced = scipy.linalg.expm(whole * t[1]), np.append(b, 0.0), np.append(np.zeros(n), 1.0)
+        c, found = np.asarray(model.C)[output], np.empty((2, t.size))
+        for k in range(t.size):
+            found[:, k] = c @ forced[:n] + model.D[output, input_], c @ state[:n]
+            state, forced = turn @ state, turn @ forced
+        steps.append(found[0])
+        impulses.append(found[1])
+    return t, steps, impulses
 
 
 def _settling(model: Any) -> int:
