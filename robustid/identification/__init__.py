@@ -10,7 +10,7 @@ from robustid.identification.certificate import (
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
-from robustid.identification.image import image_of, model_in_s
+from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.prior import Prior, any_prior, prior_fields
@@ -46,10 +46,11 @@ __all__ = [
     "entry_name",
     "evaluate_support",
     "excited_lines",
+    "from_image",
     "identify",
     "image_of",
+    "in_image",
     "largest_ratio",
-    "model_in_s",
     "model_residuals",
     "parametric_states",
     "posed_alone",

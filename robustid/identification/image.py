@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 from robustid.bases import ParametricBasis
-from robustid.core import SPlane, StateMatrices, ZPlane
+from robustid.core import Plane, SPlane, StateMatrices, ZPlane
 from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.identification.problem import MixedProblem
 from robustid.identification.region import Region, region_of
@@ -43,7 +43,7 @@ def image_of(identification: Identification) -> Identification:
     fields |= {"frequency": tuple(_moved(one, plane, z) for one in problem.frequency), "parametric": basis}
     image = ImageProblem(**fields, corner=plane.corner)
     return dataclasses.replace(
-        identification, formulation=identification.formulation.of(image), model=model_in_z(identification.model, plane)
+        identification, formulation=identification.formulation.of(image), model=in_image(identification.model, plane)
     )
 
 
@@ -51,19 +51,18 @@ def _moved(frf: FrequencyResponse | TangentialResponse, plane: SPlane, z: ZPlane
     return dataclasses.replace(frf, omega=z.omega(plane.angles(frf.omega)), dt=z.dt)
 
 
-def model_in_z(model: Any, plane: SPlane) -> Any:
-    """A continuous model in z."""
+def in_image(model: Any, plane: Plane) -> Any:
+    """A model of a plane in the image of its identification: one in z of a continuous model, else itself."""
+    return _model(model, plane.in_z(StateMatrices.of(model)), _DT) if isinstance(plane, SPlane) else model
+
+
+def from_image(model: Any, plane: Plane) -> Any:
+    """The inverse of `in_image`."""
+    return _model(model, plane.from_z(StateMatrices.of(model)), 0.0) if isinstance(plane, SPlane) else model
+
+
+def _model(like: Any, states: StateMatrices, dt: float) -> Any:
     import control
 
-    labels: dict[str, Any] = {"inputs": model.input_labels, "outputs": model.output_labels}
-    states = plane.in_z(StateMatrices.of(model))
-    return control.StateSpace(*states, _DT, remove_useless_states=False, **labels)
-
-
-def model_in_s(model: Any, plane: SPlane) -> Any:
-    """A model in z as a continuous one."""
-    import control
-
-    labels: dict[str, Any] = {"inputs": model.input_labels, "outputs": model.output_labels}
-    states = plane.from_z(StateMatrices.of(model))
-    return control.StateSpace(*states, 0.0, remove_useless_states=False, **labels)
+    labels: dict[str, Any] = {"inputs": like.input_labels, "outputs": like.output_labels}
+    return control.StateSpace(*states, dt, remove_useless_states=False, **labels)

@@ -190,8 +190,8 @@ def region_of(prior: Prior, plane: Plane) -> Region:
     if isinstance(plane, SPlane):
         if prior.decay is None:
             raise InputError(
-                f"`prior` has decay_rate = {prior.decay_rate:g} per sample, the data are of continuous time (no sample time dt):"
-                " give Prior(gain_bound=..., decay=...) in 1/s, or the FrequencyResponse its `dt`"
+                f"`prior` has decay_rate = {prior.decay_rate:g} per sample, the data are of continuous time (no sample time `dt`):"
+                " give the prior its `decay` in 1/s in its place, or the data their `dt`"
             )
         return HalfPlane(prior.decay / plane.corner)
     return Disc(prior.decay_rate)

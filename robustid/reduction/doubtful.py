@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, one_thread, responses
+from robustid.core import Frozen, Plane, Real, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import Identification, largest_ratio
@@ -97,7 +97,8 @@ def _doubtful(identification: Identification, model: Any, limit: float) -> list[
     except InputError:  # nothing to take apart
         return []
     A, B, C = (np.asarray(part) for part in (form.model.A, form.model.B, form.model.C))
-    dt, points = float(model.dt), np.unique(np.abs(identification.problem.angles)) / float(model.dt)
+    dt, plane = float(model.dt), identification.problem.plane
+    points = plane.omega(np.unique(np.abs(identification.problem.angles)))
     out: list[tuple[Any, float, float, str]] = []
     for block in form.blocks:
         poles = np.linalg.eigvals(A[block, block])
@@ -110,7 +111,7 @@ def _doubtful(identification: Identification, model: Any, limit: float) -> list[
         names = {"inputs": model.input_labels, "outputs": model.output_labels, "name": "reduced"}
         parts = A[np.ix_(kept, kept)], B[kept], C[:, kept], model.D
         smaller = control.StateSpace(*parts, model.dt, remove_useless_states=False, **names)
-        why = _why(model, smaller, omega, damping, points)
+        why = _why(model, smaller, omega, damping, points, plane)
         if why == _NARROW and largest_ratio(identification.problem, smaller) > limit:
             continue  # a light mode that the points around it show
         if why:
@@ -118,11 +119,11 @@ def _doubtful(identification: Identification, model: Any, limit: float) -> list[
     return out
 
 
-def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real) -> str:
+def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real, plane: Plane) -> str:
     if damping <= _LEAST:
         return "at the lower limit of damping"
-    near = np.clip(omega + damping * omega * _AROUND, 0, np.pi / float(model.dt)) * float(model.dt)
-    with_it, without = responses(model, near), responses(smaller, near)
+    near = np.clip(omega + damping * omega * _AROUND, 0, plane.top)
+    with_it, without = plane.values_at(model, near), plane.values_at(smaller, near)
     size = np.maximum(np.linalg.norm(with_it, axis=(1, 2)), np.finfo(float).tiny)
     if np.max(np.linalg.norm(with_it - without, axis=(1, 2)) / size) < _CANCELLED:
         return "that a zero almost cancels"
@@ -144,6 +145,6 @@ def _predicts(model: Any, smaller: Any, unused: Sequence[FrequencyResponse]) -> 
 
 def _missed(model: Any, frf: FrequencyResponse) -> float:
     used = frf.bound.used
-    error = np.abs(np.where(used, frf.values - responses(model, frf.omega * float(frf.dt or 1.0)), 0.0))
+    error = np.abs(np.where(used, frf.values - plane_of(frf.dt, frf.omega).values_at(model, frf.omega), 0.0))
     radius = np.where(used, frf.bound.outer_radius, 1.0)
     return float(np.max(error / np.where(radius > 0, radius, np.finfo(float).tiny), initial=0.0))

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Progress, SPlane, as_kind, one_thread
+from robustid.core import Budget, Progress, as_kind, one_thread
 from robustid.errors import InputError
-from robustid.identification import Identification, image_of, model_in_s
+from robustid.identification import Identification, from_image, image_of, in_image
 from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
@@ -116,10 +116,8 @@ def reduce_within_bounds(
     budget = Budget(time_limit, progress)
     image, plane = image_of(identification), identification.problem.plane
     found = _Search(image, _integrators(image, rigid_body), budget).reduction()
-    if not isinstance(plane, SPlane):
-        return found
     kept = found.status is SearchStatus.UNREDUCED
-    return dataclasses.replace(found, model=identification.model if kept else model_in_s(found.model, plane))
+    return dataclasses.replace(found, model=identification.model if kept else from_image(found.model, plane))
 
 
 def near_fit(identification: Identification, model: Any) -> Any:
@@ -127,12 +125,14 @@ def near_fit(identification: Identification, model: Any) -> Any:
 
     All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
     """
-    models = BestModels(identification, 0)
+    plane = identification.problem.plane
+    models = BestModels(image_of(identification), 0)
     if not identification.consistent:
         models.widen()
-    A, B, C = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C))
+    image = in_image(model, plane)
+    A, B, C = (np.asarray(part, dtype=float) for part in (image.A, image.B, image.C))
     models.refine(starts.of_model(A, B, C, models.samples))
-    return models.found[model.nstates].model if models.within(model.nstates) else None
+    return from_image(models.found[model.nstates].model, plane) if models.within(model.nstates) else None
 
 
 def _integrators(identification: Identification, rigid_body: Any) -> int:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import scipy.special
 
-from robustid.core import Frozen, Progress, Real, as_kind, freeze, one_thread, responses
+from robustid.core import Frozen, Progress, Real, as_kind, freeze, one_thread
 from robustid.data import FrequencyResponse
-from robustid.identification import Identification, largest_ratio
+from robustid.identification import Identification, image_of, in_image, largest_ratio
 from robustid.mfd import MatrixFraction, OrderSweep, suggest_order
 from robustid.reduction.balanced import Reduction
 from robustid.reduction.guard import Guard
@@ -137,7 +137,7 @@ def model_worth_having(
         frf,
         orders=range(1, _largest_order(identification, frf) + 1),
         weight=_weight(frf),
-        domain="z",
+        domain="z" if problem.dt else "s",
         feedthrough=direct,
         time_limit=time_limit,
         progress=progress,
@@ -188,9 +188,10 @@ def _chosen(
     carried = carried_order(sweep)
     fit, place = sweep.fits[carried], int(np.flatnonzero(sweep.orders == carried)[0])
     count, best = sweep.equations, float(sweep.costs[place])
+    plane, image = identification.problem.plane, image_of(identification)
 
     def cost(model: Any) -> float:
-        left = fit.problem.values - responses(model, fit.problem.omega * float(frf.dt or 1.0))
+        left = fit.problem.values - plane.values_at(model, fit.problem.omega)
         return float(np.linalg.norm(fit.problem.weight.apply(left)) ** 2)
 
     def worse(value: float, order: int) -> bool:
@@ -206,10 +207,10 @@ def _chosen(
     chosen, misfit = smallest, first
     if worse(first, smallest.order):
         limit = 1.0 if identification.consistent else float(identification.margin) * (1 + 1e-5)
-        guard = Guard(identification, 0, max(1.0, identification.margin))
+        guard = Guard(image, 0, max(1.0, identification.margin))
         for model, order in _candidates(identification, sweep, carried, smallest.order):
             margin, value = largest_ratio(identification.problem, model), cost(model)
-            if margin > limit or value >= misfit or guard.check(model, limit)[1] is not None:
+            if margin > limit or value >= misfit or guard.check(in_image(model, plane), limit)[1] is not None:
                 continue
             status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
             if not identification.consistent and margin <= 1:

@@ -139,7 +139,6 @@ LINES = np.arange(1.0, 9.0)
     ("frf", "options", "error", "sentence"),
     [
         ("frf", {}, InputTypeError, "`frf` must be a FrequencyResponse; got str"),
-        (rid.FrequencyResponse(LINES, np.ones(8)), {}, InputError, "`dt` is needed"),
         (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": 1.0}, InputError, "`dt` = 1 s allows frequencies up to 3.14"),
         (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": -1.0}, InputError, "`dt` must be positive"),
         (rid.FrequencyResponse(LINES, np.zeros(8), dt=0.1), {}, InputError, "`frf` is zero at all frequency points"),

@@ -167,7 +167,7 @@ def test_nothing_is_warned_of_without_a_reason(foreign, run):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--frequency", "plain.csv", *LINES], "plain.csv has no sample time: give --dt"),
+        (["--frequency", "plain.csv", *LINES, "--time", "step.csv"], "--dt: some experiments are of continuous time"),
         (["--frequency", "plain.csv", *RATE], "plain.csv has no error bound: give --frequency-bound"),
         (["--time", "plain_step.csv"], "plain_step.csv has no error bound: give --time-bound"),
         (["--time", "odd_step.csv", "--time-bound", "0.05"], "--time-field u=NAME"),

@@ -12,10 +12,8 @@ from robustid.app.proposal import propose
 pytestmark = pytest.mark.quick
 
 
-@pytest.mark.parametrize(
-    ("missing", "words"), [({"dt": None}, "`dt`"), ({"bound": None}, "bound on every sample"), ({}, "both missing")]
-)
-def test_a_proposal_needs_data_with_sample_time_and_bound(missing, words):
+@pytest.mark.parametrize(("missing", "words"), [({"bound": None}, "bound on every sample"), ({}, "both missing")])
+def test_a_proposal_needs_data_with_a_bound(missing, words):
     frf = dataclasses.replace(rid.flexible_structure(seed=0).frequency, **missing)
     with pytest.raises(rid.InputError, match=words):
         propose(frequency=[frf] if missing else [])

@@ -10,6 +10,7 @@ from robustid.app.options import Withheld
 from robustid.app.run_file import RunFile
 from robustid.app.sources import Estimate
 from robustid.app.withheld import looked_at, split, split_points
+from robustid.core import ZPlane
 from support.families import DT, truth
 
 PERIOD = 40
@@ -69,7 +70,7 @@ def test_dense_frequency_points_are_kept_out():
 
 def test_the_band_is_bounded_at_withheld_frequencies_next_to_the_poles():
     frf = rid.FrequencyResponse(np.arange(1.0, 101), np.ones(100), bound=0.1, dt=0.01)
-    grid = looked_at(np.array([0.5]), [0.9 * np.exp(0.4243j)], 0.01, [frf])
+    grid = looked_at(np.array([0.5]), [0.9 * np.exp(0.4243j)], ZPlane(0.01), [frf])
     assert 0.5 in grid
     assert {1.0, 42.0, 100.0} <= set(grid.tolist())
     assert grid.size == 14

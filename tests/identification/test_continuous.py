@@ -157,7 +157,7 @@ def test_results_save_and_load(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"prior": rid.Prior(gain_bound=1.0, decay_rate=1.1)}, "continuous time .*decay=.*1/s"),
+        ({"prior": rid.Prior(gain_bound=1.0, decay_rate=1.1)}, "continuous time .*`decay` in 1/s"),
         ({"parametric": rid.kautz(1.0, 0.1, dt=0.1)}, "`parametric` is of dt = 0.1 s, the data are of continuous time"),
         ({"time": rid.TimeRecord([1.0], [0.0], dt=0.1, bound=1.0)}, "continuous time .*others are sampled"),
     ],

@@ -1,0 +1,96 @@
+"""Guarantees in continuous time: bounds that hold for truths at the edge of the class, at frequencies and up to infinity."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.half_plane import edge_truth
+
+
+def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
+    """A truth at the edge of its class: modes, a rest of modulus `gain` on the whole line, noise at the ends of its bounds."""
+    rng = np.random.default_rng(seed)
+    omega = np.sort(rng.uniform(0.2, 12, points))
+    mode = control.ss(control.tf([rng.uniform(-2, 2), rng.uniform(-20, 20)], [1, 2 * 0.02 * 5, 25]))
+    truth = edge_truth(rng, gain, decay, int(rng.integers(1, 5)), 4.0) + mode
+    noise = bound * np.exp(2j * np.pi * rng.random(points))
+    frf = rid.FrequencyResponse(omega, truth(1j * omega) + noise, bound=bound * (1 + 1e-9))
+    prior = rid.Prior(gain_bound=gain * (1 + 1e-9), decay=decay)
+    return truth, rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(5.0, 0.02, dt=0))
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(100)])
+def test_truths_at_the_edge_of_the_class_are_inside(seed):
+    truth, problem = edge_problem(seed)
+    found = rid.identify(problem).require()
+    grid = np.array([0.0, 0.7, 5.1, 20.0])
+    error = rid.worst_case_error(found, omega=grid, directions=8, rtol=0.1)
+    away = np.abs(truth(1j * grid) - found.model(1j * grid))
+    assert np.all(away <= error.sigma_upper * (1 + 1e-9))
+    assert np.all(error.sigma_lower <= error.sigma_upper)
+    assert error.verify()
+
+
+def test_more_data_never_widen_the_band():
+    _, problem = edge_problem(3)
+    (frf,) = problem.frequency
+    few = rid.MixedProblem(frequency=frf.select(slice(0, None, 2)), prior=problem.prior, parametric=problem.parametric)
+    wide, narrow = (
+        rid.worst_case_error(rid.identify(one), omega=[1.0, 5.0], directions=8, rtol=0.05) for one in (few, problem)
+    )
+    for one, other in zip(wide.values, narrow.values, strict=True):
+        before, after = (np.abs(v.vertices[:, None] - v.vertices).max() for v in (one, other))
+        assert after <= before * 1.05
+
+
+def test_the_bound_on_the_axis_holds_up_to_infinity(tmp_path):
+    truth, problem = edge_problem(5, gain=0.4, decay=6.0)
+    found = rid.identify(problem).require()
+    error = rid.worst_case_error(found, omega=[1.0, 5.0], directions=4)
+    circle = error.on_circle(0.3)
+    assert circle.converged
+    assert circle.edges[-1] == np.inf
+    assert error.circle_supported
+    s = 1j * np.concatenate([np.linspace(0, 15, 400), np.geomspace(15, 1e5, 200)])
+    away, cell = np.abs(truth(s) - found.model(s)), np.searchsorted(circle.edges, np.abs(s), side="right") - 1
+    assert np.all(away <= circle.bound[cell])
+    assert circle.bound[-1] >= 0.4  # nothing but the gain bound is known there
+    error.save(tmp_path / "bound.json")
+    again = rid.load(tmp_path / "bound.json")
+    assert again.known_circle.edges[-1] == np.inf
+    assert again.verify()
+
+
+def test_the_frequency_as_a_node_or_a_tail():
+    _, problem = edge_problem(7, points=8)
+    exact, sections = (rid.identify(problem, form=form) for form in ("orthonormal", "sections"))
+    assert exact.margin == pytest.approx(sections.margin, abs=1e-3)
+    bounds = [rid.worst_case_error(one, omega=[3.0], directions=8, rtol=0.02) for one in (exact, sections)]
+    areas = [np.ptp(one.values[0].vertices.real) for one in bounds]
+    assert areas[0] == pytest.approx(areas[1], rel=0.05)
+
+
+def test_a_small_model_is_continuous_and_inside_every_bound():
+    rng = np.random.default_rng(0)
+    omega = np.linspace(1, 20, 16)
+    truth = control.ss(control.tf([4.0], [1, 0.4, 16.0])) + control.ss(control.tf([1.0], [1, 9.0]))
+    frf = rid.FrequencyResponse(omega, truth(1j * omega) + 0.004 * np.exp(2j * np.pi * rng.random(16)), bound=0.005)
+    prior = rid.Prior(gain_bound=0.4, decay=4.0)
+    found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(4.0, 0.05, dt=0)))
+    small = rid.reduce_within_bounds(found)
+    assert small.model.dt == 0
+    assert small.order <= 3
+    assert np.linalg.eigvals(small.model.A).real.max() < 0
+    assert np.abs(small.model(1j * omega) - frf.values[:, 0, 0]).max() <= 0.005
+
+
+def test_what_needs_a_sample_time_says_so():
+    _, problem = edge_problem(1, points=6)
+    found = rid.identify(problem)
+    with pytest.raises(rid.InputError, match="a response in time needs a sample time"):
+        rid.response_tube(found)
+    with pytest.raises(rid.InputError, match="a pole-uncertainty box needs a sample time"):
+        rid.worst_case_over_poles(found, [[4.9, 5.1]], [[0.01, 0.03]])
+    with pytest.raises(rid.InputError, match="`model` must be continuous"):
+        rid.worst_case_error(found, model=control.ss(0.5, 1, 1, 0, 0.1), omega=[1.0])
