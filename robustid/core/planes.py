@@ -1,4 +1,4 @@
-"""Where frequency responses live: the z-plane of a sample time, or the s-plane, seen on the same unit circle."""
+"""Planes of frequency responses: the z-plane of a sample time, or the s-plane, both seen on the unit circle."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class ModelError:
         return (K * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
 
     def bend(self, low: float, high: float, pieces: int = 1) -> Real:
-        """What the error can exceed the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
+        """Bound of how far the error exceeds the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
         plane = self.identification.problem.plane
         a, b = (float(plane.angles(np.array(end))) for end in (low, high))
         width = (high - low) * plane.dt if plane.dt else b - a

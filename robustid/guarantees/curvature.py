@@ -57,7 +57,7 @@ class Curvature:
         return self._with_parameters(total, low, high)
 
     def outside(self, low: float, high: float) -> Real:
-        """Of E - G on an arc, (ny, nu)."""
+        """Bound of E - G on an arc, (ny, nu)."""
         return self._with_parameters(second_derivative(*self.known, low, high), low, high)
 
     def _with_parameters(self, total: Real, low: float, high: float) -> Real:

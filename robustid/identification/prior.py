@@ -104,7 +104,7 @@ class Prior(Frozen):
 
     @property
     def decay_words(self) -> str:
-        """How fast impulse responses of the class decay, in words."""
+        """The decay of the impulse responses of the class, in words."""
         return f"decay rate {self.decay_rate:g}" if self.decay is None else f"decay {self.decay:g} 1/s"
 
     @property

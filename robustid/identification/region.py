@@ -1,4 +1,4 @@
-"""Where the non-parametric part is analytic, beyond the circle of the frequencies: its map on the unit disc."""
+"""Regions in which the non-parametric part is analytic, beyond the circle of the frequencies, mapped on the unit disc."""
 
 from __future__ import annotations
 

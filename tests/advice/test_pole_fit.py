@@ -7,6 +7,7 @@ import scipy.optimize
 import robustid as rid
 from robustid.advice.kautz import line_data
 from robustid.advice.pole_fit import pair_changes, pole_pair, refine, residual_rows, residual_slopes
+from robustid.core import ZPlane
 
 pytestmark = pytest.mark.quick
 
@@ -16,7 +17,7 @@ POLES = np.log([[0.56, 0.12], [1.108, 0.005]])  # angle and damping, near those 
 @pytest.fixture(scope="module")
 def data():
     frf = rid.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
-    return line_data([frf], frf.dt)
+    return line_data([frf], ZPlane(frf.dt))
 
 
 def test_pairs_change_as_their_differences_say():

@@ -68,7 +68,7 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
 
 
 def _region_words(identification: Identification) -> str:
-    """Where the non-parametric part is analytic, and what follows from it."""
+    """Words on the region in which the non-parametric part is analytic, and on what follows from it."""
     problem, prior = identification.problem, identification.problem.prior
     if not problem.dt:
         return (
