@@ -13,7 +13,7 @@ import numpy as np
 
 from robustid.core import saved_kind
 from robustid.data.io.exchange import read_touchstone, read_universal
-from robustid.data.io.matlab import read_hdf5
+from robustid.data.io.hdf5 import read_hdf5
 from robustid.data.io.matlab4 import read_matlab4
 from robustid.data.io.matlab5 import read_matlab5
 from robustid.data.io.table import Table, check_growth, said
