@@ -234,7 +234,7 @@ class MatrixBall(Ball):
         p, q = entries.outputs, entries.inputs
         full = np.zeros((p, q, n, p, q, n))
         ((P, Q),) = ((self._corners(P), self._corners(Q)) for P, Q in pairs)
-        left, right = self._products.transforms(P), self._products.transforms(Q)
+        left, right = self._products.factors(P, Q)
         places = list(np.ndindex(p, q))
         for i, (a, b) in enumerate(places):
             for c, d in places[i:]:
@@ -281,12 +281,17 @@ class EntryProducts(abc.ABC):
         """Inner products <H_j, Y> of every entry, (p, q, n), of (p, q, n, n)."""
 
     @abc.abstractmethod
-    def transforms(self, corners: Corners) -> Parts:
-        """The parts of the products that belong to each block of the corners alone."""
+    def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
+        """The parts of the products that belong to each block of the left corners alone, and of the right ones."""
 
     @abc.abstractmethod
     def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
-        """The block of the curvature of the entries (a, b) and (c, d), of transforms."""
+        """The block of the curvature of the entries (a, b) and (c, d), of factors."""
+
+
+def of_blocks(corners: Corners, one: Callable[[Real], Any]) -> Parts:
+    """The parts that belong to each block of the corners, block by block."""
+    return {place: [[one(block) for block in row] for row in blocks] for place, blocks in corners.items()}
 
 
 def products_of_blocks(P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> tuple[tuple[Any, Any], ...]:
@@ -314,17 +319,13 @@ class DenseProducts(EntryProducts):
         """Inner products <H_j, Y> of every entry, (p, q, n)."""
         return Y.reshape(*Y.shape[:2], -1) @ self._flat.T
 
-    def transforms(self, corners: Corners) -> Parts:
-        """U'H_k and H_l V' of all blocks."""
-        return {
-            place: [[(self._before(one), self._after(one)) for one in row] for row in block]
-            for place, block in corners.items()
-        }
+    def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
+        """U'H_k of the left blocks and H_l V' of the right ones."""
+        return of_blocks(P, self._before), of_blocks(Q, self._after)
 
     def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
         """The block of the curvature of two entries."""
-        terms = products_of_blocks(P, Q, a, b, c, d)
-        return np.asarray(sum(before @ after.T for (before, _), (_, after) in terms))
+        return np.asarray(sum(before @ after.T for before, after in products_of_blocks(P, Q, a, b, c, d)))
 
     def _before(self, U: Real) -> Real:
         return np.matmul(U.T, self._basis).reshape(self._flat.shape)

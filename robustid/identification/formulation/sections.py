@@ -15,7 +15,14 @@ from robustid.bases import InputNormalPair, Sections
 from robustid.core import freeze
 from robustid.errors import SizeError
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap, products_of_blocks
+from robustid.identification.formulation.ball import (
+    Corners,
+    EntryProducts,
+    Parts,
+    SymmetricMap,
+    of_blocks,
+    products_of_blocks,
+)
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.exact import MOST_PRODUCTS
 from robustid.identification.formulation.sarason import PairMap, SarasonMap
@@ -321,17 +328,14 @@ class SectionProducts(EntryProducts):
         """Inner products <H_j, Y> of every entry, (p, q, n)."""
         return np.array([[self._one.adjoint(entry.T) for entry in row] for row in Y])
 
-    def transforms(self, corners: Corners) -> Parts:
-        """Transforms that tr(H_k U H_l V') needs of U and of V, of all blocks."""
-        return {
-            place: [[(self._one.before(one), self._one.after(one)) for one in row] for row in block]
-            for place, block in corners.items()
-        }
+    def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
+        """Transforms that tr(H_k U H_l V') needs of all blocks U and V."""
+        return of_blocks(P, self._one.before), of_blocks(Q, self._one.after)
 
     def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> NDArray[np.float64]:
         """The block of the curvature of two entries."""
         terms = products_of_blocks(P, Q, a, b, c, d)
-        total = sum(before @ after.transpose(0, 1, 3, 2) for (before, _), (_, after) in terms)
+        total = sum(before @ after.transpose(0, 1, 3, 2) for before, after in terms)
         return self._one.back(np.asarray(total, dtype=complex))
 
 

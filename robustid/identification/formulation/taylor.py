@@ -283,9 +283,10 @@ class HankelProducts(EntryProducts):
         """Inner products <H_j, Y> of every entry, (p, q, n)."""
         return np.array([[self._map.adjoint(entry) for entry in row] for row in Y])
 
-    def transforms(self, corners: Corners) -> Parts:
+    def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
         """Two-dimensional transforms of all blocks, zeros around them."""
-        return {place: self._transform(block) for place, block in corners.items()}
+        left, right = ({place: self._transform(block) for place, block in one.items()} for one in (P, Q))
+        return left, right
 
     def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> NDArray[np.float64]:
         """The block of the curvature of two entries."""
