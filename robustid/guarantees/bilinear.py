@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Frozen, StateMatrices, bilinear_in_s, bilinear_in_z
+from robustid.core import Frozen, Real, SPlane, StateMatrices, as_array, bilinear_in_s, bilinear_in_z
 from robustid.errors import InputError
-from robustid.identification import check_model
+from robustid.identification import check_model, from_image, in_image
 
 if TYPE_CHECKING:
     import control
@@ -45,8 +45,8 @@ class ControlPair(Frozen):
     dt: float
 
     def controller(self, continuous: control.StateSpace) -> control.StateSpace:
-        """The discrete controller of a continuous one that was synthesised for this pair."""
-        return discrete(continuous, self.dt)
+        """The discrete controller of a continuous one that was synthesised for this pair; itself where the plant is continuous."""
+        return discrete(continuous, self.dt) if self.dt else continuous
 
 
 def discrete(continuous: Any, dt: float) -> Any:
@@ -71,3 +71,49 @@ def bilinear(model: Any) -> Any:
             "`nominal` has a pole at z = -1 (half the sampling rate), which has no place in continuous time"
         )
     return control.StateSpace(*bilinear_in_s(system, model.dt), 0.0, remove_useless_states=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class Image(Frozen):
+    """A continuous model and cells of frequencies up to infinity in the variable z = (b + s)/(b - s), of sample time 1 s.
+
+    Gains, norms and closed loops are the same on both sides.
+
+    Attributes
+    ----------
+    plane : SPlane
+    edges : (C + 1,) array
+        Angles of the edges.
+    """
+
+    plane: SPlane
+    edges: Real
+
+    @classmethod
+    def of(cls, nominal: Any, edges: Any) -> Image | None:
+        """The image where the nominal model is continuous; None where it is not."""
+        if getattr(nominal, "dt", None) != 0:
+            return None
+        edges = as_array("edges", edges, ndim=1, finite=False)
+        inside = edges[(edges > 0) & np.isfinite(edges)]
+        if np.isnan(edges).any() or not edges.size or edges[-1] != np.inf:
+            raise InputError(
+                "`edges` of a continuous model must end at infinity (numpy.inf), so that no frequency is left out"
+            )
+        plane = SPlane(float(np.sqrt(inside.min() * inside.max())) if inside.size else 1.0)
+        return cls(plane, plane.angles(edges))
+
+    def model(self, name: str, continuous: Any) -> Any:
+        """A continuous model in z."""
+        system = check_model(name, continuous)
+        if system.nstates and system.dt != 0:
+            raise InputError(f"`{name}` must be continuous, as `nominal` is; got dt = {system.dt}")
+        return in_image(system, self.plane)
+
+    def continuous(self, model: Any) -> Any:
+        """A model in z as a continuous one."""
+        return from_image(model, self.plane)
+
+    def omega(self, angle: float) -> float:
+        """The frequency of an angle, rad/s."""
+        return float(self.plane.omega(np.array(angle))) if angle < np.pi else np.inf

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Real
 from robustid.errors import InputError
+from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
 
 _RESOLVED = 0.02  # largest relative radius of F_0 on a piece of arc
@@ -30,7 +31,7 @@ def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str
     Parameters
     ----------
     nominal : control.StateSpace
-        F_0, discrete.
+        F_0, discrete or continuous.
     edges : (C + 1,) array, rad/s
     bound : (C,) array
         Of the largest singular value of F - F_0.
@@ -48,6 +49,8 @@ def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
     if kind == "additive":
         return bound
+    if (image := Image.of(nominal, edges)) is not None:
+        return cover_bound(image.model("nominal", nominal), image.edges, bound, entries, kind)
     plant = check_plant(nominal)
     check_square(plant, kind)
     cells = Cells.read(edges, bound, float(plant.dt))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
+from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import INPUT, KINDS, Pieces, check_plant, enclose
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
@@ -109,11 +110,11 @@ def robust_stability_margin(
     Parameters
     ----------
     nominal : control.StateSpace
-        F_id, discrete; it may have unstable poles, integrators too.
+        F_id, discrete or continuous; it may have unstable poles, integrators too.
     controller : control.StateSpace
         K, from the outputs to the inputs of the nominal model, with its sample time.
     edges : (C + 1,) array
-        Edges of the cells in rad/s, from 0 to pi/dt.
+        Edges of the cells in rad/s, from 0 to pi/dt, or infinity.
     bound : (C,) or (C, ny, nu), (C, 1, nu), (C, ny, 1) array, or a tuple of such arrays
         Bound on each cell of the largest singular value of F - F_id, or of the relative error (see `uncertainty_weight`). Of
         additive errors also of every entry, of the norm of every column (the error that an input causes), or of every row (the
@@ -155,6 +156,11 @@ def robust_stability_margin(
     >>> round(result.margin, 1), result.guaranteed
     (6.7, True)
     """
+    if (image := Image.of(nominal, edges)) is not None:
+        both = image.model("nominal", nominal), image.model("controller", controller)
+        found = robust_stability_margin(*both, image.edges, bound, kind=kind)
+        omega = image.omega(found.frequency)
+        return dataclasses.replace(found, frequency=omega, edges=np.asarray(edges, dtype=float))
     plant = check_plant(nominal)
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze, one_thread
 from robustid.errors import InputError
-from robustid.guarantees.bilinear import ControlPair, bilinear
+from robustid.guarantees.bilinear import ControlPair, Image, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
 from robustid.guarantees.cells import KINDS, Cells, check_plant
 from robustid.guarantees.covers import check_square, smallest_gain, unbounded
@@ -32,7 +32,7 @@ class UncertaintyWeight(Frozen):
     Attributes
     ----------
     model : control.StateSpace
-        W, SISO, discrete; its poles and zeros lie strictly inside the unit circle.
+        W, SISO, discrete as the plant, or continuous; its poles and zeros lie strictly inside the stable region.
     edges : (C + 1,) array
         Edges of the cells in rad/s; the last is pi/dt. Below the first, W is not bound to anything.
     bound : (C,) array
@@ -45,6 +45,8 @@ class UncertaintyWeight(Frozen):
         "additive", "multiplicative" (at the outputs), "input_multiplicative" or "inverse".
     nominal : control.StateSpace or None
         The model that the uncertainty is about.
+    image : UncertaintyWeight or None
+        Of a continuous model: the weight in the variable z = (b + s)/(b - s), of which this is the bilinear transform.
     """
 
     model: control.StateSpace
@@ -55,6 +57,7 @@ class UncertaintyWeight(Frozen):
     tried: tuple[tuple[int, float], ...] = ()
     kind: str = "additive"
     nominal: control.StateSpace | None = None
+    image: UncertaintyWeight | None = None
 
     def __post_init__(self) -> None:
         self._set(edges=freeze(self.edges), bound=freeze(self.bound))
@@ -75,6 +78,8 @@ class UncertaintyWeight(Frozen):
         Stability and minimum phase are decided in rational arithmetic; the modulus is enclosed on whole pieces of arc, rounding
         included.
         """
+        if self.image is not None:
+            return self.image.certified
         parts = factors(self.model)
         cells = Cells.read(self.edges, self.bound, _sample_time(self.model))
         return parts is not None and parts.minimum_phase and lowest_ratio(parts, *arcs(cells.angles), cells.bound) >= 1
@@ -94,6 +99,8 @@ class UncertaintyWeight(Frozen):
             raise InputError(
                 "`nominal` is not known to this weight: make it with uncertainty_weight(nominal, edges, bound)"
             )
+        if self.image is not None:
+            return ControlPair(self.nominal, self.model, 0.0)
         return ControlPair(bilinear(self.nominal), bilinear(self.model), _sample_time(self.model))
 
     def robust_stability_margin(self, controller: control.StateSpace) -> RobustStabilityMargin:
@@ -134,9 +141,9 @@ def uncertainty_weight(
     Parameters
     ----------
     nominal : control.StateSpace
-        F_id, discrete.
+        F_id, discrete with its sample time, or continuous.
     edges : (C + 1,) array
-        Edges of the cells in rad/s, rising, to pi/dt. Where the plant has an integrator, the first is above 0.
+        Edges of the cells in rad/s, rising, to pi/dt, or infinity. Where the plant has an integrator, the first is above 0.
     bound : (C,) or (C, ny, nu), (C, 1, nu), (C, ny, 1) array
         On each cell, of the largest singular value of ``F - F_id``, or of each entry, column or row: then the norm of the array of
         bounds is taken, which depends on the units of the signals (`entry_weights` and `structured_weight` don't).
@@ -178,6 +185,11 @@ def uncertainty_weight(
     >>> weight.order, weight.certified
     (0, True)
     """
+    options: dict[str, Any] = {"kind": kind, "order": order, "tightness": tightness, "below": below}
+    if (image := Image.of(nominal, edges)) is not None:
+        found = uncertainty_weight(image.model("nominal", nominal), image.edges, bound, **options)
+        own = image.continuous(found.model)
+        return dataclasses.replace(found, model=own, edges=np.asarray(edges, float), nominal=nominal, image=found)
     plant = check_plant(nominal)
     cells = Cells.read(edges, bound, float(plant.dt), plant)
     size = cells.bound if cells.bound.ndim == 1 else np.linalg.norm(cells.bound, 2, axis=(1, 2)) * (1 + 1e-12)

@@ -94,3 +94,44 @@ def test_what_needs_a_sample_time_says_so():
         rid.worst_case_over_poles(found, [[4.9, 5.1]], [[0.01, 0.03]])
     with pytest.raises(rid.InputError, match="`model` must be continuous"):
         rid.worst_case_error(found, model=control.ss(0.5, 1, 1, 0, 0.1), omega=[1.0])
+
+
+def flexible():
+    """A continuous nominal model, edges up to infinity and a bound on every cell."""
+    nominal = control.ss(control.tf([4.0], [1, 0.4, 16.0]))
+    edges = np.array([0.0, 1.0, 3.0, 5.0, 20.0, np.inf])
+    return nominal, edges, np.array([0.02, 0.05, 0.2, 0.1, 0.05])
+
+
+def test_a_continuous_weight_is_above_the_bound_on_the_whole_axis():
+    nominal, edges, bound = flexible()
+    weight = rid.uncertainty_weight(nominal, edges, bound)
+    assert weight.certified
+    assert weight.model.dt == 0
+    poles, zeros = weight.model.poles(), weight.model.zeros()
+    assert max(poles.real.max(), zeros.real.max()) < 0
+    omega = np.concatenate([np.linspace(1e-3, 30, 3000), np.geomspace(30, 1e6, 300)])
+    cell = np.searchsorted(edges, omega, side="right") - 1
+    assert np.all(np.abs(weight.model(1j * omega)) >= bound[cell] * (1 - 1e-9))
+    pair = weight.to_control()
+    assert pair.nominal is nominal
+    assert pair.controller(nominal) is nominal
+
+
+@pytest.mark.parametrize("kind", ["additive", "multiplicative", "inverse"])
+def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
+    nominal, edges, bound = flexible()
+    nominal = nominal + control.ss([], [], [], [[2.0]])  # no zero near the axis: relative bounds are finite
+    controller = control.ss(control.tf([0.3, 1.0], [0.05, 1.0]))
+    found = rid.robust_stability_margin(nominal, controller, edges, bound, kind=kind)
+    omega = np.concatenate([np.linspace(1e-4, 30, 60000), np.geomspace(30, 1e7, 3000)])
+    F, K = nominal(1j * omega), controller(1j * omega)
+    loop = {"additive": K / (1 + F * K), "multiplicative": F * K / (1 + F * K), "inverse": 1 / (1 + F * K)}[kind]
+    gain = bound[np.searchsorted(edges, omega, side="right") - 1] * np.abs(loop)
+    assert found.margin == pytest.approx(1 / gain.max(), rel=3e-3)
+    assert found.margin <= 1 / gain.max() * (1 + 1e-9)
+    assert found.edges[-1] == np.inf
+    with pytest.raises(rid.InputError, match="must end at infinity"):
+        rid.robust_stability_margin(nominal, controller, edges[:-1], bound[:-1])
+    with pytest.raises(rid.InputError, match="`controller` must be continuous"):
+        rid.robust_stability_margin(nominal, control.ss(0.5, 1, 1, 0, 0.1), edges, bound)
