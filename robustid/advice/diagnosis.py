@@ -82,7 +82,7 @@ class Diagnosis(Frozen):
         if self.left_out:
             lines.append(f"  no time was left for: {', '.join(self.left_out)}")
         lines.append(
-            "More pairs add assumptions that the data can test; a larger K or a smaller rho only asks less, and its guarantee"
+            "More pairs add assumptions that the data can test; a larger K or a slower decay only asks less, and its guarantee"
             " between the samples is weaker."
         )
         if not consistent:
