@@ -69,6 +69,8 @@ def _fitted(run: RunFile, frf: FrequencyResponse, say: Say) -> tuple[MatrixFract
         say("fitting a range of orders")
         limited: dict[str, Any] = {**asked, "time_limit": asked["time_limit"] or _SWEEP}
         sweep = suggest_order(frf, progress=partial(say, "fitting a range of orders"), **limited)
+        if sweep.interrupted:
+            raise KeyboardInterrupt
         order, why = (
             sweep.suggested,
             f", which {sweep.reason} (orders {sweep.orders[0]} to {sweep.orders[-1]} were tried)",

@@ -54,6 +54,7 @@ class _Found(NamedTuple):
     fits: dict[int, MatrixFraction]
     failures: dict[int, str]
     withheld: dict[int, float]
+    interrupted: bool = False
 
 
 @one_thread()
@@ -103,6 +104,7 @@ def suggest_order(
     Returns
     -------
     OrderSweep
+        After Ctrl-C that of the orders finished so far (``interrupted``); where there is none, the interrupt passes.
 
     Raises
     ------
@@ -163,7 +165,8 @@ def suggest_order(
             on_wave(assembled(found))
 
     sweep = assembled(_sweep(frf, tried, settings, executor, tell, orders is None, deadline, growing))
-    return sweep if time.monotonic() > deadline else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
+    ended = sweep.interrupted or time.monotonic() > deadline
+    return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
 
 
 def _assembled(
@@ -174,7 +177,7 @@ def _assembled(
     found: _Found,
 ) -> OrderSweep:
     """The sweep of these fits."""
-    fits, failures, withheld = found
+    fits, failures, withheld, interrupted = found
     ordered = [fits[order] for order in sorted(fits)]
     return OrderSweep(
         dict(fits),
@@ -184,9 +187,10 @@ def _assembled(
         noise_known,
         singular_values,
         edge,
-        np.array([withheld[order] for order in sorted(fits)]),
+        np.array([withheld.get(order, math.nan) for order in sorted(fits)]),
         np.array([outside_bound(fit, frf) for fit in ordered]),
         np.array([unresolved_poles(fit) for fit in ordered]),
+        interrupted=interrupted,
     )
 
 
@@ -298,17 +302,21 @@ def _sweep(
     deadline: float,
     growing: Callable[[_Found], None],
 ) -> _Found:
-    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before."""
+    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before.
+
+    A fit that Ctrl-C ends returns its best model; only its status tells that the sweep is to end too.
+    """
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
     withheld: dict[int, float] = {}
-    done, best = 0, math.inf
+    done, best, interrupted = 0, math.inf, False
     try:
         for first in range(0, len(orders), _WAVE):
             wave = orders[first : first + _WAVE]
             for order, outcome in _wave(frf, wave, options, executor):
                 done += 1
                 (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
+                _pass_on(outcome)
                 if progress is not None:
                     progress(done, len(orders))
             _refit_local_minima(frf, options, fits)
@@ -322,11 +330,19 @@ def _sweep(
             best = min(best, reached) if math.isfinite(reached) else best
         if not fits:
             raise errors[orders[0]]
-    except BaseException:
+    except BaseException as stop:
         finished = ", ".join(f"order {order}: cost {fit.cost:.6g}" for order, fit in sorted(fits.items()))
         _log.warning("the sweep over the order ended early; finished: %s", finished or "none")
-        raise
-    return _Found(fits, _sentences(errors), withheld)
+        interrupted = isinstance(stop, KeyboardInterrupt)
+        if not (interrupted and fits):
+            raise
+    return _Found(fits, _sentences(errors), withheld, interrupted)
+
+
+def _pass_on(outcome: MatrixFraction | Exception) -> None:
+    """Raise the interrupt that a fit has kept back."""
+    if isinstance(outcome, MatrixFraction) and outcome.status is FitStatus.INTERRUPTED:
+        raise KeyboardInterrupt
 
 
 def _sentences(errors: Mapping[int, Exception]) -> dict[int, str]:
@@ -380,6 +396,7 @@ def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits
                 _log.warning("order %d from the model of a lower one: %s", order, error)
             else:
                 fits[order] = min(fits[order], other, key=lambda fit: fit.cost)
+                _pass_on(other)
         if best is None or fits[order].cost <= best.cost:
             best = fits[order]
 

@@ -59,6 +59,8 @@ class OrderSweep(Frozen, Drawable):
         Number of poles whose damping the frequency points don't resolve.
     hint : str
         What the residuals of the order suggested ask for; empty where they ask for nothing.
+    interrupted : bool
+        Whether Ctrl-C ended the sweep, so that the suggestion is among the orders finished before.
     """
 
     fits: dict[int, MatrixFraction]
@@ -72,6 +74,7 @@ class OrderSweep(Frozen, Drawable):
     outside: np.ndarray
     unresolved: np.ndarray
     hint: str = ""
+    interrupted: bool = False
 
     def __post_init__(self) -> None:
         self._set(
@@ -191,6 +194,7 @@ class OrderSweep(Frozen, Drawable):
     def __repr__(self) -> str:
         orders = f"{len(self.fits)} orders from {min(self.fits)} to {max(self.fits)}"
         failed = f", {len(self.failures)} failed" if self.failures else ""
+        failed += ", interrupted" if self.interrupted else ""
         return f"<OrderSweep: {orders}{failed}; suggested {self.suggested}>"
 
     def summary(self) -> str:
@@ -213,6 +217,8 @@ class OrderSweep(Frozen, Drawable):
         )
         if len(self.fits) > 1 and self.suggested == self.orders[-1]:
             lines.append("it is the largest order tried: give larger `orders`")
+        if self.interrupted:
+            lines.append("interrupted: the other orders were not tried")
         if self.hint:
             lines.append(self.hint)
         return "\n".join(lines)

@@ -142,6 +142,8 @@ def model_worth_having(
         time_limit=time_limit,
         progress=progress,
     )
+    if sweep.interrupted:
+        raise KeyboardInterrupt
     return _chosen(identification, smallest, sweep, frf)
 
 

@@ -68,7 +68,7 @@ def test_default_orders_lie_around_the_singular_values_above_the_noise(monkeypat
         counts.append(int(np.sum(values > edge)))
     assert counts == [6] * 6
     tried = []
-    monkeypatch.setattr(order, "_sweep", lambda frf, orders, *rest: tried.extend(orders) or ({}, {}, {}))
+    monkeypatch.setattr(order, "_sweep", lambda frf, orders, *rest: tried.extend(orders) or ({}, {}, {}, False))
     with pytest.raises(ValueError, match="empty"):
         suggest_order(data(0, 2, 2, 3, 100))
     assert tried == [1, 2, 4, 5, 6, 7, 8, 9, 10, 12, 14, 18]
@@ -214,18 +214,32 @@ def test_an_item_that_fails_twice_is_kept_as_a_failure(executor):
         suggest_order(frf, orders=[100, 101], executor=executor)
 
 
-def test_an_interrupt_passes_and_tells_what_was_finished(monkeypatch, caplog):
+@pytest.mark.parametrize("inside", [False, True])
+def test_an_interrupt_leaves_the_orders_finished(monkeypatch, caplog, inside):
+    """Ctrl-C between fits, and inside one, which returns its best model with the status that says so."""
     fit = order.fit_one
+
+    def stop(_):
+        raise KeyboardInterrupt
 
     def interrupted(frf, options, n):
         if n == 4:
-            raise KeyboardInterrupt
+            return fit(frf, {**options, "progress": stop}, n) if inside else stop(n)
         return fit(frf, options, n)
 
+    frf = data(0, 1, 1, 2, 60)
     monkeypatch.setattr(order, "fit_one", interrupted)
-    with caplog.at_level(logging.WARNING, logger="robustid"), pytest.raises(KeyboardInterrupt):
-        suggest_order(data(0, 1, 1, 2, 60), orders=[2, 4, 6])
+    with caplog.at_level(logging.WARNING, logger="robustid"):
+        sweep = suggest_order(frf, orders=[2, 4, 6])
     assert "finished: order 2: cost" in caplog.text
+    assert sweep.interrupted
+    assert list(sweep.fits) == ([2, 4] if inside else [2])
+    assert sweep.fits[2].cost == fit(frf, {"restart": False}, 2).cost
+    assert sweep.summary().endswith("interrupted: the other orders were not tried")
+    assert "interrupted" in repr(sweep)
+    if not inside:  # before any order is finished there is nothing to return
+        with pytest.raises(KeyboardInterrupt):
+            suggest_order(frf, orders=[4, 6])
 
 
 def test_a_local_minimum_is_left_by_a_warm_start(monkeypatch):

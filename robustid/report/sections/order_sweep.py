@@ -48,6 +48,8 @@ def order_words(sweep: OrderSweep) -> str:
         words += f" {sweep.hint[0].upper()}{sweep.hint[1:]}."
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         words += " It is the largest order tried: try larger ones."
+    if sweep.interrupted:
+        words += " Ctrl-C ended the sweep: the other orders were not tried."
     return words
 
 
