@@ -15,7 +15,9 @@ def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
     mode = control.ss(control.tf([rng.uniform(-2, 2), rng.uniform(-20, 20)], [1, 2 * 0.02 * 5, 25]))
     truth = edge_truth(rng, gain, decay, int(rng.integers(1, 5)), 4.0) + mode
     noise = bound * np.exp(2j * np.pi * rng.random(points))
-    frf = rid.FrequencyResponse(omega, truth(1j * omega) + noise, bound=bound * (1 + 1e-3))  # beyond the accuracy of the margin
+    frf = rid.FrequencyResponse(
+        omega, truth(1j * omega) + noise, bound=bound * (1 + 1e-3)
+    )  # beyond the accuracy of the margin
     prior = rid.Prior(gain_bound=gain * (1 + 1e-9), decay=decay)
     return truth, rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(5.0, 0.02, dt=0))
 

@@ -53,6 +53,20 @@ def test_arcs_of_one_size_beside_each_other_are_one_peak() -> None:
     assert len(arc_table(margin_of([0.5, 0.5])).rows) == 1
 
 
+def test_margins_of_continuous_models_end_at_the_right_of_the_axis() -> None:
+    model, gain = control.ss(-1.0, 1.0, 1.0, 0.0), control.ss([], [], [], 0.5)
+    margin = rid.robust_stability_margin(model, gain, [0.0, 1.0, 10.0, np.inf], [0.1, 0.2, 0.3])
+    panel = stability_chart(margin).panels[0]
+    curve = layers(stability_chart(margin))["upper bound"]
+    assert curve.x[-1] == panel.x.range[1]
+    assert np.all(np.diff(curve.x) >= 0)
+    np.testing.assert_allclose(curve.y[::2], 1 / margin.margins)
+    assert arc_table(margin).rows[0][1] == "∞"
+    frf = rid.FrequencyResponse([0.5, 2.0], [0.7, 0.2 - 0.4j], bound=0.5)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=0.5)))
+    assert "stability-0" in Page(render_report(result, stability=margin)).figures
+
+
 @pytest.mark.parametrize(
     ("margin", "key", "words"),
     [

@@ -144,25 +144,26 @@ def stability_chart(margins: Margins) -> Chart:
             "`result` must hold margins of nominal loops that are stable, with their cells, as robust_stability_margin() gives"
             " them: of others there is no bound to be drawn"
         )
-    axis = frequency_axis(np.unique(np.concatenate([one.edges for one in found.values()])))
+    edges = np.unique(np.concatenate([one.edges for one in found.values()]))
+    axis = frequency_axis(edges[np.isfinite(edges)])  # in continuous time the last arc has no end
     low, high = axis.range or (0.0, 1.0)
     layers: list[Layer] = []
     for k, (name, one) in enumerate(found.items()):
         colour, dash = (NOMINAL, "solid") if k == 0 else further(k - 1)[:2]
-        hz, sizes = np.maximum(np.repeat(one.edges, 2)[1:-1] / HZ, low), np.repeat(positive(_upper(one)), 2)
+        hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(_upper(one)), 2)
         layers.append(Layer(name=name or "upper bound", x=hz, y=sizes, colour=colour, dash=dash))
-    layers += [_mark(one, low) for one in found.values() if np.isfinite(one.margin)]
+    layers += [_mark(one, low, high) for one in found.values() if np.isfinite(one.margin)]
     layers.append(Layer(name="limit", x=np.array([low, high]), y=np.ones(2), colour=ALERT, dash="dot"))
     y = Axis(label="upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
     title = "Upper bound of the structured singular value"
     return Chart(name="stability", panels=(Panel(title=title, x=axis, y=y, layers=tuple(layers)),))
 
 
-def _mark(margin: RobustStabilityMargin, left: float) -> Layer:
+def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     """The largest value of the bound, at its frequency."""
     hz, largest = margin.frequency / HZ, 1 / margin.margin
     words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
-    place = np.array([max(hz, left)]), np.array([largest])
+    place = np.array([min(max(hz, left), right)]), np.array([largest])
     return Layer(name="largest", x=place[0], y=place[1], colour=DATA, marker="diamond", hover=(words,))
 
 
