@@ -20,7 +20,7 @@ from robustid.mfd import MatrixFraction, ModeRow, fit_covariance, fit_mfd, mode_
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
 _MOST = 2  # integrators of a class
-_LEAST_DAMPING = 0.1  # part of the damping at which the box ends below, however large its deviation
+_LEAST = 0.1  # part of the damping at which the box ends below, however large its deviation
 
 
 def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFile:
@@ -91,8 +91,8 @@ def _box(modes: list[ModeRow]) -> dict[str, Any]:
     if not len(spread) or not np.all(np.isfinite(spread)):
         return {}
     hz, damping = (np.array([getattr(row, name) for row in modes]) for name in ("hz", "damping"))
-    ends = [(hz - _DEVIATIONS * spread[:, 0], hz + _DEVIATIONS * spread[:, 0])]
-    low = np.maximum(damping - _DEVIATIONS * spread[:, 1], _LEAST_DAMPING * damping)
+    ends = [(np.maximum(hz - _DEVIATIONS * spread[:, 0], _LEAST * hz), hz + _DEVIATIONS * spread[:, 0])]
+    low = np.maximum(damping - _DEVIATIONS * spread[:, 1], _LEAST * damping)
     ends.append((low, np.minimum(damping + _DEVIATIONS * spread[:, 1], 1.0)))
     pairs = [tuple(zip(below.tolist(), above.tolist(), strict=True)) for below, above in ends]
     return {"hz_interval": pairs[0], "damping_interval": pairs[1]}

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, freeze, responses
+from robustid.core import Complex, Plane, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
 from robustid.guarantees.discs import smallest_disc
@@ -72,7 +72,7 @@ def fitted_nominal(
     found: list[tuple[float, int, Any]] = []
     if problem.parametric is None or not problem.parametric.has_integrator:
         held = _Between.of(identifications, omega, centres, _HELD)
-        data, weight = _targets(omega, centres, held, problem.dt)
+        data, weight = _targets(omega, centres, held)
         most = min(2 * omega.size, max(i.model.nstates for i in identifications), 2 * _ORDERS)
         orders = [order] if order is not None else _orders(most, min(problem.entries.outputs, problem.entries.inputs))
         for count in orders:
@@ -92,36 +92,39 @@ def fitted_nominal(
 class _Between(NamedTuple):
     """Discs in place of those between the frequencies: their angles (N,), centres and radii (N, ny, nu)."""
 
+    plane: Plane
     angles: Real
     centre: Complex
     radius: Real
 
     @classmethod
     def of(cls, identifications: Sequence[Identification], omega: Real, centres: Centres, parts: Real) -> _Between:
-        dt = identifications[0].problem.dt
-        angles = (omega[:-1, None] + np.diff(omega)[:, None] * parts).ravel() * dt
+        plane = identifications[0].problem.plane
+        angles = plane.angles((omega[:-1, None] + np.diff(omega)[:, None] * parts).ravel())
         models = [i.model for i in identifications]
-        mean, at = (np.mean([responses(m, where) for m in models], axis=0) for where in (angles, omega * dt))
+        mean, at = (
+            np.mean([plane.values(m, where) for m in models], axis=0) for where in (angles, plane.angles(omega))
+        )
         off, radius = centres.centre - at, centres.radius
         later = np.tile(parts, omega.size - 1)[:, None, None]
         before, after = (np.repeat(part, parts.size, axis=0) for part in (off[:-1], off[1:]))
         shifted: Complex = mean + before + later * (after - before)
-        return cls(angles, shifted, np.repeat(np.maximum(radius[:-1], radius[1:]), parts.size, axis=0))
+        return cls(plane, angles, shifted, np.repeat(np.maximum(radius[:-1], radius[1:]), parts.size, axis=0))
 
     def away(self, model: Any) -> float:
         """Largest distance of a model from the centres, in units of the radii."""
         if not self.angles.size:
             return 0.0
-        return float((np.abs(responses(model, self.angles) - self.centre) / self.radius).max())
+        return float((np.abs(self.plane.values(model, self.angles) - self.centre) / self.radius).max())
 
 
-def _targets(omega: Real, centres: Centres, between: _Between, dt: float) -> tuple[FrequencyResponse, NDArray[Any]]:
+def _targets(omega: Real, centres: Centres, between: _Between) -> tuple[FrequencyResponse, NDArray[Any]]:
     """Values that the nominal is fitted to, and the weight of each."""
-    points = np.concatenate([omega, between.angles / dt])
+    points = np.concatenate([omega, between.plane.omega(between.angles)])
     values = np.concatenate([centres.centre, between.centre])
     weight = np.concatenate([1 / centres.radius, _LIGHTER / between.radius])
     order = np.argsort(points, kind="stable")
-    return FrequencyResponse(points[order], values[order], dt=dt), weight[order]
+    return FrequencyResponse(points[order], values[order], dt=between.plane.dt or None), weight[order]
 
 
 def _orders(most: int, step: int) -> list[int]:
@@ -133,7 +136,9 @@ def _orders(most: int, step: int) -> list[int]:
 def _fitted(data: FrequencyResponse, weight: NDArray[Any], order: int, identification: Identification) -> Any:
     """A stable model of an order; None where the fit fails or isn't usable."""
     try:
-        return as_nominal(fit_mfd(data, order=order, weight=weight, domain="z", feedthrough=True).model, identification)
+        domain = "z" if data.dt else "s"
+        fit = fit_mfd(data, order=order, weight=weight, domain=domain, feedthrough=True)
+        return as_nominal(fit.model, identification)
     except (RobustIdError, np.linalg.LinAlgError) as error:
         _log.info("no nominal of order %d: %s", order, error)
         return None

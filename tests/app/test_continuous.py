@@ -76,3 +76,32 @@ def test_decays_are_checked(measured, run, monkeypatch, arguments, words):
     code, out, err = run(["identify", "--frequency", "frf.csv", "--mode", "3.2:0.02", *arguments])
     assert code == 2
     assert words in " ".join((out + err).split())
+
+
+@pytest.mark.slow
+def test_a_run_with_a_fit_gives_the_same_again(measured):
+    """The order is chosen; the box of a real pole that the data hardly tell would reach below 0 Hz."""
+    (measured / "fit.toml").write_text(
+        '[[frequency]]\nfile = "frf.csv"\n[fit]\norder = 7\n[worst_case]\ncompute = false\n'
+    )
+    first = rid.run(measured / "fit.toml", measured / "fitted")
+    assert min(low for low, _ in first.run_file.modes.hz_interval) > 0
+    again = rid.run(measured / "fitted" / "run.toml", measured / "again")
+    assert again.identification.margin == first.identification.margin
+
+
+@pytest.mark.slow
+def test_two_continuous_members_are_a_family(measured, tmp_path):
+    frf = rid.load(measured / "frf.csv", kind="frequency")
+    basis = rid.kautz([20.0, 50.0], [0.02, 0.02], dt=0)
+    prior = rid.Prior(gain_bound=0.3, decay=80.0)
+    members = []
+    for name, gain in (("one", 1.0), ("other", 1.02)):
+        data = rid.FrequencyResponse(frf.omega, gain * frf.values, bound=frf.bound)
+        problem = rid.MixedProblem(frequency=data, prior=prior, parametric=basis)
+        members.append(rid.Member(rid.identify(problem), name))
+    both = rid.family(members, omega=[10.0, 20.0, 60.0])
+    assert both.model.dt == 0
+    both.save(tmp_path / "family.json")
+    assert rid.load(tmp_path / "family.json").model.dt == 0
+    rid.write_report(both, tmp_path / "family.html")

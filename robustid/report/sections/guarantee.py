@@ -109,7 +109,8 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
         ("Between the frequencies", circle_words(error)),
         (
             "Assumed",
-            f"The class named above: K, ρ{_further(identification)} and the poles of the parametric part; and that every sample"
+            f"The class named above: gain bound, decay{_further(identification)} and the poles of the parametric part; and that"
+            " every sample"
             f" lies within its bound.{poles} {CAUTION}",
         ),
         (

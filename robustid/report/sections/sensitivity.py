@@ -62,7 +62,7 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
     y = Axis(label="half-width / response [%]", range=(0.0, 112 * largest))
     axes = {
         "gain": f"gain bound K [{unit(identification) or '–'}]",
-        "decay": "decay rate ρ [–]",
+        "decay": "decay rate ρ [–]" if identification.problem.dt else "decay α [1/s]",
         "lines": "frequency points [–]",
     }
     panels = []
