@@ -46,8 +46,9 @@ def stability_section(identification: Identification, margins: Margins) -> list[
         *([Drawing(stability_chart(drawn))] if drawn else []),
         Text(
             "The bound holds on whole arcs, between the frequencies too; what lies far below the largest is rough. Assumed:"
-            " linearity, the class of the identification (gain bound, decay and the poles of its parametric part) and the bounds of the"
-            " samples, from which those of the error follow. The margin was computed from these; it is not computed again for this page.",
+            " linearity, the class of the identification (gain bound, decay and the poles of its parametric part) and the"
+            " bounds of the samples, from which those of the error follow. The margin was computed from these; it is not"
+            " computed again for this page.",
             "soft",
         ),
         *(
