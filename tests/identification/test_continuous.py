@@ -87,27 +87,34 @@ def test_the_smallest_gain_is_that_of_pick_s_theorem(decay):
 
 
 def judged_margin(omega, values, bounds, gain, decay):
-    """The margin by a general solver, from the Pick matrix of the points and their conjugates, in real coordinates."""
-    count = omega.size
+    """The margin by a general solver, from the Pick matrix of the points and their conjugates, in real coordinates.
+
+    Values and bounds (F, p, p): K^2 gram - W gram W' >= 0, with W the values on the diagonal and gram that of every entry.
+    """
+    (count, size, _), none = values.shape, np.zeros(values.shape[1:])
     one = np.eye(count) / np.sqrt(2)
     turn = np.block([[one, one], [-1j * one, 1j * one]])
     gram = (turn @ pick(1j * np.concatenate([omega, -omega]), decay) @ turn.conj().T).real
-    root = np.linalg.cholesky(gram)  # K^2 gram - W gram W' >= 0 as it stands costs the solver five digits
-    u, v, s = cp.Variable(count), cp.Variable(count), cp.Variable()
-    both = np.linalg.inv(root) @ cp.bmat([[cp.diag(u), -cp.diag(v)], [cp.diag(v), cp.diag(u)]]) @ root / gain
-    block = cp.bmat([[np.eye(2 * count), both], [both.T, np.eye(2 * count)]])
-    away = cp.vstack([u - values.real, v - values.imag])
-    limits = [block >> 0, cp.norm(away, axis=0) <= cp.multiply(s, bounds)]
+    root = np.kron(np.linalg.cholesky(gram), np.eye(size))  # as it stands the condition costs the solver five digits
+    parts = [[cp.Variable((size, size)) for _ in range(count)] for _ in range(2)]
+    u, v = (cp.bmat([[part[i] if i == j else none for j in range(count)] for i in range(count)]) for part in parts)
+    both, s = np.linalg.inv(root) @ cp.bmat([[u, -v], [v, u]]) @ root / gain, cp.Variable()
+    block = cp.bmat([[np.eye(2 * count * size), both], [both.T, np.eye(2 * count * size)]])
+    limits = [block >> 0]
+    for k, i, j in np.ndindex(values.shape):
+        away = cp.hstack([parts[0][k][i, j] - values[k, i, j].real, parts[1][k][i, j] - values[k, i, j].imag])
+        limits.append(cp.norm(away) <= s * bounds[k, i, j])
     return cp.Problem(cp.Minimize(s), limits).solve(solver="CLARABEL")
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(60)])
-def test_the_margin_is_that_of_the_complex_pick_matrix(seed):
+@pytest.mark.parametrize("size", [1, 2])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(60)])
+def test_the_margin_is_that_of_the_complex_pick_matrix(seed, size):
     rng = np.random.default_rng(seed)
-    count, decay = rng.integers(2, 6), 10 ** rng.uniform(-1, 0.5)
-    omega = np.sort(rng.uniform(0.2, 6, count))
-    values = rng.standard_normal(count) + 1j * rng.standard_normal(count)
-    bounds = rng.uniform(0.1, 0.6, count)
+    count, decay = rng.integers(2, 6 if size == 1 else 4), 10 ** rng.uniform(-1, 0.5)
+    omega, shape = np.sort(rng.uniform(0.2, 6, count)), (count, size, size)
+    values = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+    bounds = rng.uniform(0.1, 0.6, shape)
     found = rid.identify(problem_of(omega, values, bounds, 1.0, decay), accuracy=1e-7)
     assert found.margin == pytest.approx(judged_margin(omega, values, bounds, 1.0, decay), rel=1e-5, abs=1e-5)
 
