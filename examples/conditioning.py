@@ -24,7 +24,7 @@ def conditions(angles, rho):
     """Condition number of the Gram matrix in the paper's basis and in the orthonormal one."""
     pair = input_normal_pair(angles, 1 / rho, 0)
     gram = solve_stein(pair.A.T, pair.A, pair.c.T @ pair.c)  # M0 - A'M0A = c'c, solved, not assumed to be I
-    return classical_form(pair, angles, rho, 0).condition, np.linalg.cond(gram)
+    return classical_form(pair, np.exp(-1j * angles) / rho, 1 / rho, 0).condition, np.linalg.cond(gram)
 
 
 def roots_of_unity(count):
