@@ -16,6 +16,7 @@ from robustid.advice.pole_fit import (
     find_poles,
     refine_beside,
     smallest_remainder,
+    told_apart,
     wanted_in_basis,
 )
 from robustid.advice.pole_interval import damped_outside, pole_interval
@@ -151,7 +152,10 @@ def suggest_kautz(
     poles, reason = find_poles(fit, wanted)
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
-        poles = damped_outside(fit, poles)
+        found = damped_outside(fit, poles)
+        poles = told_apart(found)
+        if len(poles) < len(found):
+            reason += f"; {len(found) - len(poles)} of them coincide with others: left out"
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"

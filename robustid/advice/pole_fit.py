@@ -25,6 +25,7 @@ DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
 _BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
+_ONE = 0.01  # half-widths between two poles, below which they are one
 _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
@@ -210,6 +211,17 @@ def refine_beside(fixed: Real, poles: Real, data: LineData, low: Real, high: Rea
     start = np.clip(poles.ravel(), low + 1e-9, high - 1e-9)
     found = least_squares(rows, start, slopes, x_scale="jac", bounds=(low, high), max_nfev=50)
     return found.x.reshape(-1, 2)
+
+
+def told_apart(poles: Real) -> Real:
+    """The poles without those that coincide with another one: their functions can't be told apart on any data."""
+    turn, damping = np.exp(poles).T
+    s = turn * (-damping + 1j * np.sqrt(1 - damping**2))
+    kept: list[int] = []
+    for k, half in enumerate(damping * turn):
+        if all(abs(s[k] - s[j]) > _ONE * half for j in kept):
+            kept.append(k)
+    return poles[kept]
 
 
 def wanted_in_basis(poles: Real, data: LineData) -> NDArray[np.bool_]:

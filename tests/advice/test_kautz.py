@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
-from robustid.advice.pole_fit import LineData, wanted_in_basis
+from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import damped_outside
 from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError, InputError, InputTypeError, RobustIdError
@@ -209,3 +209,9 @@ def test_measured_mirror_shows_its_eight_modes(last, modes, every):
     found = suggest_kautz(frf).omega / (2 * np.pi)
     for hz in (635, 806, 921, 1315, 1674, 2124, 2310, 2544)[:modes]:
         assert np.abs(found / hz - 1).min() < 0.02, hz
+
+
+def test_modes_that_coincide_are_one():
+    pole, other = np.log([0.5, 0.4]), np.log([0.5001, 0.4])
+    assert told_apart(np.array([pole, other, np.log([0.6, 0.4])])).shape == (2, 2)
+    assert told_apart(np.array([pole, np.log([0.5, 0.3])])).shape == (2, 2)
