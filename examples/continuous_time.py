@@ -60,10 +60,9 @@ def main():
     plant, s = structure(), 2j * np.pi * LINES
     sampled = control.sample_system(plant, DT)
     cases = {
-        "continuous": (plant, s / 2j / np.pi, measured(plant(s), 1), lambda w: 1j * w),
+        "continuous": (plant, measured(plant(s), 1), lambda w: 1j * w),
         "sampled at 200 Hz": (
             sampled,
-            LINES,
             measured(sampled(np.exp(s * DT)), 1, dt=DT),
             lambda w: np.exp(1j * w * DT),
         ),
