@@ -64,6 +64,7 @@ def test_the_bound_on_the_axis_holds_up_to_infinity(tmp_path):
     assert again.verify()
 
 
+@pytest.mark.slow
 def test_the_frequency_as_a_node_or_a_tail():
     _, problem = edge_problem(7, points=8)
     exact, sections = (rid.identify(problem, form=form) for form in ("orthonormal", "sections"))

@@ -100,7 +100,7 @@ def test_entries_have_weights_of_their_own(rng):
         (lambda e, b: uncertainty_weight(mode(), e, b, below=0.1), "`below` serves the relative kinds"),
         (lambda e, b: uncertainty_weight(mode(), e, b, kind="multiplicative"), r"unbounded. Use kind=\"additive\""),
         (lambda e, b: uncertainty_weight(mode(), e, 9 * b, kind="inverse"), r"at [0-9.]+ rad/s: \|nominal\| may be as"),
-        (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "`nominal` must be discrete"),
+        (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "continuous `nominal` must end at infinity"),
         (lambda e, b: entry_weights(mode(), e, b), r"`bound` must have shape \(C, ny, nu\)"),
         (
             lambda e, b: robust_stability_margin(mode(), mode() * np.ones((2, 1)), e, b),
