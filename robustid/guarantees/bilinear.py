@@ -98,8 +98,8 @@ class Image(Frozen):
         inside = edges[(edges > 0) & np.isfinite(edges)]
         if np.isnan(edges).any() or not edges.size or edges[-1] != np.inf:
             raise InputError(
-                "`edges` of a continuous `nominal` must end at infinity (numpy.inf), so that no frequency is left out; a discrete one"
-                " needs its sample time"
+                "`edges` of a continuous `nominal` must end at infinity (numpy.inf), so that no frequency is left out; a discrete"
+                " one needs its sample time"
             )
         plane = SPlane(float(np.sqrt(inside.min() * inside.max())) if inside.size else 1.0)
         return cls(plane, plane.angles(edges))
