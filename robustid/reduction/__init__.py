@@ -1,10 +1,12 @@
-"""Smaller models: balanced truncation with its bound, and the continuous model behind a sampled one."""
+"""Smaller models: balanced truncation with its bound, passivity with its proof, the continuous model behind a sampled one."""
 
 from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
 from robustid.reduction.continuous import ContinuousModel, to_continuous
 from robustid.reduction.doubtful import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.gramians import doubtful_distance
+from robustid.reduction.passivity import Passivity, PassivityStatus, prove_passive
+from robustid.reduction.passivity_certificate import PassivityCertificate
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 from robustid.reduction.worth import ModelWorth, model_worth_having, why_not_compared
 
@@ -12,6 +14,9 @@ __all__ = [
     "ContinuousModel",
     "DoubtfulMode",
     "ModelWorth",
+    "Passivity",
+    "PassivityCertificate",
+    "PassivityStatus",
     "PeakError",
     "Reduction",
     "ReductionStatus",
@@ -21,6 +26,7 @@ __all__ = [
     "hankel_singular_values",
     "hinf_error",
     "model_worth_having",
+    "prove_passive",
     "reduce_within_bounds",
     "to_continuous",
     "why_not_compared",
