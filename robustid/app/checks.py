@@ -159,7 +159,7 @@ def several(item: Check, size: int | None = None) -> Check:
             raise InputTypeError(f"{name} must be an array in [ ]; got {_got(value)}")
         if size is not None and len(value) != size:
             raise InputError(f"{name} must have {size} items; got {len(value)}")
-        return tuple(item(f"{name}, item {k + 1},", one) for k, one in enumerate(value))
+        return tuple(item(f"{name.removesuffix(',')}, item {k + 1},", one) for k, one in enumerate(value))
 
     return check
 

@@ -110,6 +110,10 @@ MISUSE = {
     "number for a flag": ({"worst_case": {"circle": 1}}, r"\[worst_case\] circle must be true or false; got 1"),
     "number for an array": ({"modes": {"hz": 9.0}}, r"\[modes\] hz must be an array in \[ \]; got 9.0"),
     "text in an array": ({"modes": {"hz": [9.0, "x"]}}, r"\[modes\] hz, item 2, must be a number; got 'x'"),
+    "text in an array of arrays": (
+        {"modes": {"hz_interval": [[8.9, 9.1], [17.0, "x"]]}},
+        r"\[modes\] hz_interval, item 2, item 2, must be a number; got 'x'",
+    ),
     "infinite": ({"prior": {"gain_bound": float("inf")}}, "gain_bound must be finite"),
     "negative": ({"prior": {"gain_bound": -1.0}}, "gain_bound must be positive; got -1"),
     "decay": ({"prior": {"gain_bound": 1.0, "decay_rate": 1.0}}, "decay_rate must be above 1; got 1"),
