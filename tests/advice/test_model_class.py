@@ -17,7 +17,7 @@ FINE = np.linspace(17.2, 18.1, 10)
 def fewer(patch):
     """The first line and the modes alone, and few cells: a third of the time of 7 frequencies and 8 cells."""
     patch.setattr(model_class, "default_points", lambda data: default_points(data)[:1])
-    patch.setattr(class_table, "_CELLS", 4)
+    patch.setattr(class_table, "_CELLS", 2)
 
 
 @pytest.fixture

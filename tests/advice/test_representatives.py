@@ -47,14 +47,14 @@ def test_points_that_a_model_misses_join():
 
 
 def test_prior_of_many_points_is_consistent_with_all_of_them_and_says_something():
-    problem = dense()
+    problem = dense(100)
     found = suggest_prior(problem)
     assert found.points < 80
     assert found.decay_rates[0] - 1 > 2 * np.median(np.diff(problem.angles))
     stated = dataclasses.replace(problem, prior=found.prior)
     assert rid.identify(stated).consistent
     omega = problem.frequency[0].omega
-    on, between = omega[[30, 90]], (omega[[30, 90]] + omega[[31, 91]]) / 2
+    on, between = omega[[20, 60]], (omega[[20, 60]] + omega[[21, 61]]) / 2
     assert guaranteed(stated, between)[1] < 3 * guaranteed(stated, on)[1]
 
 

@@ -39,12 +39,13 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def unreduced(monkeypatch):
-    """For tests of other steps: the identified model in place of a search for a smaller one."""
+    """For tests of other steps: the identified model in place of a search for a smaller one, compared with no fits."""
 
     def whole(identification, rigid_body, **_):
         return rid.balanced_truncation(identification.model, order=identification.order)
 
     monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
+    monkeypatch.setattr(sequence, "why_not_compared", lambda *_: "not here")
 
 
 @pytest.fixture

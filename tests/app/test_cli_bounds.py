@@ -192,9 +192,9 @@ def test_without_the_library_exact_says_what_to_install(files, run, monkeypatch)
 
 def test_an_interrupted_run_goes_on_from_its_folder(files, run):
     """Ctrl-C in a real process, with workers of its own; the second run computes the rest only."""
-    count = 30  # enough that the interrupt comes before the last
-    arguments = ["bounds", "good", "--points", str(count), "--directions", "4", "--resume", "part", "--workers"]
-    command = [sys.executable, "-m", "robustid", *arguments, "2"]
+    count = 16  # enough that the interrupt comes before the last
+    arguments = ["bounds", "good", "--points", str(count), "--directions", "4", "--resume", "part"]
+    command = [sys.executable, "-m", "robustid", *arguments, "--workers", "2"]
     # A suite that runs in the background of a shell ignores Ctrl-C, and its children would inherit that.
     process = subprocess.Popen(
         command,
@@ -214,7 +214,7 @@ def test_an_interrupted_run_goes_on_from_its_folder(files, run):
     done = {p: p.stat().st_mtime_ns for p in (files / "part").iterdir()}
     assert 2 <= len(done) < count
     assert not os.path.exists("bounds.npz")
-    code, out, _ = run(*arguments, "1")
+    code, out, _ = run(*arguments)
     assert code == 0
     assert rid.load("bounds").omega.size == count
     assert len(list((files / "part").iterdir())) == count

@@ -35,7 +35,7 @@ def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     assert second.findings == first.findings
 
 
-def test_the_whole_way_of_a_matrix_in_python():
+def test_the_whole_way_of_a_matrix_in_python(request):
     truth, basis, frf = measured(count=10)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2, scaling=SCALING)
     modes = list(zip(HZ, damping_of(truth), strict=False))
@@ -43,6 +43,7 @@ def test_the_whole_way_of_a_matrix_in_python():
     assert found.identification.problem.prior == prior
     assert found.reduction.order <= 4
     np.testing.assert_allclose(found.identification.problem.frequency[0].bound, 1.5 * frf.bound)
+    request.getfixturevalue("unreduced")
     same = rid.identify_reduced(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis), worst_case=False)
     assert f"scaling = {SCALING}" in same.run_file.text()
 

@@ -93,6 +93,7 @@ def run_of(folder, gains, **sections):
     return rid.run(folder / "ask.toml", folder / "out")
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_records_of_one_plant_do_not_contradict_and_give_a_probability(tmp_path):
     found = run_of(tmp_path, [1.0] * 4)
     assert found.run_file.withheld.records == 2

@@ -29,6 +29,14 @@ def test_steps_and_periods_are_enough(kind, monkeypatch):
         np.testing.assert_allclose(a.y, b.y, atol=1e-4 * b.y.std())
 
 
+@pytest.fixture
+def roughly(monkeypatch):
+    """A simulation of a quarter of the steps, where a thousandth of the motion does not matter."""
+    monkeypatch.setattr(nonlinear, "_SUBSTEPS", 2)
+    monkeypatch.setattr(nonlinear, "_SETTLED", 2)
+
+
+@pytest.mark.usefixtures("roughly")
 @pytest.mark.parametrize("kind", NONLINEAR)
 def test_a_small_input_meets_a_linear_plant_or_more_friction(kind):
     """The scatter relative to the response vanishes with the amplitude, but for friction, which then holds the mass."""
@@ -38,6 +46,7 @@ def test_a_small_input_meets_a_linear_plant_or_more_friction(kind):
     assert scatter[0] < 0.1 * scatter[1]
 
 
+@pytest.mark.usefixtures("roughly")
 def test_records_are_as_asked():
     quiet, noisy = (nonlinear_records("backlash", 2, noise=noise, periods=3, seed=7) for noise in (0.0, 0.1))
     np.testing.assert_array_equal(quiet[1].u, noisy[1].u)

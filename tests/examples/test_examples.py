@@ -23,8 +23,8 @@ def undrawn(monkeypatch):
 
 @pytest.fixture
 def fewer_samples(monkeypatch):
-    """The simulated structure with 7 lines and 8 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
-    monkeypatch.setattr(rid, "flexible_structure", functools.partial(rid.flexible_structure, lines=7, samples=8))
+    """The simulated structure with 6 lines and 6 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
+    monkeypatch.setattr(rid, "flexible_structure", functools.partial(rid.flexible_structure, lines=6, samples=6))
 
 
 def test_flexible_structure(tmp_path, capsys, undrawn, fewer_samples):

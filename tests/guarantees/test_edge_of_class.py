@@ -15,9 +15,10 @@ def test_an_inner_function_has_norm_one_on_the_circle():
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 50))])
 def test_a_plant_at_the_edge_is_inside_every_band_and_interval(seed):
+    """At a line and between lines; the slow seeds at two of each."""
     problem, truth, residues = edge_problem(seed)
     result = rid.identify(problem)
-    omega = np.concatenate([problem.frequency[0].omega[[1, 5]], [0.05, 1.7]])
+    omega = np.concatenate([problem.frequency[0].omega[[1, 5]], [0.05, 1.7]])[:: 1 if seed else 3]
     error = rid.worst_case_error(result, omega=omega, rtol=0.1)
     off = truth(error.omega) - error.nominal
     assert np.all(np.abs(off) <= error.upper)

@@ -31,7 +31,7 @@ def band(seed, fine=True, hz=(5.0, 17.67), cells=8, **size):
 
 
 def test_the_program_s_own_poles_and_prior_give_a_narrow_band():
-    data, found, away, size = band(0, cells=4, lines=8, samples=8)
+    data, found, away, size = band(0, cells=4, lines=6, samples=4)
     upper = found.upper[:, 0, 0]
     assert np.all(away <= upper)
     assert np.all(upper <= 0.04 * size)

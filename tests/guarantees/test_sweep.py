@@ -54,7 +54,8 @@ def test_any_executor_gives_the_same(result, expected):
         same(run(result, executor=executor), expected)
 
 
-def test_a_process_that_is_killed_loses_nothing(result, expected, caplog):
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_process_that_is_killed_loses_nothing(result, expected, caplog, processes):
     counts = []
 
     def kill_one(done, count):
@@ -65,7 +66,7 @@ def test_a_process_that_is_killed_loses_nothing(result, expected, caplog):
             os.kill(victims[0].pid, signal.SIGKILL)
 
     with caplog.at_level(logging.WARNING, "robustid"):
-        same(run(result, executor=2, progress=kill_one), expected)
+        same(run(result, executor=processes, progress=kill_one), expected)
     assert counts[-1] == (4, 4)
     assert "tried again" in caplog.text
     assert not multiprocessing.active_children()

@@ -174,10 +174,11 @@ def test_a_certificate_belongs_to_its_intervals(seeds):
         assert not proof.verify(data.rows, data.sarason) or result.margin_lower < 1e-6
 
 
-def test_certificates_from_arbitrary_multipliers_hold_for_members():
+@pytest.mark.parametrize("seeds", [12, pytest.param(30, marks=pytest.mark.slow)])
+def test_certificates_from_arbitrary_multipliers_hold_for_members(seeds):
     """Random multipliers, good or bad: no member with coefficients in their intervals is below the value."""
     proved = 0
-    for seed in range(30):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         problem = random_problem(seed, "parametric", 8, spread=0.05)
         bounds = [(20.0, 21.0), FREE if seed % 2 else (-1.0, 1.0)]
@@ -198,4 +199,4 @@ def test_certificates_from_arbitrary_multipliers_hold_for_members():
             rest = rows.real(rows.y - rows.E @ x - rows.P @ p)
             p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rest, rcond=None)[0]
             assert data.margin(x, p) >= proof.value
-    assert proved >= 20
+    assert proved >= 2 * seeds // 3

@@ -31,9 +31,11 @@ def feedback(gain=0.02):
 
 
 def simulate(model, inputs):
-    """(T, ny) output from rest, one filter per pole."""
+    """(T, ny) output from rest, one filter for every pole and its conjugate."""
     poles, vectors = np.linalg.eig(model.A)
-    drive = inputs @ np.linalg.solve(vectors, model.B.astype(complex)).T
+    drive = np.linalg.solve(vectors, model.B.astype(complex)) * np.where(poles.imag > 0, 2, 1)[:, None]
+    upper = poles.imag >= 0
+    poles, vectors, drive = poles[upper], vectors[:, upper], inputs @ drive[upper].T
     states = np.stack([lfilter([0, 1], [1, -p], drive[:, k]) for k, p in enumerate(poles)], axis=1)
     return (states @ (model.C @ vectors).T).real + inputs @ model.D.T
 

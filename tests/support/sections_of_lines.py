@@ -19,7 +19,8 @@ def random_member(rng, degree):
 
 def coordinates(values, sections):
     """<g, phi_j> of a function with these values on the circle."""
-    return (values @ sections.evaluate(CIRCLE * (1 - 1e-16)).conj()).real / CIRCLE.size
+    circle = CIRCLE[:: CIRCLE.size // len(values)]
+    return (values @ sections.evaluate(circle * (1 - 1e-16)).conj()).real / circle.size
 
 
 def lines(omega, bound=0.01, rho=1.05, gain=1.0):
