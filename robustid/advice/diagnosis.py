@@ -21,6 +21,7 @@ from robustid.identification.solver import margin_path
 _log = logging.getLogger("robustid")
 
 _MOVED = "poles moved"
+_UNWEIGHTED = "a bound that does not fall with the frequency"
 _DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
 _SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
 
@@ -149,6 +150,8 @@ def diagnose(
     changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
     slower = ("rho - 1 halved", 1 + (rate - 1) / 2) if problem.dt else ("decay halved", rate / 2)
     changes.append((slower[0], problem.with_prior(rate=slower[1])))
+    if problem.prior.weighted:
+        changes.append((_UNWEIGHTED, problem.with_prior(roll_off=None, corner=None, weight=None)))
     if problem.parameter_bounds is not None:
         changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
     moving = not identification.consistent and problem.coefficients <= QUICK_EXACT

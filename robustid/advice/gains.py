@@ -53,16 +53,16 @@ def smallest_gain(
 
 
 def response_sizes(problem: MixedProblem) -> tuple[float, float]:
-    """Largest response in the data and smallest bound, both as a gain (output per input), divided by the scaling."""
+    """Largest response in the data and smallest bound, both as a gain (output per input), over scaling and weight of the prior."""
     values: list[float] = []
     bounds: list[float] = []
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
     for f in problem.frequency:
         values.append(float(entry_sizes(problem, f).max()))
-        weights = _largest_weights(f, scales)
+        weights = _largest_weights(f, scales) * _weight(problem, f)
         bounds.append(float((f.bound.inner_radius / weights)[f.bound.used].min()))
     for record in problem.time:
-        drive = np.linalg.norm(record.u[:, None] * scales, axis=2).max(axis=0)
+        drive = np.linalg.norm(problem.weighting.filtered(record.u)[:, None] * scales, axis=2).max(axis=0)
         drive = np.where(drive > 0, drive, 1.0)
         values.append(float(np.where(record.bound.used, np.abs(record.y) / drive, 0.0).max()))
         bounds.append(float((record.bound.radius / drive).min()))
@@ -70,9 +70,14 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
 
 
 def entry_sizes(problem: MixedProblem, f: Any) -> Real:
-    """Absolute values of the measured samples of a frequency response, divided by the scaling of the prior."""
+    """Absolute values of the measured samples of a frequency response, over scaling and weight of the prior."""
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
-    return (np.abs(f.values) / _largest_weights(f, scales))[f.bound.used]
+    return (np.abs(f.values) / (_largest_weights(f, scales) * _weight(problem, f)))[f.bound.used]
+
+
+def _weight(problem: MixedProblem, f: Any) -> Real:
+    """The weight of the class at the points of a frequency response, (F, 1, 1)."""
+    return problem.weighting.sizes(problem.plane.angles(f.omega))[:, None, None]
 
 
 def _largest_weights(f: Any, scales: Real) -> Real:

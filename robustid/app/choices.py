@@ -23,7 +23,7 @@ from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import MixedProblem, Prior, any_prior, identify, prior_fields
+from robustid.identification import MixedProblem, Prior, any_prior, identify
 from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 DOUBLED = (
@@ -142,17 +142,17 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 
 
 def placeholder(run: RunFile, data: Measured) -> Prior:
-    """A prior of no meaning but its scaling: as stated, or the sizes of the entries where the class isn't stated."""
+    """A prior of no meaning but its shape and scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
-        return default_prior((*data.responses, *data.records))
-    return any_prior(data.dt, run.prior.scaling)
+        return default_prior((*data.responses, *data.records), run.prior.shape)
+    return any_prior(data.dt, run.prior.scaling, **run.prior.shape)
 
 
-def default_prior(data: Sequence[Any]) -> Prior:
-    """A prior of no meaning but its scaling, the sizes of the entries of a MIMO response."""
+def default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
+    """A prior of no meaning but its shape and scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
-    return any_prior(getattr(data[0], "dt", None) if data else None, scaling)
+    return any_prior(getattr(data[0], "dt", None) if data else None, scaling, **(shape or {}))
 
 
 def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
@@ -204,7 +204,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     problem = dataclasses.replace(problem, prior=prior)
-    return dataclasses.replace(run, prior=PriorChoice(**prior_fields(prior), note=note)), problem
+    return dataclasses.replace(run, prior=PriorChoice.of(prior, note)), problem
 
 
 def suggested(

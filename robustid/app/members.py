@@ -12,13 +12,14 @@ import numpy as np
 from robustid.app import choices, findings
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
+from robustid.app.options import prior_keys
 from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
 from robustid.app.withheld import compared, looked_at
 from robustid.core import Frozen
 from robustid.errors import InconsistentDataError, Status
 from robustid.guarantees import Coverage, Family, Member, default_grid, family
-from robustid.identification import Identification, MixedProblem, Prior, identify, prior_fields
+from robustid.identification import Identification, MixedProblem, Prior, identify
 
 if TYPE_CHECKING:
     import control
@@ -156,7 +157,7 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
         f"One class for all members, {gain:.4g} and {decay:.5g}: the largest gain bound and the smallest decay rate.\n"
     )
     prior = dataclasses.replace(prior.with_rate(decay), gain_bound=gain)
-    return first.changed("prior", **prior_fields(prior), note=note + "\n".join(notes)), prior
+    return first.changed("prior", **prior_keys(prior), note=note + "\n".join(notes)), prior
 
 
 def _united(

@@ -7,6 +7,7 @@ A run file is validated by these sections, `robustid run --keys` lists them, the
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 from robustid.app.checks import (
@@ -217,6 +218,14 @@ class PriorChoice:
     scaling: tuple | None = key(
         several(several(_positive)), help="Of MIMO responses: sizes of the entries, one row an output."
     )
+    roll_off: int | None = key(
+        whole(1, 8),
+        help="Prior: the gain bound falls as frequency^-N above the corner, 2 for a mass line; with a corner.",
+        flag="--roll-off",
+    )
+    corner_hz: float | None = key(
+        _positive, help="Prior: where the gain bound begins to fall.", unit="Hz", flag="--corner"
+    )
     note: str | None = key(text(), help=_NOTE)
 
     @property
@@ -227,7 +236,25 @@ class PriorChoice:
         fields = {
             name: value for name in ("gain_bound", "decay_rate", "decay") if (value := getattr(self, name)) is not None
         }
-        return Prior(**fields, scaling=self.scaling) if "gain_bound" in fields else None
+        return Prior(**fields, scaling=self.scaling, **self.shape) if "gain_bound" in fields else None
+
+    @property
+    def shape(self) -> dict[str, Any]:
+        """The roll-off, as a prior takes it; empty where there is none."""
+        if self.roll_off is None or self.corner_hz is None:
+            return {}
+        return {"roll_off": self.roll_off, "corner": 2 * math.pi * self.corner_hz}
+
+    @classmethod
+    def of(cls, prior: Prior, note: str | None = None) -> PriorChoice:
+        """A prior as it is stated in a run file.
+
+        Raises
+        ------
+        InputError
+            One with a weight, which has no keys there.
+        """
+        return cls(**prior_keys(prior), note=note)
 
     def check(self, names: dict[str, str]) -> None:
         """Refuse a part of a prior; `names` are those of its keys where they were given."""
@@ -238,6 +265,33 @@ class PriorChoice:
         if (self.gain_bound is None) != (not given):
             one, other = (given[0], gain) if given else (gain, f"{decays[0]} (or {decays[1]} in 1/s)")
             raise InputError(f"{one} is given without {other}; give both, or neither to have them chosen")
+        if (self.roll_off is None) != (self.corner_hz is None):
+            order, corner = names["roll_off"], names["corner_hz"]
+            one, other = (order, corner) if self.corner_hz is None else (corner, order)
+            raise InputError(
+                f"{one} is given without {other}: the bound falls as frequency^-N above a corner; give both"
+            )
+
+
+def prior_keys(prior: Prior) -> dict[str, Any]:
+    """The keys of a prior in a run file.
+
+    Raises
+    ------
+    InputError
+        A prior with a weight.
+    """
+    from robustid.identification import prior_fields
+
+    fields = {name: value for name, value in prior_fields(prior).items() if value is not None}
+    if "weight" in fields:
+        raise InputError(
+            "`prior` has a `weight`, for which run files have no key: state it by `roll_off` and `corner`, or take identify() and"
+            " reduce_within_bounds() one after the other"
+        )
+    if "corner" in fields:
+        fields["corner_hz"] = fields.pop("corner") / (2 * math.pi)
+    return fields
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -16,13 +16,14 @@ from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say, measured
 from robustid.app.members import FamilyRun, run_members
+from robustid.app.options import prior_keys
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import MixedProblem, Prior, prior_fields
+from robustid.identification import MixedProblem, Prior
 
 __all__ = ["IdentifiedReduced", "identify_reduced", "run"]
 
@@ -130,7 +131,7 @@ def identify_reduced(
     if modes is not None:
         content["modes"] |= stated_modes(modes)
     if prior is not None:
-        content["prior"] = {name: value for name, value in prior_fields(prior).items() if value is not None}
+        content["prior"] = prior_keys(prior)
     asked = read_run_file(content, "identify_reduced", sources=False)
     around = Surroundings(progress or _silent, executor=executor)
     if not isinstance(data, MixedProblem):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 from robustid.advice import response_sizes, suggest_kautz
 from robustid.app.choices import DOUBLED, basis_of, default_prior, suggested
@@ -36,6 +37,7 @@ def propose(
     time: Sequence[TimeRecord] = (),
     modes: Modes | None = None,
     prior: Prior | None = None,
+    shape: dict[str, Any] | None = None,
 ) -> Proposal:
     """Propose a `MixedProblem`.
 
@@ -46,6 +48,8 @@ def propose(
         Poles of the parametric part; without, or without `hz`, those of the first frequency response.
     prior : Prior, optional
         None to take it from the curve of the smallest gain bound.
+    shape : dict, optional
+        `roll_off` and `corner` of a prior that is taken from there.
 
     Raises
     ------
@@ -53,7 +57,7 @@ def propose(
         Data without sample time or bound, with different signals or sample times.
     """
     choices, modes = [], modes or Modes()
-    placeholder = prior or default_prior((*frequency, *time))
+    placeholder = prior or default_prior((*frequency, *time), shape)
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     twice = None

@@ -27,7 +27,7 @@ from robustid.guarantees import (
     worst_case_error,
     worst_case_over_poles,
 )
-from robustid.identification import Identification, MixedProblem, identify, largest_ratio, prior_fields, validate
+from robustid.identification import Identification, MixedProblem, identify, largest_ratio, validate
 from robustid.mfd import RigidBody
 from robustid.reduction import (
     DoubtfulMode,
@@ -107,7 +107,7 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
     """The result with the class as the problem states it."""
     run = dataclasses.replace(
         run,
-        prior=PriorChoice(**prior_fields(problem.prior)),
+        prior=PriorChoice.of(problem.prior),
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
     _check_frequencies(run, problem.dt)

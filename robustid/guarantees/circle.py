@@ -136,9 +136,10 @@ class ModelError:
         return float(max(f.omega.max() for f in problem.frequency))
 
     def beyond(self) -> Real:
-        """Bound of the entries from the last edge to infinity, (1, ny, nu): the gain bound, and the rest by its ends and bends."""
+        """Bound of the entries from the last edge to infinity, (1, ny, nu): the class, and the rest by its ends and bends."""
         identification, plane = self.identification, self.identification.problem.plane
-        K, scales = identification.problem.prior.gain_bound, identification.problem.prior.scales(*self.model.D.shape)
+        prior = identification.problem.prior
+        scales = prior.scales(*self.model.D.shape)
         angles = np.linspace(float(plane.angles(np.array(self.end))), np.pi, _PIECES + 1)
         rest, reach = -plane.values(self.model, angles), np.zeros((angles.size, *scales.shape))
         if identification.problem.parametric is not None:
@@ -146,9 +147,10 @@ class ModelError:
             parts = (-1, *scales.shape)
             rest = rest + np.tensordot(functions, identification.parameters.reshape(parts), 1)
             reach = np.tensordot(np.abs(functions), self.parameters.reach(identification.parameters).reshape(parts), 1)
-        pairs = itertools.pairwise(angles.tolist())
+        pairs = list(itertools.pairwise(angles.tolist()))
         bends = np.max([self.curvature.outside(a, b) * (b - a) ** 2 / 8 for a, b in pairs], axis=0)
-        return (K * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
+        ball = prior.gain_bound * max(self.curvature.weight(a, b) for a, b in pairs)
+        return (ball * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
 
     def bend(self, low: float, high: float, pieces: int = 1) -> Real:
         """Bound of how far the error exceeds the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
@@ -314,4 +316,5 @@ def norms_of_class(
         known, loose = known + outside, np.tensordot(np.abs(functions), reach, 1)
         rounding = rounding + np.linalg.norm(outside, axis=(1, 2))
     ball = problem.prior.gain_bound * schur_bound(problem.prior.scales(p, q))
+    ball = ball * problem.weighting.sizes(problem.plane.angles(omega))
     return (ball + np.linalg.norm(known, 2, axis=(1, 2)) + norm_of_bounds(loose) + 1e-9 * rounding) * (1 + 1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from typing import Any
 
@@ -11,7 +12,7 @@ import scipy.linalg
 
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.identification import Identification, Prior, Region, parametric_states
+from robustid.identification import Identification, MixedProblem, parametric_states
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -30,14 +31,15 @@ class Curvature:
     * |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
       (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
       -(z G' + z^2 G''); in continuous time likewise (`Region.bend`).
+      Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
+      W from its state space.
     * the P_i from their state space, times the half-widths of the certified intervals;
       MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
     * the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
       bound of G serves for it too.
     """
 
-    prior: Prior
-    region: Region
+    problem: MixedProblem
     known: StateSpace
     basis: StateSpace | None
     reach: Real
@@ -51,10 +53,40 @@ class Curvature:
         if pieces > 1:
             ends = itertools.pairwise(np.linspace(low, high, pieces + 1).tolist())
             return np.max([self.largest(*each) for each in ends], axis=0)
-        K, known = self.prior.gain_bound, second_derivative(*self.known, low, high)
-        ball = self.prior.scales(*known.shape) * (self.region.bend(K, low, high) * (1 + 1e-6))
+        known = second_derivative(*self.known, low, high)
+        ball = self.problem.prior.scales(*known.shape) * (self._of_class(low, high) * (1 + 1e-6))
         total = ball + (np.minimum(known, ball) if self.inside else known)
         return self._with_parameters(total, low, high)
+
+    def _of_class(self, low: float, high: float) -> float:
+        """Bound of |G''| on an arc for every G of the class, without its scaling."""
+        K, region = self.problem.prior.gain_bound, self.problem.region
+        if self.problem.weighting.trivial:
+            return region.bend(K, low, high)
+        size, slope, bend = self._weight(low, high)
+        return size * region.bend(K, low, high) + 2 * slope * region.slope(K, low, high) + bend * K
+
+    def _weight(self, low: float, high: float) -> tuple[float, float, float]:
+        """Bounds of |W|, |W'| and |W''| on an arc: values in the middle, and what the next derivative can add."""
+        A, B, C = self._states_of_weight
+        middle, half = np.exp(1j * (low + high) / 2), (high - low) / 2
+        R = np.asarray(np.linalg.inv(middle * np.eye(A.shape[0]) - A), dtype=complex)
+        there = float(np.abs(C @ R @ R @ B).sum())
+        bend = float(second_derivative(A, B, C, low, high).sum())
+        slope = there + half * bend
+        return float(self.problem.weighting.sizes(np.array((low + high) / 2))) + half * slope, slope, bend
+
+    @functools.cached_property
+    def _states_of_weight(self) -> StateSpace:
+        return input_normal(*self.problem.weighting.states[:3])
+
+    def weight(self, low: float, high: float) -> float:
+        """Bound of |W| on an arc, from its ends."""
+        weighting = self.problem.weighting
+        if weighting.trivial:
+            return 1.0
+        bend = float(second_derivative(*self._states_of_weight, low, high).sum())
+        return float(weighting.sizes(np.array([low, high])).max()) * (1 + 1e-9) + bend * (high - low) ** 2 / 8
 
     def outside(self, low: float, high: float) -> Real:
         """Bound of E - G on an arc, (ny, nu)."""
@@ -77,8 +109,7 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     # A reduced interpolant is near the ball, not in it.
     inside = own and identification.formulation.exact
     shape = len(identification.problem.outputs), len(identification.problem.inputs)
-    problem = identification.problem
-    return Curvature(problem.prior, problem.region, parts, functions, reach.reshape(-1, *shape), inside)
+    return Curvature(identification.problem, parts, functions, reach.reshape(-1, *shape), inside)
 
 
 def is_own(model: Any, identification: Identification) -> bool:

@@ -40,10 +40,18 @@ class Outputs(Frozen):
 
     @functools.cached_property
     def _impulses(self) -> tuple[Real, Real]:
-        """Weights of the coefficients in g_j, and of the parameters in the parametric f_j, of one entry: (T, n) and (T, m)."""
+        """Weights of the coefficients in g_j, and of the parameters in the parametric f_j, of one entry: (T, n) and (T, m).
+
+        But for the weight of the class, which filters the input (`_inside`).
+        """
         posed, count = self.consistent.posed, len(self.u)
         basis = posed.problem.parametric
         return posed.impulses(count), np.zeros((count, 0)) if basis is None else basis.impulse(count)
+
+    @functools.cached_property
+    def _inside(self) -> Real:
+        """The input as functions of the ball see it: filtered by the weight of the class."""
+        return self.consistent.posed.problem.weighting.filtered(self.u)
 
     def functional(self, sample: int, sign: float = 1.0, output: int = 0) -> Functional:
         """+-y_k of an output.
@@ -53,18 +61,20 @@ class Outputs(Frozen):
         """
         posed, rows = self.consistent.posed, self.consistent.data.rows
         prior, entries = posed.problem.prior, posed.problem.entries
-        delayed = self.u.reshape(len(self.u), entries.inputs)[sample::-1]
+        delayed, inside = (u.reshape(len(u), entries.inputs)[sample::-1] for u in (self.u, self._inside))
         g, impulse = (weights[: sample + 1] for weights in self._impulses)
         x, p = np.zeros((entries.count, g.shape[1])), np.zeros(rows.P.shape[1])
         scales = prior.scales(entries.outputs, entries.inputs)[output]
         energy = seen = 0.0
-        for one, scale, input in zip(delayed.T, scales.tolist(), range(entries.inputs), strict=True):
+        for one, seen_by_g, scale, input in zip(
+            delayed.T, inside.T, scales.tolist(), range(entries.inputs), strict=True
+        ):
             number, part = entries.place(output, input)
-            w = scale * (one @ g)
+            w = scale * (seen_by_g @ g)
             x[number] += part * w
             own = slice(number * impulse.shape[1], (number + 1) * impulse.shape[1])
             p[own] += part * (one @ (impulse / rows.column_scale[own]))
-            whole = scale * prior.gain_bound * np.abs(one) * prior.decay_rate ** -np.arange(sample + 1.0)
+            whole = scale * prior.gain_bound * np.abs(seen_by_g) * prior.decay_rate ** -np.arange(sample + 1.0)
             energy, seen = energy + float(whole @ whole), seen + float(w @ w)
         tail = 0.0
         if sample >= self.determined:

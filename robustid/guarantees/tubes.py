@@ -185,9 +185,10 @@ class ResponseTube(Frozen, Drawable):
 
     @property
     def _gain(self) -> float:
-        """Gain bound of the entry."""
-        prior, entries = self.identification.problem.prior, self.identification.problem.entries
-        return prior.gain_bound * float(prior.scales(*entries.shape)[self.entry])
+        """Gain bound of the entry; with a weight, times the largest value of that where the class is bounded."""
+        problem = self.identification.problem
+        prior, peak = problem.prior, problem.weighting.peak(problem.prior.decay_rate)
+        return prior.gain_bound * float(prior.scales(*problem.entries.shape)[self.entry]) * peak
 
     @functools.cached_property
     def _errors(self) -> Real:

@@ -15,7 +15,6 @@ from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
-from robustid.identification.region import Region
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.storage import describe_problem
@@ -32,7 +31,6 @@ __all__ = [
     "MarginCertificate",
     "MixedProblem",
     "Prior",
-    "Region",
     "Residual",
     "SupportCertificate",
     "Validation",

@@ -11,6 +11,7 @@ from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.identification.problem import MixedProblem
 from robustid.identification.region import Region, region_of
 from robustid.identification.result import Identification
+from robustid.identification.weighting import Weighting
 
 _DT = 1.0  # s: frequencies in rad/s are angles
 
@@ -29,6 +30,10 @@ class ImageProblem(MixedProblem):
 
     def _region(self) -> Region:
         return region_of(self.prior, SPlane(self.corner))
+
+    def _weighting(self) -> Weighting:
+        plane = SPlane(self.corner)
+        return Weighting(self.prior.weight_in(plane), plane)
 
 
 def image_of(identification: Identification) -> Identification:

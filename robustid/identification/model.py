@@ -37,7 +37,7 @@ class Nominal:
     states : int
         Number of states of the non-parametric part; they come first.
     error : float
-        Bound of |model - interpolant| at any frequency; 0 where no state was left out.
+        Bound of |model - interpolant| at any frequency, over the weight of the class; 0 where no state was left out.
     """
 
     model: Any
@@ -62,7 +62,8 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: A
     while True:
         states, error = realise(tolerance)
         states = _with_scales(problem, states)
-        nominal = Nominal(join_model(problem, rows, states, point.p), states[0].shape[0], error)
+        inside = states[0].shape[0] + problem.weighting.order * min(problem.entries.shape)
+        nominal = Nominal(join_model(problem, rows, states, point.p), inside, error)
         if not error or tolerance < 1e-10 * problem.prior.gain_bound:
             return nominal
         if largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
@@ -86,21 +87,34 @@ def _with_scales(problem: MixedProblem, states: States) -> States:
 
 
 def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[np.float64]) -> Any:
-    """State space of F = p'P + G; the parametric states follow those of G."""
+    """State space of F = p'P + G; the parametric states follow those of G.
+
+    With a weight it is joined in the variable of the model: what rolls off has no direct term there at all.
+    """
     import control
 
-    A, B, C, D = realised
-    if problem.parametric is not None:
-        a, b, c, d = parametric_states(problem, residue_matrices(problem, rows, p))
-        A, B = scipy.linalg.block_diag(A, a), np.vstack([B, b])
-        C, D = np.hstack([C, c]), D + d
-    states = problem.plane.from_z(StateMatrices(A, B, C, D))
+    plane, weighting, basis = problem.plane, problem.weighting, problem.parametric
+    inside, outside = StateMatrices(*realised), None
+    if not weighting.trivial:
+        inside = weighting.joined(plane.from_z(inside), plane)
+        basis = None if basis is None else basis.in_s()
+    if basis is not None:
+        outside = parametric_states(problem, residue_matrices(problem, rows, p), basis)
+    states = inside if outside is None else _sum(inside, StateMatrices(*outside))
+    states = plane.from_z(states) if weighting.trivial else states
     return control.ss(*states, problem.dt, **signal_names(problem))
 
 
-def parametric_states(problem: MixedProblem, residues: NDArray[np.float64]) -> States:
-    """State space of sum_i P_i R_i, residues (m, p, q): n min(p, q) states of functions with n."""
-    basis: ParametricBasis = problem.parametric
+def _sum(first: StateMatrices, second: StateMatrices) -> StateMatrices:
+    (A, B, C, D), (a, b, c, d) = first, second
+    return StateMatrices(scipy.linalg.block_diag(A, a), np.vstack([B, b]), np.hstack([C, c]), D + d)
+
+
+def parametric_states(
+    problem: MixedProblem, residues: NDArray[np.float64], written: ParametricBasis | None = None
+) -> States:
+    """State space of sum_i P_i R_i, residues (m, p, q): n min(p, q) states of functions with n, of the problem or as `written`."""
+    basis: ParametricBasis = problem.parametric if written is None else written
     _, p, q = residues.shape
     through = np.tensordot(basis.D[:, 0], residues, 1)
     if p >= q:

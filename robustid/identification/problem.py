@@ -17,6 +17,7 @@ from robustid.identification.entries import Entries
 from robustid.identification.prior import Prior, any_prior
 from robustid.identification.region import Region, region_of
 from robustid.identification.signals import check_excitation, check_signals
+from robustid.identification.weighting import Weighting
 
 # Angles closer than this, relatively, are one node with several discs on one value.
 _SAME_ANGLE = 1e-12
@@ -82,6 +83,7 @@ class MixedProblem(Frozen):
     entries: Entries = dataclasses.field(init=False, repr=False)
     plane: Plane = dataclasses.field(init=False, repr=False)
     region: Region = dataclasses.field(init=False, repr=False)
+    weighting: Weighting = dataclasses.field(init=False, repr=False)
     angles: Real = dataclasses.field(init=False, repr=False)
     taylor: int = dataclasses.field(init=False, repr=False)
 
@@ -98,6 +100,7 @@ class MixedProblem(Frozen):
         self.prior.scales(self.entries.outputs, self.entries.inputs)
         self._set(plane=self._plane())
         self._set(region=self._region())
+        self._set(weighting=self._weighting())
         check_excitation((*frequency, *time))
         if self.parametric is not None:
             self._set(parametric=as_basis(self.parametric, self.plane))
@@ -184,6 +187,10 @@ class MixedProblem(Frozen):
         if isinstance(self.plane, ZPlane):
             self._set(prior=self.prior.sampled(self.plane.dt))
         return region_of(self.prior, self.plane)
+
+    def _weighting(self) -> Weighting:
+        """The weight of the class on the circle."""
+        return Weighting(self.prior.weight_in(self.plane), self.plane)
 
     def _plane(self) -> Plane:
         """The plane of the data: of continuous time unless they have a sample time."""

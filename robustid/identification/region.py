@@ -51,6 +51,10 @@ class Region(abc.ABC):
         """Largest 1/|zeta| of poles in z: at most 1 where a function with these poles is analytic in the region."""
 
     @abc.abstractmethod
+    def slope(self, gain: float, low: float, high: float) -> float:
+        r"""Bound of |d G/d angle| on an arc for every G of size K: |g'| <= (1 - |g|^2)/(1 - |zeta|^2), Schwarz and Pick."""
+
+    @abc.abstractmethod
     def bend(self, gain: float, low: float, high: float) -> float:
         r"""Bound of |d^2 G/d angle^2| on an arc for every G of size K.
 
@@ -107,6 +111,10 @@ class Disc(Frozen, Region):
     def depth(self, poles: Complex) -> float:
         """Largest |pole| times rho."""
         return float(np.abs(poles).max(initial=0.0)) * self.rate
+
+    def slope(self, gain: float, low: float, high: float) -> float:
+        """``K rho/(rho^2 - 1)``."""
+        return gain * self.rate / ((self.rate - 1) * (self.rate + 1))
 
     def bend(self, gain: float, low: float, high: float) -> float:
         """``K rho/(rho - 1)^2``."""
@@ -168,6 +176,11 @@ class HalfPlane(Frozen, Region):
     def depth(self, poles: Complex) -> float:
         """Largest ``|(1 + kappa) p + kappa|``."""
         return float(np.abs((1 + self.ratio) * poles + self.ratio).max(initial=0.0))
+
+    def slope(self, gain: float, low: float, high: float) -> float:
+        """``K (1 + kappa)/t``, t as in `inside`, at the end that is nearer to infinity."""
+        inside = float(self.inside(np.array(high)))
+        return gain * (1 + self.ratio) * (1 - inside) / inside
 
     def bend(self, gain: float, low: float, high: float) -> float:
         """Its value at the end of the arc that is nearer to infinity, where every factor is largest."""

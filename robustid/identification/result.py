@@ -139,7 +139,9 @@ class Identification(Frozen, Drawable, Savable):
         K = self.problem.prior.gain_bound
         found: list[str] = []
         scales = self.problem.prior.scales(*self.problem.entries.shape)
-        largest = max(_largest_response(item, scales) for item in (*self.problem.frequency, *self.problem.time))
+        largest = max(
+            _largest_response(item, scales, self.problem) for item in (*self.problem.frequency, *self.problem.time)
+        )
         if self.consistent and largest < K:
             found.append(
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
@@ -259,6 +261,8 @@ class Identification(Frozen, Drawable, Savable):
         centre, left, right = self._family.weyl_ball(self.problem.region.points(angles))
         scales = self.prior.scales(*centre.shape[1:])
         outside = parametric_values(self.problem, self._used.rows, self.scaled_parameters, angles)
+        weighting = self.problem.weighting
+        centre, left = weighting.times(centre, angles), weighting.times(left, angles)
         return K * scales * centre + outside, K * left, right
 
     def limiting(self, share: float = 0.01) -> list[tuple[Residual, int, float]]:
@@ -298,7 +302,7 @@ class Identification(Frozen, Drawable, Savable):
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, "
             + (f"dt = {problem.dt:g} s" if problem.dt else "continuous time"),
             *self._signal_lines,
-            f"class      {self._gain} <= {prior.gain_bound:g} in {prior.where}"
+            f"class      {self._gain} <= {prior.gain_bound:g} in {prior.where}{prior.weight_words}"
             + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
             + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
             *(
@@ -358,14 +362,15 @@ class Identification(Frozen, Drawable, Savable):
         ]
 
 
-def _largest_response(item: Any, scales: Real) -> float:
-    """Largest response in the data of an experiment, divided by the scaling of the prior."""
+def _largest_response(item: Any, scales: Real, problem: MixedProblem) -> float:
+    """Largest response in the data of an experiment, divided by scaling and weight of the prior."""
     if isinstance(item, TimeRecord):
-        drive = np.linalg.norm(item.u[:, None] * scales, axis=2).max(axis=0)
+        drive = np.linalg.norm(problem.weighting.filtered(item.u)[:, None] * scales, axis=2).max(axis=0)
         return float((np.abs(item.y).max(axis=0) / np.maximum(drive, np.finfo(float).tiny)).max())
+    weight = problem.weighting.sizes(problem.plane.angles(item.omega))[:, None, None]
     if isinstance(item, FrequencyResponse):
-        return float((np.abs(item.values) / scales)[item.bound.used].max())
-    size = np.linalg.svd(item.weights * scales, compute_uv=False).sum(axis=-1)
+        return float((np.abs(item.values) / scales / weight)[item.bound.used].max())
+    size = weight * np.linalg.svd(item.weights * scales, compute_uv=False).sum(axis=-1)
     return float((np.abs(item.values) / np.maximum(size, np.finfo(float).tiny))[item.bound.used].max())
 
 

@@ -151,15 +151,20 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
 
 
 def truncation_error(formulation: Formulation, point: Candidate, model: Any, count: int = 257) -> float:
-    """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states."""
+    """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states.
+
+    Over the largest weight, where the class has one.
+    """
     problem = formulation.problem
     K, scales = problem.prior.gain_bound, _scales(problem)
     angles = np.pi * (np.arange(count) + 0.5) / count
     values = formulation.family(point.x).evaluate(problem.region.points(angles)).reshape(count, *scales.shape)
+    values = problem.weighting.times(values, angles)
     error = (
         problem.plane.values(model, angles) - parametric_values(problem, formulation.rows, point.p, angles)
     ) / scales
-    return float(np.linalg.norm(error - K * values, 2, axis=(1, 2)).max()) / K
+    size = float(problem.weighting.sizes(angles).max())
+    return float(np.linalg.norm(error - K * values, 2, axis=(1, 2)).max()) / (K * size)
 
 
 def _scales(problem: MixedProblem) -> NDArray[np.float64]:
@@ -169,7 +174,7 @@ def _scales(problem: MixedProblem) -> NDArray[np.float64]:
 def point_error(formulation: Formulation, point: Candidate, model: Any) -> float:
     """Largest (|model - E x - P p| - tail)/K at the frequency samples; 0 where there are none.
 
-    In units of the smallest response that a sample feels as its whole bound.
+    In units of the smallest response that a sample feels as its whole bound; over the largest weight there.
     """
     problem, rows = formulation.problem, formulation.rows
     if not rows.discs:
@@ -179,7 +184,8 @@ def point_error(formulation: Formulation, point: Candidate, model: Any) -> float
     difference = rows.y - rows.E @ point.x - rows.P @ point.p
     difference[: rows.discs] -= from_model
     difference[rows.discs :] = 0
-    limit = np.concatenate([formulation.response_tail(problem.plane.angles(r.axis)) for r in found])
+    angles = problem.plane.angles(np.concatenate([r.axis for r in found]))
+    limit = formulation.response_tail(angles) / problem.weighting.sizes(angles).max()
     tail = rows.tail[: limit.size]
     excess = (rows.sizes(difference)[: limit.size] - tail) * limit / tail
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
@@ -201,11 +207,13 @@ def interpolation_error(formulation: Formulation, point: Candidate, model: Any) 
     x = K * problem.entries.expand(point.x) * scales[..., None]
     if problem.angles.size:
         values = np.moveaxis(x @ pair.evaluate(region.points(problem.angles)).T, 2, 0)
+        values = problem.weighting.times(values, problem.angles)
         values = values + parametric_values(problem, rows, point.p, problem.angles)
         worst = _relative(problem.plane.values(model, problem.angles) - values, values, scales, K)
     if problem.taylor:
         rho = problem.prior.decay_rate
         values = np.moveaxis(x @ (rho ** -np.arange(problem.taylor)[:, None] * pair.taylor(problem.taylor)).T, 2, 0)
+        values = problem.weighting.filtered(values.reshape(problem.taylor, -1)).reshape(values.shape)
         if problem.parametric is not None:
             residues = residue_matrices(problem, rows, point.p)
             values = values + np.tensordot(problem.parametric.impulse(problem.taylor), residues, 1)

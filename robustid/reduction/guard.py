@@ -36,6 +36,7 @@ class Guard:
         self._model, self._dt = model, problem.dt
         scales = identification.prior.scales(problem.entries.outputs, problem.entries.inputs)
         self._gain, self._times = identification.prior.gain_bound * scales, times
+        self._weight = problem.weighting
         self._response = responses(model, self._angles)
         self._allowed = self._allowed_at(self._angles, self._response)
 
@@ -45,7 +46,8 @@ class Guard:
         last = np.searchsorted(self._angles, angles * (1 + _NEAR), side="right")
         sizes = np.abs(self._response)
         around = [sizes[a:b].max(axis=0, initial=0.0) for a, b in zip(first, last, strict=True)]
-        return self._times * (self._gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
+        gain = self._gain * self._weight.sizes(angles)[:, None, None]
+        return self._times * (gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
 
     @property
     def spread(self) -> FrequencyResponse:

@@ -1,6 +1,5 @@
 """Continuous time: frequency responses without a sample time against Pick's theorem in the half plane."""
 
-import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -9,7 +8,7 @@ from robustid.core import SPlane, bilinear_in_s, bilinear_in_z
 from robustid.core.state_space import StateMatrices, response_at
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.region import HalfPlane
-from support.half_plane import edge_truth, pick, smallest_gain
+from support.half_plane import edge_truth, judged_margin, smallest_gain
 
 
 def problem_of(omega, values, bound, gain, decay, **more):
@@ -84,27 +83,6 @@ def test_the_smallest_gain_is_that_of_pick_s_theorem(decay):
         found = rid.identify(problem_of(omega, values, 1e-4, least * factor, decay))
         assert found.consistent is consistent
         assert found.verification.passed
-
-
-def judged_margin(omega, values, bounds, gain, decay):
-    """The margin by a general solver, from the Pick matrix of the points and their conjugates, in real coordinates.
-
-    Values and bounds (F, p, p): K^2 gram - W gram W' >= 0, with W the values on the diagonal and gram that of every entry.
-    """
-    (count, size, _), none = values.shape, np.zeros(values.shape[1:])
-    one = np.eye(count) / np.sqrt(2)
-    turn = np.block([[one, one], [-1j * one, 1j * one]])
-    gram = (turn @ pick(1j * np.concatenate([omega, -omega]), decay) @ turn.conj().T).real
-    root = np.kron(np.linalg.cholesky(gram), np.eye(size))  # as it stands the condition costs the solver five digits
-    parts = [[cp.Variable((size, size)) for _ in range(count)] for _ in range(2)]
-    u, v = (cp.bmat([[part[i] if i == j else none for j in range(count)] for i in range(count)]) for part in parts)
-    both, s = np.linalg.inv(root) @ cp.bmat([[u, -v], [v, u]]) @ root / gain, cp.Variable()
-    block = cp.bmat([[np.eye(2 * count * size), both], [both.T, np.eye(2 * count * size)]])
-    limits = [block >> 0]
-    for k, i, j in np.ndindex(values.shape):
-        away = cp.hstack([parts[0][k][i, j] - values[k, i, j].real, parts[1][k][i, j] - values[k, i, j].imag])
-        limits.append(cp.norm(away) <= s * bounds[k, i, j])
-    return cp.Problem(cp.Minimize(s), limits).solve(solver="CLARABEL")
 
 
 @pytest.mark.parametrize("size", [1, 2])

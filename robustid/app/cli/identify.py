@@ -62,7 +62,8 @@ def identify(
     paths = [*(frequency or []), *(time or [])]
     if not paths:
         raise InputError("--frequency and --time are both missing; give at least one file")
-    prior.check({"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay"})
+    flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay"}
+    prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner"})
     outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry
     asked = [
@@ -71,7 +72,7 @@ def identify(
     ]
     lines, samples = (one.read(console) for one in asked)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
-    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated)
+    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated, shape=prior.shape)
     finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(terminal.EXIT[result.status])
 

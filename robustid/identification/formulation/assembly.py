@@ -136,12 +136,13 @@ class Assembly:
         used = np.flatnonzero(record.bound.used[:, output])
         count, basis = int(used[-1]) + 1, self.problem.parametric
         u = record.u[:count]
-        E = np.stack([self.functions.time_responses(one)[used] for one in u.T], axis=1)
+        inside = self.problem.weighting.filtered(u)
+        E = np.stack([self.functions.time_responses(one)[used] for one in inside.T], axis=1)
         none = np.zeros((used.size, u.shape[1], 0))
         impulse = None if basis is None else basis.impulse(count)
         P = none if impulse is None else np.stack([filtered_by(one, impulse)[used] for one in u.T], axis=1)
         free, widen = initial_state(self.problem, record, used, output)
-        tail = self.functions.time_tail(u * self.scales[output])[used]
+        tail = self.functions.time_tail(inside * self.scales[output])[used]
         return self._row(record.y[used, output], E, P, record.bound.radius[used, output], widen, free, tail, output)
 
     def periodic(self, record: TimeRecord, output: int) -> Block:
@@ -220,11 +221,13 @@ def initial_state(
     """Effect of an unknown state before the record on the samples `used` of an output.
 
     Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past
-    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO.
+    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO; K times the peak
+    of the weight, where the class has one.
     """
     if record.initial != "free":
         return np.zeros((used.size, 0)), np.zeros(used.size)
-    K, rho = problem.prior.gain_bound, problem.prior.decay_rate
+    rho = problem.prior.decay_rate
+    K = problem.prior.gain_bound * problem.weighting.peak(rho)
     scales = problem.prior.scales(problem.entries.outputs, problem.entries.inputs)[output]
     if record.past_input_bound is None:
         past = float(np.linalg.norm(record.u * scales, axis=1).max())

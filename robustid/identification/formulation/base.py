@@ -126,10 +126,11 @@ class Formulation(Frozen, Functions):
 
     def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
         """The functions at any exp(j angle), (F, n)."""
-        return self.problem.prior.gain_bound * self.basis.evaluate(self.problem.region.points(angles))
+        functions = self.problem.prior.gain_bound * self.basis.evaluate(self.problem.region.points(angles))
+        return self.problem.weighting.times(functions, angles)
 
     def impulses(self, count: int) -> NDArray[np.float64]:
-        """The first samples of the impulse responses of the functions, (count, n)."""
+        """The first samples of the impulse responses of the functions, (count, n), but for the weight of the class."""
         prior = self.problem.prior
         decay = prior.decay_rate ** -np.arange(count, dtype=float)[:, None]
         return prior.gain_bound * decay * self.sarason.pair.taylor(count)
@@ -139,7 +140,7 @@ class Formulation(Frozen, Functions):
         return self.sarason.interpolants(x)
 
     def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
-        """State spaces of the interpolant with the free parameter E, without the scaling of the prior.
+        """State spaces of the interpolant with the free parameter E, without scaling and weight of the prior.
 
         A function of the error that states left out may cost, in the H-infinity norm; it returns a bound of it too.
         """

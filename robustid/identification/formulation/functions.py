@@ -22,7 +22,8 @@ _SHORT = 1000  # samples; above, responses come by FFT: a matrix of all delays t
 class Functions(abc.ABC):
     """n functions K phi_j(z/rho) of an entry of the non-parametric part, and bounds of what they leave out: the tails.
 
-    Nothing is left out unless a formulation says so.
+    Nothing is left out unless a formulation says so. Where the class has a weight W, responses and their tails are those of
+    W K phi_j; in time the inputs come filtered by W (`Weighting.filtered`).
     """
 
     problem: MixedProblem

@@ -108,7 +108,8 @@ class SectionsFormulation(Formulation):
         sections, inside, eps = self.sections, region.inside(angles), np.finfo(float).eps
         size = np.abs(sections.all_pass(region.points(angles))) + 8 * sections.degree * eps / inside
         rounding = 8 * (sections.order + 1 / inside) * eps / np.sqrt(inside)
-        return region.reach(K, angles) * size**sections.repeats + K * self._rows * rounding
+        tail = region.reach(K, angles) * size**sections.repeats + K * self._rows * rounding
+        return tail * self.problem.weighting.sizes(angles)
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to the input, (T, n)."""

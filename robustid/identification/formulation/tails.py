@@ -27,7 +27,7 @@ def taylor_tail(prior: Prior, length: int) -> float:
 
 
 def smallest_bound(problem: MixedProblem) -> float:
-    """Largest error of the model, at every frequency, that no sample feels as more than its bound."""
+    """Largest error of a function of the ball, at every frequency, that no sample feels as more than its bound."""
     _, bounds, everywhere = demands(problem)
     least = min(everywhere, float(bounds.min(initial=np.inf)))
     return least if np.isfinite(least) else problem.prior.gain_bound
@@ -36,25 +36,30 @@ def smallest_bound(problem: MixedProblem) -> float:
 def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Size that a function must not exceed for no sample to feel it as more than its bound.
 
-    In the largest singular value, entries divided by the scaling of the prior. At the angles (F,) of the frequency points, those
+    In the largest singular value, divided by scaling and weight of the prior. At the angles (F,) of the frequency points, those
     excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
     """
-    scales = problem.prior.scales(*problem.entries.shape)
+    scales, weighting = problem.prior.scales(*problem.entries.shape), problem.weighting
     angles = [problem.plane.angles(frf.omega) for frf in problem.frequency]
     bounds, everywhere = [_felt(frf, scales) for frf in problem.frequency], np.inf
+    bounds = [bound / weighting.sizes(at) for at, bound in zip(angles, bounds, strict=True)]
     for record in problem.time:
         if record.initial == "periodic":
             lines, samples = excited_lines(record), record.u.shape[0]
             # The response is at most the l1 norm of the spectrum times the largest value on its lines.
             least = _least(
-                record, lambda u, n=samples: 2 * np.linalg.norm(np.fft.rfft(u, axis=0), axis=1).sum() / n, scales
+                record,
+                lambda u, n=samples: 2 * np.linalg.norm(np.fft.rfft(u, axis=0), axis=1).sum() / n,
+                scales,
+                record.u,
             )
             angles.append(2 * np.pi * lines / samples)
-            bounds.append(np.full(lines.size, least if lines.size else np.inf))
+            bounds.append(np.full(lines.size, least if lines.size else np.inf) / weighting.sizes(angles[-1]))
         else:
             # sum over the past of |u| rho^-j <= max|u| / (1 - 1/rho).
             reach = 1 - 1 / problem.prior.decay_rate
-            least = _least(record, lambda u, reach=reach: np.linalg.norm(u, axis=1).max() / reach, scales)
+            inside = weighting.filtered(record.u)
+            least = _least(record, lambda u, reach=reach: np.linalg.norm(u, axis=1).max() / reach, scales, inside)
             everywhere = min(everywhere, least)
     return np.concatenate([np.zeros(0), *angles]), np.concatenate([np.zeros(0), *bounds]), everywhere
 
@@ -70,11 +75,16 @@ def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
     return (frf.bound.inner_radius / scales).min(axis=(1, 2))
 
 
-def _least(record: TimeRecord, drive: Callable[[NDArray[np.float64]], float], scales: NDArray[np.float64]) -> float:
-    """Smallest bound over drive of the outputs of a record."""
+def _least(
+    record: TimeRecord,
+    drive: Callable[[NDArray[np.float64]], float],
+    scales: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+) -> float:
+    """Smallest bound over drive of the outputs of a record, from its inputs as functions of the ball see them."""
     least = np.inf
     for bound, row in zip(record.bound.radius.T, scales, strict=True):
-        size = float(drive(record.u * row))
+        size = float(drive(inputs * row))
         if size > 0:
             least = min(least, float(bound.min()) / size)
     return least

@@ -97,7 +97,8 @@ class TaylorFormulation(Formulation):
 
     def responses(self, angles: NDArray[np.float64]) -> NDArray[Any]:
         """Values at exp(j angle), (F, L)."""
-        return self.problem.prior.gain_bound * self.decay * np.exp(-1j * np.outer(angles, np.arange(self.length)))
+        functions = self.problem.prior.gain_bound * self.decay * np.exp(-1j * np.outer(angles, np.arange(self.length)))
+        return self.problem.weighting.times(functions, angles)
 
     def time_responses(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Responses to an input, (T, L): the input, delayed."""
@@ -108,7 +109,7 @@ class TaylorFormulation(Formulation):
 
     def response_tail(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """Largest singular value of the remainder: K rho^-L (2/pi) K(1/rho), K the complete elliptic integral."""
-        return np.full(angles.size, taylor_tail(self.problem.prior, self.length))
+        return taylor_tail(self.problem.prior, self.length) * self.problem.weighting.sizes(angles)
 
     def time_tail(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """K (sum_{j >= L} ||u_{n-j}||^2 rho^-2j)^(1/2), since the scaled coefficients of a row have norm 1, (T,)."""
@@ -120,7 +121,12 @@ class TaylorFormulation(Formulation):
         return prior.gain_bound * np.sqrt(energy)
 
     def entry_columns(self, angles: NDArray[np.float64]) -> EntryColumns:
-        """Return what makes the columns of one entry at some of the angles: they are generated where they are needed."""
+        """Return what makes the columns of one entry at some of the angles: they are generated where they are needed.
+
+        With a weight they are stored.
+        """
+        if not self.problem.weighting.trivial:
+            return super().entry_columns(angles)
 
         def columns(
             used: NDArray[np.bool_],

@@ -101,13 +101,29 @@ def _size_words(identification: Identification) -> str:
     """Say how K bounds the non-parametric part."""
     prior = identification.problem.prior
     K, what = number(prior.gain_bound), unit(identification)
+    shape = _weight_words(identification)
     if siso(identification):
-        return f"|G| ≤ K = {K} {what}".rstrip()
+        return f"|G| ≤ K{' |W|, K' * bool(shape)} = {K} {what}".rstrip() + shape
+    name = "σmax(G ./ S)" if prior.scaling is not None else "σmax(G)"
+    words = f"{name} ≤ K{' |W|, K' * bool(shape)} = {K}"
     if prior.scaling is not None:
-        return f"σmax(G ./ S) ≤ K = {K} (largest singular value, every entry divided by its S)"
+        return f"{words} (largest singular value, every entry divided by its S){shape}"
     if mixed(identification):
-        return f"σmax(G) ≤ K = {K} (largest singular value, in the different units of the entries)"
-    return f"σmax(G) ≤ K = {K} {what}".rstrip() + " (largest singular value)"
+        return f"{words} (largest singular value, in the different units of the entries){shape}"
+    return f"{words} {what}".rstrip() + f" (largest singular value){shape}"
+
+
+def _weight_words(identification: Identification) -> str:
+    """Words on the weight of the class; empty where it has none."""
+    problem, prior = identification.problem, identification.problem.prior
+    if not prior.weighted:
+        return ""
+    if prior.weight is not None:
+        return f", W the {str(prior.weight).strip('<>')},"
+    n, corner = prior.roll_off, number(prior.corner / (2 * np.pi), 6)
+    if not problem.dt:
+        return f", |W| = |1 + jω/ω₀|^−{n} on the border, falling as f^−{n} above ω₀/2π = {corner} Hz,"
+    return f", |W| = |(1 − a)/(1 − a e^(−jωT))|^{n} on the border, a = e^(−ω₀T), falling above ω₀/2π = {corner} Hz,"
 
 
 def _scaling_words(identification: Identification) -> str:
