@@ -153,6 +153,13 @@ class FractionProblem(Frozen):
         return not self.conditions and self.roll_off == 1 and not np.any(self.zeros)
 
     @property
+    def entries_apart(self) -> bool:
+        """True where entries of a column share the denominator alone: no constraint and no weight ties them to each other."""
+        _, ny, nu = self.values.shape
+        column = nu == 1 and ny > 1 and self.weight.entries_only
+        return column and self.free and not self.held and self.rigid is None
+
+    @property
     def response_conditions(self) -> tuple[ResponseCondition, ...]:
         """Constraints on coefficients as conditions on the response; zero entries and rigid-body modes are none."""
         ny, nu = self.values.shape[1:]

@@ -7,7 +7,7 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.errors import InputError
-from robustid.mfd import Weight, mode_table
+from robustid.mfd import StaticGain, Weight, mode_table
 from support.mfd_systems import gaussian, noisy, random_modal_system, relative_error
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 150)
@@ -182,13 +182,16 @@ def test_a_saved_fit_comes_back(tmp_path):
     assert "take long" not in page
 
 
-def test_a_page_of_many_residues_leaves_their_deviations_out_and_says_so(tmp_path):
-    omega = 2 * np.pi * np.geomspace(4, 1200, 300)
-    values = noisy(np.random.default_rng(1), random_modal_system(0, 30, 2, 10).response(1j * omega), 0.01)
-    fit = rid.fit_mfd(rid.FrequencyResponse(omega, values), order=20, form="shared", restart=False)
+@pytest.mark.parametrize(("tied", "words"), [(False, "one standard deviation"), (True, "take long")])
+def test_a_page_leaves_deviations_of_many_residues_out_where_constraints_tie_them_and_says_so(
+    tmp_path, monkeypatch, tied, words
+):
+    monkeypatch.setattr("robustid.report.sections.fit_view._WORK", 1e3)
+    gain = plant(2, 2)[0](np.zeros(1))[0].real
+    fit, _, _ = fitted(2, 2, level=0.01, restart=False, constraints=[StaticGain(gain)] * tied)
     assert fit.status.converged
     rid.write_report(fit, tmp_path / "fit.html")
-    assert "which take long for so many residues" in (tmp_path / "fit.html").read_text(encoding="utf-8")
+    assert words in (tmp_path / "fit.html").read_text(encoding="utf-8")
 
 
 def test_poles_and_models_are_starts():

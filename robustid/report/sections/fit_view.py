@@ -142,10 +142,11 @@ class FitView:
 
     @property
     def too_many(self) -> bool:
-        """True for shared poles with so many residues that their covariance would take longer than the fit."""
+        """True for shared poles with so many residues, tied by constraints or weights, that their covariance would take long."""
         problem = self.fit.problem
+        tied = self.fit.fraction.form == "shared" and not problem.entries_apart
         coefficients = problem.order * sum(problem.values.shape[1:])
-        return self.fit.fraction.form == "shared" and problem.equations * coefficients**2 > _WORK
+        return tied and problem.equations * coefficients**2 > _WORK
 
     @cached_property
     def covariance(self) -> FitCovariance | None:
