@@ -178,7 +178,7 @@ class Popov:
                 yield P
 
     def proofs_in_the_limit(self, F: Real, K: Real, vanishing: int) -> Iterator[Real]:
-        """Matrices P with P F = K, nearly, that may prove the bound 0; in the last so many columns of F A'P + PA vanishes.
+        """Matrices P with P F = K, approximately, that may prove the bound 0; in the last so many columns of F A'P + PA vanishes.
 
         In coordinates ``z = [F, N] (f, g)`` with K'N = 0, P is diag(F'K, p), and p solves the inequality of a smaller system.
         """
