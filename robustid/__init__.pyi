@@ -87,7 +87,9 @@ from .mfd import suggest_order as suggest_order
 
 # Small models
 from .reduction import balanced_truncation as balanced_truncation
+from .reduction import make_passive as make_passive
 from .reduction import prove_passive as prove_passive
+from .reduction import reduce_passive as reduce_passive
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous
 from .report import plot as plot

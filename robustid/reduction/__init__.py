@@ -5,6 +5,7 @@ from robustid.reduction.continuous import ContinuousModel, to_continuous
 from robustid.reduction.doubtful import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.gramians import doubtful_distance
+from robustid.reduction.passive_models import PassiveModel, PassiveStatus, make_passive, reduce_passive
 from robustid.reduction.passivity import Passivity, PassivityStatus, prove_passive
 from robustid.reduction.passivity_certificate import PassivityCertificate
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
@@ -14,6 +15,8 @@ __all__ = [
     "ContinuousModel",
     "DoubtfulMode",
     "ModelWorth",
+    "PassiveModel",
+    "PassiveStatus",
     "Passivity",
     "PassivityCertificate",
     "PassivityStatus",
@@ -25,8 +28,10 @@ __all__ = [
     "doubtful_distance",
     "hankel_singular_values",
     "hinf_error",
+    "make_passive",
     "model_worth_having",
     "prove_passive",
+    "reduce_passive",
     "reduce_within_bounds",
     "to_continuous",
     "why_not_compared",

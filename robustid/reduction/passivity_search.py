@@ -104,11 +104,17 @@ class Popov:
 
     def form(self, bound: float) -> tuple[Real, Real, Real]:
         """Q, S and R of the inequality for a bound of the excess."""
-        _, _, C, D = self.system
-        eye = np.eye(len(D))
-        if self.bounded:
-            return C.T @ C, C.T @ D, D.T @ D - bound**2 * eye
-        return np.zeros((C.shape[1],) * 2), -C.T, -(D + D.T) - 2 * bound * eye
+        return inequality(self.system, bound, bounded=self.bounded)
+
+    def gramians(self, bound: float) -> tuple[Real, Real] | None:
+        """Least P of the inequality for a bound of the excess, and that of the transposed response."""
+        found: list[Real] = []
+        for system in (self.system, self.system.transposed()):
+            P = riccati(system.A, system.B, *inequality(system, bound, bounded=self.bounded))
+            if P is None:
+                return None
+            found.append(P)
+        return found[0], found[1]
 
     def crossings(self, bound: float) -> Real:
         """Frequencies in rad/s where the excess may be `bound`, none of them missing; ascending."""
@@ -178,7 +184,7 @@ class Popov:
                 yield P
 
     def proofs_in_the_limit(self, F: Real, K: Real, vanishing: int) -> Iterator[Real]:
-        """Matrices P with P F = K, approximately, that may prove the bound 0; in the last so many columns of F A'P + PA vanishes.
+        """Matrices P with P F = K, but for rounding, that may prove the bound 0; A'P + PA vanishes in the last columns of F.
 
         In coordinates ``z = [F, N] (f, g)`` with K'N = 0, P is diag(F'K, p), and p solves the inequality of a smaller system.
         """
@@ -249,6 +255,15 @@ def _is_negative(matrix: Real) -> bool:
 
 def _solve(matrix: Real, right: Real) -> Real:
     return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+
+
+def inequality(system: StateMatrices, bound: float, *, bounded: bool) -> tuple[Real, Real, Real]:
+    """Q, S and R of ``[[A'P + PA + Q, PB + S], [., R]] < 0``: bounded real, or positive real."""
+    _, _, C, D = system
+    eye = np.eye(len(D))
+    if bounded:
+        return C.T @ C, C.T @ D, D.T @ D - bound**2 * eye
+    return np.zeros((C.shape[1],) * 2), -C.T, -(D + D.T) - 2 * bound * eye
 
 
 def hamiltonian(A: Real, B: Real, Q: Real, S: Real, R: Real) -> Real:

@@ -98,12 +98,18 @@ def test_no_file_is_part_of_an_import_circle():
 def test_only_the_solver_knows_cvxpy_and_the_formulation_and_the_certificates_know_no_solver():
     blind = ("robustid.identification.formulation", "robustid.identification.certificate")
     blind += ("robustid.identification.exact_evaluation", "robustid.identification.residuals")
+    blind += ("robustid.reduction.passivity_certificate", "robustid.reduction.exact_matrices")
+    solvers = (
+        "robustid.identification.solver",
+        "robustid.reduction.passive_fit",
+        "robustid.reduction.passivity_search",
+    )
     for name, path in MODULES.items():
         modules = imported(name)
-        if not name.startswith(("robustid.identification.solver", "robustid.report", "robustid.app.cli")):  # versions
+        if not name.startswith((*solvers, "robustid.report", "robustid.app.cli")):  # versions
             assert "cvxpy" not in {module.split(".")[0] for module in modules}, path
         if name.startswith(blind):
-            assert not any(module.startswith("robustid.identification.solver") for module in modules), path
+            assert not any(module.startswith(solvers) for module in modules), path
 
 
 def test_no_assert_and_no_print_in_the_library():

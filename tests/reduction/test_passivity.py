@@ -100,7 +100,7 @@ def test_narrow_violations_between_all_others_are_found():
     )
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(40, marks=pytest.mark.slow)])
 def test_random_networks_are_all_proved(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -121,10 +121,10 @@ def test_random_networks_are_all_proved(seeds):
             assert rid.prove_passive(lossless_at_the_ends, kind=kind).holds
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(60, marks=pytest.mark.slow)])
 def test_random_models_against_a_grid(seeds):
     """What is claimed to be a bound is above every value, and the peak above those of a fine grid."""
-    omega = np.geomspace(1e-3, 1e3, 4000)
+    omega = np.geomspace(1e-3, 1e3, 1000)
     for seed in range(seeds):
         rng = np.random.default_rng(100 + seed)
         n, m = int(rng.integers(1, 8)), int(rng.integers(1, 4))

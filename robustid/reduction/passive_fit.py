@@ -1,0 +1,228 @@
+"""Passive models nearest to data: semidefinite programs over C and D, then steps over all four matrices."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core import Complex, Real, StateMatrices, input_states
+from robustid.data import FrequencyResponse
+from robustid.reduction.passivity_certificate import BOUNDED
+from robustid.reduction.passivity_search import Popov
+
+STRICT = 1e-9  # relative distance from the limit of what is made passive
+_STEPS = 40
+_MOST = 24  # states of which A and B are moved too: the steps take their square as unknowns
+_PROGRESS = 1e-2  # relative decrease of a step below which the next one is shorter
+_REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
+
+
+def like(model: Any, A: Real, B: Real, C: Real, D: Real) -> Any:
+    """A continuous model with the ports of another."""
+    import control
+
+    return control.StateSpace(A, B, C, D, 0, inputs=model.input_labels, outputs=model.output_labels)
+
+
+def response_of(model: Any, omega: Real) -> Complex:
+    """The response of a continuous model, (F, m, m)."""
+    A, B, C, D = StateMatrices.of(model)
+    return D + C @ input_states(A, B, 1j * omega)
+
+
+def radius_of(data: FrequencyResponse) -> Real:
+    """The bounds of data, 1 where there are none."""
+    return np.ones(data.values.shape) if data.bound is None else np.asarray(data.bound.radius, dtype=float)
+
+
+def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
+    """The passive model with least squares of residuals over bounds: of the same A and B, then with all matrices refined."""
+    fit = _Fit(model, kind, data)
+    found = fit.of_gains(fit.squares)
+    if found is None:
+        return model
+    return found if data is None else fit.refined(found)
+
+
+def smallest_ratio(model: Any, kind: str, data: FrequencyResponse) -> Any:
+    """The passive model of the same A and B with the smallest largest ratio of residual to bound."""
+    fit = _Fit(model, kind, data)
+    found = fit.of_gains(fit.largest)
+    return model if found is None else found
+
+
+class _Fit:
+    """Programs over passive models: the inequality in its three-block form, linear in the matrices of the model or in P."""
+
+    def __init__(self, model: Any, kind: str, data: FrequencyResponse | None) -> None:
+        self.model, self.bounded = model, kind == BOUNDED
+        self.kind, self.popov = kind, Popov(kind, StateMatrices.of(model))
+        self.omega = self._between() if data is None else data.omega
+        self.values = response_of(model, self.omega) if data is None else data.values
+        self.radius = np.ones(self.values.shape) if data is None else radius_of(data)
+        self.size = 1.0 if self.bounded else float(np.max(np.abs(self.values))) or 1.0
+        self.ports = self.values.shape[1]
+
+    def _between(self) -> Real:
+        marks = self.popov.marks
+        return np.unique(np.concatenate([marks, (marks[1:] + marks[:-1]) / 2, 10 * marks[-1:], 100 * marks[-1:]]))
+
+    def of_gains(self, cost: Callable[[Any, Complex], Any]) -> Any:
+        """The passive model of least cost with the A and B of the model; None where the solver fails."""
+        cp = _cvxpy()
+        A, B = self.popov.system.A, self.popov.system.B
+        n, m = B.shape
+        gains: Any = cp.Variable((m, n + m))
+        P: Any = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
+        basis: Complex = np.concatenate(
+            [self._states(A, B), np.broadcast_to(np.eye(m, dtype=complex), (self.omega.size, m, m))], axis=1
+        )
+        if not _solved(cost(gains, basis), self._inequality(A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])):
+            return None
+        found = np.asarray(gains.value, dtype=float)
+        return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
+
+    def squares(self, gains: Any, basis: Complex) -> Any:
+        """Root of the sum of squared residuals over bounds, relative to that of the best gains without a limit."""
+        cp = _cvxpy()
+        triangles: list[Real] = []
+        for i in range(self.ports):
+            weight = 1 / self.radius[:, i]
+            regressors = (basis * weight[:, None]).transpose(0, 2, 1).reshape(-1, basis.shape[1])
+            triangles.append(_triangle(regressors, np.asarray(self.values[:, i] * weight, dtype=complex).ravel()))
+        scale = _scale(triangles)
+        return cp.norm(cp.hstack([(t[:, :-1] @ gains[i] - t[:, -1]) / scale for i, t in enumerate(triangles)]))
+
+    def largest(self, gains: Any, basis: Complex) -> Any:
+        """The largest ratio of residual to bound."""
+        cp = _cvxpy()
+        worst: list[Any] = []
+        for i in range(self.ports):
+            for j in range(self.ports):
+                weight = 1 / self.radius[:, i, j]
+                regressors, wanted = basis[:, :, j] * weight[:, None], self.values[:, i, j] * weight
+                parts = [part(regressors) @ gains[i] - part(wanted) for part in (np.real, np.imag)]
+                worst.append(cp.max(cp.norm(cp.vstack(parts), axis=0)))
+        return cp.max(cp.hstack(worst))
+
+    def refined(self, model: Any) -> Any:
+        """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays passive.
+
+        With P = I the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows from how
+        well the last steps did.
+        """
+        if not 0 < model.nstates <= _MOST:
+            return model
+        cost, system, reach = self._cost(model), self._dissipative(model), _REACH
+        for _ in range(_STEPS):
+            if system is None or reach < _LEAST_REACH:
+                break
+            change = self._step(system, reach)
+            if change is None:
+                break
+            trial = self._model(StateMatrices(*(p + d for p, d in zip(system, change, strict=True))))
+            found = self._cost(trial)
+            if found < cost:
+                reach *= 2 if found < cost * (1 - _PROGRESS) else 0.5
+                model, cost, system = trial, found, self._dissipative(trial)
+            else:
+                reach /= 4
+        return model
+
+    def _cost(self, model: Any) -> float:
+        return float(np.linalg.norm((self.values - response_of(model, self.omega)) / self.radius))
+
+    def _dissipative(self, model: Any) -> StateMatrices | None:
+        """The model in time units of `popov` and in coordinates where P = I, between the extreme ones; None where it has none."""
+        popov = Popov(self.kind, StateMatrices.of(model))
+        root = np.sqrt(popov.unit / self.popov.unit)
+        for lift in (0.0, STRICT, 1e-7, 1e-5):
+            both = popov.gramians(popov.limit + lift * popov.size)
+            if both is None or np.linalg.eigvalsh(both[1])[0] <= 0:
+                continue
+            P = (both[0] + np.linalg.inv(both[1])) / 2
+            if np.linalg.eigvalsh(P)[0] <= 0:
+                continue
+            L = np.linalg.cholesky((P + P.T) / 2).T
+            A, B, C, D = popov.system
+            inverse: Real = np.asarray(np.linalg.inv(L), dtype=float)
+            return StateMatrices(root**2 * L @ A @ inverse, root * L @ B, root * C @ inverse, D)
+        return None
+
+    def _step(self, system: StateMatrices, reach: float) -> StateMatrices | None:
+        """The change to the minimum of the linearised residuals among the models that P = I proves passive."""
+        cp = _cvxpy()
+        n, m = system.B.shape
+        right = self._states(system.A, system.B)
+        left = self._states(system.A.T, system.C.T).transpose(0, 2, 1)
+        ones = np.broadcast_to(np.eye(m), (self.omega.size, m, m))
+        sides = np.concatenate([left, ones], axis=2), np.concatenate([right, ones], axis=1)
+        weight = 1 / self.radius
+        residual = self.values - system.D - system.C @ right
+        terms = np.einsum("fij,fik,flj->fijkl", weight, *sides).reshape(-1, (n + m) ** 2)
+        triangle = _triangle(terms, (residual * weight).ravel())
+        change: Any = cp.Variable((n + m, n + m))
+        A, B = system.A + change[:n, :n], system.B + change[:n, n:]
+        C, D = system.C + change[n:, :n], system.D + change[n:, n:]
+        cost = cp.norm(triangle[:, :-1] @ cp.vec(change, order="C") - triangle[:, -1]) / _scale([triangle])
+        size = np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]]))
+        near = cp.norm(change, "fro") <= reach * size
+        if not _solved(cost, self._inequality(A + A.T, B, C, D), near):
+            return None
+        found = np.asarray(change.value, dtype=float)
+        return StateMatrices(found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:])
+
+    def _states(self, A: Real, B: Real) -> Complex:
+        return input_states(A, B, 1j * self.omega / self.popov.unit)
+
+    def _inequality(self, corner: Any, side: Any, C: Any, D: Any) -> Any:
+        """The block that is to be negative semidefinite."""
+        cp = _cvxpy()
+        eye = np.eye(self.ports)
+        if self.bounded:
+            end = -(1 - STRICT) * eye
+            rows = [[corner, side, C.T], [side.T, end, D.T], [C, D, end]]
+        else:
+            rows = [[corner, side - C.T], [side.T - C, 2 * STRICT * self.size * eye - D - D.T]]
+        block = cp.bmat(rows if side.shape[0] else [row[1:] for row in rows[1:]])
+        return (block + block.T) / 2
+
+    def _model(self, system: StateMatrices) -> Any:
+        root = np.sqrt(self.popov.unit)
+        return like(self.model, system.A * root**2, system.B * root, system.C * root, system.D)
+
+
+def _cvxpy() -> Any:
+    import cvxpy
+
+    return cvxpy
+
+
+def _solved(cost: Any, block: Any, *others: Any) -> bool:
+    """Say whether the solver found the minimum of a cost where a block is negative semidefinite; the variables hold it then."""
+    cp = _cvxpy()
+    problem = cp.Problem(cp.Minimize(cost), [block << 0, *others])
+    try:
+        with warnings.catch_warnings():  # its word is not taken anyway
+            warnings.simplefilter("ignore", UserWarning)
+            problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:
+        return False
+    return all(v.value is not None and np.all(np.isfinite(v.value)) for v in problem.variables())
+
+
+def _triangle(regressors: Complex, wanted: Complex) -> Real:
+    """A small real problem [R, r] of the same squares: of a sum of squares of complex residuals."""
+    stacked = np.vstack([np.column_stack([part(regressors), part(wanted)]) for part in (np.real, np.imag)])
+    return np.asarray(scipy.linalg.qr(stacked, mode="r", check_finite=False)[0], dtype=float)[: stacked.shape[1]]
+
+
+def _scale(triangles: list[Real]) -> float:
+    """The residual that is left without a limit, or what is negligible."""
+    least = np.linalg.norm([t[-1, -1] if len(t) == t.shape[1] else 0.0 for t in triangles])
+    size = np.linalg.norm([np.linalg.norm(t[:, -1]) for t in triangles])
+    return float(max(least, 1e-3 * size)) or 1.0

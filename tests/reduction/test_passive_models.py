@@ -1,0 +1,120 @@
+"""Passive models: truncations keep the property and its bound, the nearest passive gains are the nearest."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import response_at
+from robustid.errors import InputError
+from robustid.reduction import PassiveStatus, hinf_error
+from support.networks import foster, scattering
+
+OMEGA = np.geomspace(0.3, 300, 60)
+
+
+def values(model, omega=OMEGA):
+    return response_at((model.A, model.B, model.C, model.D), 1j * omega)
+
+
+@pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["bounded real", "positive real"])
+def test_truncations_stay_passive_within_their_bound(kind, seeds):
+    for seed in range(seeds):
+        model = foster(np.random.default_rng(seed), 4, 2, damping=0.05, resistance=0.2)
+        model = scattering(model) if kind == "bounded real" else model
+        for order in (2, 5):
+            small = rid.reduce_passive(model, kind=kind, order=order)
+            assert small.passivity.holds
+            assert small.passivity.certificate.verify(small.model)
+            assert (small.model.nstates, small.status) == (order, PassiveStatus.PASSIVE)
+            assert np.all((small.values >= 0) & (small.values <= 1 + 1e-9))
+            assert small.error == pytest.approx(hinf_error(model, small.model).value)
+            if kind == "bounded real":
+                assert small.error <= 2 * small.values[order:].sum() + 1e-7
+
+
+def test_a_state_out_of_reach_goes_first():
+    model = control.StateSpace(np.diag([-1.0, -5.0]), [[1.0], [0.0]], [[0.5, 1.0]], 0.25, 0)
+    small = rid.reduce_passive(model, order=1)
+    assert small.values[1] < 1e-6
+    np.testing.assert_allclose(values(small.model), values(model), atol=1e-6)
+
+
+def test_the_smallest_order_inside_all_bounds():
+    model = scattering(foster(np.random.default_rng(5), 3, 1, damping=0.1, resistance=0.3))
+    data = rid.FrequencyResponse(OMEGA, values(model), bound=0.02)
+    small = rid.reduce_passive(model, response=data)
+    assert small.passivity.holds
+    assert small.margin <= 1
+    np.testing.assert_allclose(np.max(np.abs(values(small.model) - values(model))) / 0.02, small.margin, rtol=1e-6)
+    assert small.order < model.nstates
+    assert dict(small.tried)[small.order] <= 1
+    assert all(ratio > 1 for order, ratio in small.tried if order < small.order)
+    wider = rid.reduce_passive(model, response=rid.FrequencyResponse(OMEGA, values(model), bound=0.3))
+    assert wider.order <= small.order
+
+
+def test_the_nearest_passive_model_in_closed_form():
+    # Of 1.5/(1 + s) sampled evenly on both sides of the corner, in the logarithm: found with all of C, D and the pole free by
+    # brute force over the pole p and D, C what is left to |S(0)| = 1.
+    omega = np.geomspace(1e-3, 1e3, 25)
+    wanted = 1.5 / (1 + 1j * omega)
+    found = rid.make_passive(control.StateSpace(-1.0, 1.0, 1.5, 0.0, 0), response=rid.FrequencyResponse(omega, wanted))
+    assert found.passivity.holds
+    pole, gain = np.meshgrid(np.linspace(1.0, 2.5, 301), np.linspace(-0.1, 0.1, 41))
+    trial = ((1 - gain)[..., None] / (1 + 1j * omega / pole[..., None])) + gain[..., None]
+    least = np.min(np.sum(np.abs(trial - wanted) ** 2, axis=-1))
+    cost = np.sum(np.abs(values(found.model, omega).ravel() - wanted) ** 2)
+    assert least * (1 - 1e-4) <= cost <= least * (1 + 1e-4)
+
+
+def test_poles_that_stand_in_the_way_are_moved():
+    # Exact data of a passive network; a pole of the model where nothing was measured, with a gain far beyond 1.
+    truth = scattering(foster(np.random.default_rng(0), 1, 1, damping=0.1, resistance=0.1))
+    far = control.StateSpace([[0, 1], [-1e4, -2.0]], [[0], [1]], [[0, 10.0]], 0.0, 0)
+    omega = np.linspace(0.2, 5, 40)
+    passive = rid.make_passive(truth + far, response=rid.FrequencyResponse(omega, values(truth, omega)))
+    assert passive.passivity.holds
+    assert np.max(np.abs(values(passive.model, omega) - values(truth, omega))) < 1e-4
+
+
+@pytest.mark.parametrize("kind", ["bounded real", "positive real"])
+def test_noisy_networks_become_passive_and_come_nearer_to_the_truth(kind):
+    for seed in range(1):
+        rng = np.random.default_rng(seed)
+        truth = foster(rng, 2, 2, damping=0.05, resistance=0.02)
+        truth = scattering(truth) if kind == "bounded real" else truth
+        active = control.StateSpace(
+            truth.A, truth.B, truth.C * (1 + 0.1 * rng.standard_normal(truth.C.shape)), truth.D - 0.03, 0
+        )
+        assert not rid.prove_passive(active, kind=kind).holds
+        passive = rid.make_passive(active, kind=kind)
+        assert passive.passivity.holds
+        assert passive.error <= 1.5 * hinf_error(active, truth).value
+    again = rid.make_passive(passive.model, kind=kind)
+    assert again.model is passive.model
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m, d: rid.reduce_passive(m), "give either `order`"),
+        (lambda m, d: rid.reduce_passive(m, order=7), "`order` must be at most the order of the model, 1; got 7"),
+        (lambda m, d: rid.reduce_passive(m, kind="negative imaginary", order=1), "take the mobility"),
+        (lambda m, d: rid.reduce_passive(3 * m, order=0), r"beyond the limit by 0\.5.*make_passive"),
+        (lambda m, d: rid.reduce_passive(m, response=d), "must have bounds to stay inside"),
+        (
+            lambda m, d: rid.make_passive(m, response=rid.FrequencyResponse(d.omega, d.values, dt=0.1)),
+            "without `dt`; got dt = 0.1",
+        ),
+        (
+            lambda m, d: rid.make_passive(m, response=rid.FrequencyResponse(d.omega, np.ones((2, 2, 2)))),
+            "1 x 1 entries.*got 2 x 2",
+        ),
+    ],
+)
+def test_misuse_is_refused_in_a_sentence(call, message):
+    model = control.StateSpace(-1.0, 1.0, 0.5, 0.0, 0)
+    with pytest.raises(InputError, match=message):
+        call(model, rid.FrequencyResponse([1.0, 2.0], [0.1, 0.2]))
