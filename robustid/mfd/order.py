@@ -407,5 +407,8 @@ def _parameters(fit: MatrixFraction) -> int:
     if fit.modal is not None and fit.modal.tied:
         ny, nu = problem.values.shape[1:]
         return fit.modal.parameters(problem.order, (ny, nu), fit.fraction.rigid_count, problem.feedthrough)
+    count = int(np.sum(problem.limits + 1))
+    if problem.free and problem.rigid is None and not problem.tied[1].size:
+        return count
     basis = problem.basis(fit.nodes.denominators, fit.nodes.response)
-    return int(np.sum(problem.limits + 1)) - len(problem.forbidden(basis, fit.nodes))
+    return count - len(problem.forbidden(basis, fit.nodes))
