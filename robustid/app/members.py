@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.app import choices, findings
+from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
 from robustid.app.options import prior_keys
@@ -96,7 +97,7 @@ class FamilyRun(Frozen):
 def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
     """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
 
-    Modes are those of the first member's response; the prior has the largest gain bound and the smallest decay rate that any member
+    Modes are those of the first member's response, or of a fit of it; the prior has the largest gain bound and the smallest decay rate that any member
     asks for, in a class that holds those of all.
     """
     data: dict[str, Measured] = {}
@@ -104,7 +105,7 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
         around.say(f"member {member.name}")
         stated, data[member.name] = measured(run.of_member(member.name), place, around.say)
         run = run.with_member(member.name, stated)
-    run = choices.with_modes(run, next(iter(data.values())), around.say)
+    run = _with_modes(run, data, folder, around)
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
@@ -119,6 +120,15 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
         result = identify(dataclasses.replace(problem, prior=prior), **run.identify.arguments)
         found[name] = dataclasses.replace(result, notes=(*result.notes, *run.choices))
     return _united(run, found, left, folder, around)
+
+
+def _with_modes(run: RunFile, data: dict[str, Measured], folder: RunFolder, around: Surroundings) -> RunFile:
+    """The poles of the parametric part, from the first member where they aren't stated, which their note says then."""
+    name, first = next(iter(data.items()))
+    found = choices.with_modes(with_fit(run, first, around.say, folder), first, around.say)
+    if run.modes.hz is not None or not found.modes.hz:
+        return found
+    return found.changed("modes", note=f"{found.modes.note}\nOf {name}, the first of the members.")
 
 
 def _problem(run: RunFile, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:

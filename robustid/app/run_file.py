@@ -273,8 +273,6 @@ def _check_members(run: RunFile) -> None:
             raise InputError(f"[[members]] {k} needs name = ..., one of its own")
         if not any(source.member == name for _, source in sources):
             raise InputError(f"[[members]] {k}: no [[record]] and no [[frequency]] has member = {name!r}")
-    if run.members and run.fit.order is not None:
-        raise InputError("[fit] is about one plant; leave it out where there are [[members]]")
     if run.members and run.worst_case.over_poles:
         raise InputError("[worst_case] over_poles = true is about one plant; leave it out where there are [[members]]")
     if run.members and not run.worst_case.compute:

@@ -69,6 +69,31 @@ def test_the_class_is_chosen_once_for_all(tmp_path):
     assert found.consistent
 
 
+def test_the_modes_are_those_of_a_fit_of_the_first_member(tmp_path):
+    """One mode in members of different gain; the run file that is written gives the family again without a fit."""
+    basis, omega = rid.kautz([8.0], [0.03], dt=DT, delay=1), np.linspace(5.0, 11.0, 12)
+    path = asked(tmp_path, worst_case={"at_hz": [1.2], "directions": 4}, modes={}, fit={"order": 2})
+    for k, (name, gain) in enumerate(GAINS.items()):
+        error = 0.9e-3 * np.exp(2j * np.pi * np.random.default_rng(k).uniform(0, 1, omega.size))
+        values = basis.response(omega * DT) @ np.array([0.1, 0.05]) * gain + error
+        rid.save(tmp_path / f"{name}.csv", rid.FrequencyResponse(omega, values, bound=1e-3, dt=DT))
+    found = rid.run(path, tmp_path / "out")
+    modes = found.run_file.modes
+    np.testing.assert_allclose((modes.hz[0], modes.damping[0]), (8.0 / (2 * np.pi), 0.03), rtol=0.02)
+    assert "a matrix fraction of order 2" in modes.note
+    assert modes.note.endswith("Of weak, the first of the members.")
+    assert found.consistent
+    np.testing.assert_array_equal(
+        [found.identifications[name].problem.parametric.poles for name in GAINS],
+        [found.identifications["weak"].problem.parametric.poles] * 2,
+    )
+    fit = rid.load(tmp_path / "out" / "fit")
+    assert rid.mode_table(fit)[0].hz == modes.hz[0]
+    again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
+    assert np.array_equal(again.family.upper, found.family.upper)
+    assert again.run_file.modes.note == modes.note
+
+
 def test_a_member_that_refutes_the_class_is_a_finding(tmp_path):
     found = rid.run(asked(tmp_path, {"weak": 0.8, "wild": 30.0}), tmp_path / "out")
     assert found.family is None
