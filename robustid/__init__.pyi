@@ -5,6 +5,7 @@ from ._version import __version__ as __version__
 # What to choose, change and measure next
 from .advice import diagnose as diagnose
 from .advice import improve_kautz as improve_kautz
+from .advice import prior_weight as prior_weight
 from .advice import sensitivity as sensitivity
 from .advice import suggest_class as suggest_class
 from .advice import suggest_kautz as suggest_kautz

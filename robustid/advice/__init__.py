@@ -9,6 +9,7 @@ from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, possible_rates, suggest_prior
+from robustid.advice.prior_weight import prior_weight
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
@@ -30,6 +31,7 @@ __all__ = [
     "entry_sizes",
     "improve_kautz",
     "possible_rates",
+    "prior_weight",
     "response_sizes",
     "sensitivity",
     "suggest_class",

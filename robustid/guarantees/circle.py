@@ -30,6 +30,7 @@ from robustid.identification import Identification, MixedProblem
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
+_DOUBLES, _LITTLE = 4, 0.1  # of the highest frequency point, and of the weight there
 _PIECES = 64  # of the arc from the highest frequency point to infinity
 _ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
@@ -129,11 +130,18 @@ class ModelError:
 
     @property
     def end(self) -> float:
-        """The last edge with value sets, rad/s: the top of the range; in continuous time the highest frequency point."""
+        """The last edge with value sets, rad/s: the top of the range; in continuous time the highest frequency point.
+
+        Where the class falls beyond that, the first of its doubles at which little is left of it.
+        """
         problem, top = self.identification.problem, self.range[1]
         if np.isfinite(top):
             return top
-        return float(max(f.omega.max() for f in problem.frequency))
+        last = float(max(f.omega.max() for f in problem.frequency))
+        doubles = np.array([last * 2.0**k for k in range(_DOUBLES + 1)])
+        sizes = problem.weighting.sizes(problem.plane.angles(doubles))
+        small = np.flatnonzero(sizes <= _LITTLE * sizes[0])
+        return float(doubles[small[0]]) if small.size else last
 
     def beyond(self) -> Real:
         """Bound of the entries from the last edge to infinity, (1, ny, nu): the class, and the rest by its ends and bends."""

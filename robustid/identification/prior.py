@@ -45,7 +45,8 @@ class Prior(Frozen):
     weight : control.StateSpace or control.TransferFunction, optional
         W, stable and of minimum phase, of one input and one output and of the same kind of time as the data (with their dt):
         ``|G| <= K |W(j omega)|`` on Re s = -alpha, ``|G| <= K |W(exp(j omega dt))|`` on |z| = 1/rho; hence
-        ``|G| <= K |W(alpha + j omega)|`` and ``K |W(rho exp(j omega dt))|`` at the frequencies. One of `weight` and `roll_off`.
+        ``|G| <= K |W(alpha + j omega)|`` and ``K |W(rho exp(j omega dt))|`` at the frequencies. From a table: `prior_weight`. One
+        of `weight` and `roll_off`.
 
     Notes
     -----

@@ -1,0 +1,111 @@
+"""prior_weight(): the weight of a class from a table of frequencies and levels."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robustid.core import Real, as_array, as_positive, plane_of
+from robustid.errors import InputError
+from robustid.guarantees import magnitude_weight
+from robustid.identification import from_image
+
+if TYPE_CHECKING:
+    import control
+
+_PARTS = 8  # of the interval between two rows of the table: jumps between neighbours are what the fit cannot undercut
+
+
+def prior_weight(
+    omega: Any, level: Any, *, dt: float | None = None, order: int | None = None, tightness: float = 1.5
+) -> control.StateSpace:
+    r"""Return a small stable minimum-phase W above a table, for `Prior` (`weight`).
+
+    .. math:: |W(j\omega)| \ge \text{level}(\omega), \qquad \text{or } |W(e^{j\omega T})|, \quad \text{at all frequencies}
+
+    Between two rows of the table straight lines in logarithms of frequency and level, before the first row and behind the last
+    one their levels.
+
+    Parameters
+    ----------
+    omega : (F,) array, rad/s
+        Rising, from 0 or above, up to pi/dt.
+    level : (F,) array
+        Positive: how large the non-parametric part may be there, over the `gain_bound` of the prior.
+    dt : float, s, optional
+        Sample time of the data; left out for data of continuous time.
+    order : int, optional
+        Of W, at most. Default: the smallest that stays within `tightness` of the table, as in `magnitude_weight`; up to 12.
+    tightness : float
+        Above 1.
+
+    Returns
+    -------
+    control.StateSpace
+        Proved to be above the table on the whole circle or axis.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, fewer than two rows, frequencies that do not rise or exceed pi/dt, levels that are not positive.
+
+    Notes
+    -----
+    The prior bounds the non-parametric part beyond the frequencies, on Re s = -alpha or |z| = 1/rho; the table holds there.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> weight = rid.prior_weight([1.0, 10.0, 100.0], [1.0, 1.0, 0.01])
+    >>> rid.Prior(gain_bound=0.2, decay=0.5, weight=weight).weighted, bool(abs(weight(100j)) >= 0.01)
+    (True, True)
+    """
+    dt = None if dt is None else as_positive("dt", dt)
+    omega, level = _table(omega, level, np.inf if dt is None else np.pi / dt)
+    plane = plane_of(dt, omega)
+    edges, levels = _finer(omega, level)
+    edges, levels = np.concatenate([[0.0], edges, [plane.top]]), np.concatenate([levels[:1], levels, levels[-1:]])
+    keep = np.append(True, np.diff(plane.angles(edges)) > 0)
+    edges, levels = edges[keep], levels[keep]
+    found = magnitude_weight(
+        plane.angles(edges), np.maximum(levels[:-1], levels[1:]), dt=1.0, order=order, tightness=tightness
+    ).model
+    if dt is None:
+        return from_image(found, plane)
+    import control
+
+    return control.StateSpace(found.A, found.B, found.C, found.D, dt, remove_useless_states=False)
+
+
+def _finer(omega: Real, level: Real) -> tuple[Real, Real]:
+    """The table with further rows, on straight lines in logarithms; up from 0 the larger one of the two levels."""
+    fine = [omega[:1]]
+    for low, high in itertools.pairwise(omega.tolist()):
+        fine.append(np.geomspace(low, high, _PARTS + 1)[1:] if low > 0 else np.array([high]))
+    edges = np.concatenate(fine)
+    inside = omega > 0
+    levels = np.exp(
+        np.interp(np.log(np.maximum(edges, omega[inside][0])), np.log(omega[inside]), np.log(level[inside]))
+    )
+    levels[0] = level[0]
+    return edges, levels
+
+
+def _table(omega: Any, level: Any, top: float) -> tuple[Real, Real]:
+    """Both columns, checked."""
+    omega, level = as_array("omega", omega, ndim=1), as_array("level", level, ndim=1)
+    if omega.shape != level.shape or omega.size < 2:
+        raise InputError(
+            f"`omega` and `level` must have as many rows, two at least; got {omega.size} frequencies and {level.size} levels"
+        )
+    if omega[0] < 0 or np.any(np.diff(omega) <= 0):
+        raise InputError(
+            "`omega` must rise from 0 or above, in rad/s; sort the table, and leave repeated frequencies out"
+        )
+    if omega[-1] > top * (1 + 1e-12):
+        raise InputError(f"`omega` must not exceed pi/dt = {top:g} rad/s; got {omega[-1]:g}")
+    if not np.all(level > 0):
+        raise InputError(f"`level` must be positive (not in dB); got a smallest one of {level.min():g}")
+    return omega, level
