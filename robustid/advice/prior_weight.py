@@ -81,9 +81,9 @@ def prior_weight(
 
 def _finer(omega: Real, level: Real) -> tuple[Real, Real]:
     """The table with further rows, on straight lines in logarithms; up from 0 the larger one of the two levels."""
-    fine = [omega[:1]]
+    fine: list[Real] = [omega[:1]]
     for low, high in itertools.pairwise(omega.tolist()):
-        fine.append(np.geomspace(low, high, _PARTS + 1)[1:] if low > 0 else np.array([high]))
+        fine.append(np.asarray(np.geomspace(low, high, _PARTS + 1)[1:] if low > 0 else [high], dtype=float))
     edges = np.concatenate(fine)
     inside = omega > 0
     levels = np.exp(
