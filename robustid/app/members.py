@@ -97,8 +97,8 @@ class FamilyRun(Frozen):
 def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
     """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
 
-    Modes are those of the first member's response, or of a fit of it; the prior has the largest gain bound and the smallest decay rate
-    that any member asks for, in a class that holds those of all.
+    Modes are those of the first member's response, or of a fit of it. The prior has the largest gain bound and the smallest decay
+    rate that any member asks for, in a class that holds those of all.
     """
     data: dict[str, Measured] = {}
     for member in run.members:
