@@ -63,8 +63,10 @@ from .guarantees import structured_weights as structured_weights
 from .guarantees import uncertainty_weight as uncertainty_weight
 from .guarantees import worst_case_error as worst_case_error
 from .guarantees import worst_case_over_poles as worst_case_over_poles
+from .identification import BoundedReal as BoundedReal
 from .identification import Identification as Identification
 from .identification import MixedProblem as MixedProblem
+from .identification import PositiveReal as PositiveReal
 from .identification import Prior as Prior
 from .identification import identify as identify
 from .identification import validate as validate

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Frozen, Plane, Progress, Real, as_kind, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import Identification, MixedProblem, contradictions
 from robustid.identification.formulation import QUICK_EXACT, formulate
 from robustid.identification.solver import margin_path
 
@@ -24,6 +25,15 @@ _MOVED = "poles moved"
 _UNWEIGHTED = "a bound that does not fall with the frequency"
 _DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
 _SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
+
+
+# What a response may be in the place of that of a passive plant.
+_TURNED = (
+    "the phase with the opposite sign (exp(-j omega t))",
+    "the response with the opposite sign",
+    "the response times j omega (of a displacement the velocity)",
+    "the response over j omega (of an acceleration the velocity)",
+)
 
 
 class Trial(NamedTuple):
@@ -47,12 +57,18 @@ class Diagnosis(Frozen):
     trials : tuple of Trial
     left_out : tuple of str
         Changes for which there was no time.
+    notes : tuple of str
+        How single frequency points contradict a passive class.
+    passive : bool
+        Whether the class is a passive one: data are changed too, in their sign, phase or derivative.
     """
 
     inflation: float
     active: tuple[tuple[str, int, float, float], ...]
     trials: tuple[Trial, ...]
     left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    passive: bool = False
 
     def best(self) -> Trial | None:
         """The change with the smallest margin."""
@@ -72,16 +88,19 @@ class Diagnosis(Frozen):
             else f"{at:.5g} s ({100 * weight:.0f} %)"
             for kind, _, at, weight in self.active[:8]
         ]
-        lines = [head]
+        lines = [head, *self.notes]
         if names:
             lines.append("Active constraints, with their dual weight in the proof: " + ", ".join(names) + ".")
-        lines.append("What other classes would bring, all else equal (margin = factor on the bounds):")
+        changed = "classes and data" if self.passive else "classes"
+        lines.append(f"What other {changed} would bring, all else equal (margin = factor on the bounds):")
         lines += [
             f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
             for trial in self.trials
         ]
         if self.left_out:
             lines.append(f"  no time was left for: {', '.join(self.left_out)}")
+        if self.passive:
+            return "\n".join(lines)
         lines.append(
             "More pairs add assumptions that the data can test; a larger K or a slower decay only asks less, and its guarantee"
             " between the samples is weaker."
@@ -104,6 +123,7 @@ def diagnose(
     Solves for the margin with the class changed in one respect at a time: each pair of the parametric part repeated (terms
     k a^k, which absorb errors of the poles to first order), one more pair where the frequency points show what the others lack
     most, the gain bound times 2 and times 10, half the decay (rho - 1), and the intervals of the coefficients left out.
+    Of a passive class: half the decay, and the data with the opposite sign, phase, and as derivative or integral.
     Inconsistent data with up to 100 coefficients: also the poles of the pairs moved (`improve_kautz`).
 
     Parameters
@@ -142,19 +162,23 @@ def diagnose(
     as_kind("identification", identification, Identification, "an Identification")
     problem = identification.problem
     K, rate = problem.prior.gain_bound, problem.prior.rate
+    physical = bool(problem.prior.physical)
     changes: list[tuple[str, MixedProblem]] = []
-    if (terms := _further_terms(problem)) is not None:
+    if not physical and (terms := _further_terms(problem)) is not None:
         changes.append(("each pair repeated once more", _with_functions(problem, terms)))
-    if (pair := _missing_pair(problem)) is not None:
+    if not physical and (pair := _missing_pair(problem)) is not None:
         changes.append((pair[0], _with_functions(problem, pair[1])))
-    changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
+    if physical:
+        changes += _other_data(problem)
+    else:
+        changes += [(f"K times {factor}", problem.with_prior(gain_bound=factor * K)) for factor in (2, 10)]
     slower = ("rho - 1 halved", 1 + (rate - 1) / 2) if problem.dt else ("decay halved", rate / 2)
     changes.append((slower[0], problem.with_prior(rate=slower[1])))
     if problem.prior.weighted:
         changes.append((_UNWEIGHTED, problem.with_prior(roll_off=None, corner=None, weight=None)))
-    if problem.parameter_bounds is not None:
+    if problem.parameter_bounds is not None and not physical:
         changes.append(("coefficients without intervals", dataclasses.replace(problem, parameter_bounds=None)))
-    moving = not identification.consistent and problem.coefficients <= QUICK_EXACT
+    moving = not (identification.consistent or physical) and problem.coefficients <= QUICK_EXACT
     budget, count = Budget(time_limit, progress), len(changes) + moving
     trials: list[Trial] = []
     waiting = [*(text for text, _ in changes), *([_MOVED] * moving)]
@@ -183,7 +207,46 @@ def diagnose(
         active=tuple(identification.conflicting_samples()),
         trials=tuple(trials),
         left_out=tuple(waiting),
+        notes=contradictions(problem) if physical and not identification.consistent else (),
+        passive=physical,
     )
+
+
+def _other_data(problem: MixedProblem) -> list[tuple[str, MixedProblem]]:
+    """Data as they may have been measured in the place of those of a passive plant: another sign, phase, or derivative."""
+    turns: list[tuple[str, Callable[[Real], Any], bool]] = [(_TURNED[0], np.ones_like, True)]
+    if problem.prior.positive_real:
+        factors: tuple[Callable[[Real], Any], ...] = (_minus_one, _derivative, _integral)
+        turns += [(words, factor, False) for words, factor in zip(_TURNED[1:], factors, strict=True)]
+    if any(np.any(frf.omega == 0) for frf in problem.frequency):
+        turns = turns[:2]
+    if any(frf.bound.joint != "entry" or frf.bound.tilt is not None for frf in problem.frequency):
+        turns = []
+    changes: list[tuple[str, MixedProblem]] = []
+    for words, factor, conjugated in turns:
+        changed: list[FrequencyResponse] = []
+        for frf in problem.frequency:
+            by = factor(frf.omega)[:, None, None]
+            values = frf.values.conj() if conjugated else frf.values * by
+            bound = dataclasses.replace(frf.bound, radius=np.asarray(frf.bound.radius) * np.abs(by))
+            changed.append(dataclasses.replace(frf, values=values, bound=bound))
+        prior = problem.prior
+        if prior.positive_real:
+            prior = dataclasses.replace(prior, gain_bound=None)
+        changes.append((words, MixedProblem(frequency=changed, prior=prior, symmetric=problem.symmetric)))
+    return changes
+
+
+def _minus_one(omega: Real) -> Real:
+    return -np.ones(omega.size)
+
+
+def _derivative(omega: Real) -> Complex:
+    return np.asarray(1j * omega, dtype=complex)
+
+
+def _integral(omega: Real) -> Complex:
+    return np.asarray(-1j / omega, dtype=complex)
 
 
 def _moved_poles(problem: MixedProblem, budget: Budget) -> list[Trial]:

@@ -37,8 +37,10 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
-    if not data.responses:
+    if not data.responses or run.prior.passive is not None:
         note = "No parametric part: there is no frequency response to take modes from."
+        if run.prior.passive is not None:
+            note = "No parametric part: a passive class is about the whole plant."
         return run.changed("modes", hz=(), damping=(), delay=1, note=note)
     say("looking for modes in the frequency response")
     chosen = run.modes

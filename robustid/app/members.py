@@ -158,7 +158,7 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
     """The smallest class that holds those that every member asks for."""
     found = [choices.with_prior(run, problem, around.say, double=False) for problem in problems.values()]
     asked = [(one, problem.prior) for one, problem in found]
-    if run.prior.gain_bound is not None:
+    if run.prior.stated is not None:
         return asked[0]
     gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.rate for _, prior in asked)
     first, prior = asked[0]

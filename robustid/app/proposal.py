@@ -63,7 +63,7 @@ def propose(
     twice = None
     if modes.hz is not None:
         basis = basis_of(dataclasses.replace(modes, delay=int(dt > 0) if modes.delay is None else modes.delay), dt)
-    elif frequency:
+    elif frequency and not (prior and prior.physical):
         suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
         basis = suggestion.basis
         if modes.repeat == 1 and suggestion.omega.size:

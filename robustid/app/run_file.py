@@ -56,9 +56,7 @@ class RunFile(Frozen, General):
         _check_fit(self)
         _check_modes(self)
         _check_notes(self)
-        self.prior.check(
-            {"gain_bound": "[prior] gain_bound"} | {k: k for k in ("decay_rate", "decay", "roll_off", "corner_hz")}
-        )
+        self.prior.check({"gain_bound": "[prior] gain_bound", "passive": "[prior] passive"})
         points = self.frequency_points
         if points.near_hz is not None and points.every == 1:
             raise InputError(

@@ -144,9 +144,14 @@ class ModelError:
         return float(doubles[small[0]]) if small.size else last
 
     def beyond(self) -> Real:
-        """Bound of the entries from the last edge to infinity, (1, ny, nu): the class, and the rest by its ends and bends."""
+        """Bound of the entries from the last edge to infinity, (1, ny, nu): the class, and the rest by its ends and bends.
+
+        Infinite for positive-real classes, of which nothing bounds the gain at infinity.
+        """
         identification, plane = self.identification, self.identification.problem.plane
         prior = identification.problem.prior
+        if prior.positive_real:  # they may grow like s
+            return np.full((1, *self.model.D.shape), np.inf)
         scales = prior.scales(*self.model.D.shape)
         angles = np.linspace(float(plane.angles(np.array(self.end))), np.pi, _PIECES + 1)
         rest, reach = -plane.values(self.model, angles), np.zeros((angles.size, *scales.shape))
@@ -311,9 +316,9 @@ def norms_of_class(
 ) -> Real:
     """Bound of the largest singular value of F - nominal from the class and the intervals of the parameters alone, (F,).
 
-    Infinite where these are not complete.
+    Infinite where these are not complete, and of classes without a gain bound.
     """
-    if not parameters.complete:
+    if not parameters.complete or identification.problem.prior.positive_real:
         return np.full(omega.size, np.inf)
     problem, (_, p, q) = identification.problem, nominal.shape
     known, loose, rounding = -nominal, np.zeros(nominal.shape), np.linalg.norm(nominal, axis=(1, 2))

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.identification import Identification, MixedProblem, parametric_states
+from robustid.identification import Identification, MixedProblem, class_size, parametric_states
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -30,7 +30,7 @@ class Curvature:
 
     * |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
       (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
-      -(z G' + z^2 G''); in continuous time likewise (`Region.bend`).
+      -(z G' + z^2 G''); in continuous time likewise (`Region.bend`); positive-real ones in `class_size`.
       Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
       W from its state space.
     * the P_i from their state space, times the half-widths of the certified intervals;
@@ -60,7 +60,7 @@ class Curvature:
 
     def _of_class(self, low: float, high: float) -> float:
         """Bound of |G''| on an arc for every G of the class, without its scaling."""
-        K, region = self.problem.prior.gain_bound, self.problem.region
+        K, region = class_size(self.problem, low, high), self.problem.region
         if self.problem.weighting.trivial:
             return region.bend(K, low, high)
         size, slope, bend = self._weight(low, high)

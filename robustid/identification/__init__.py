@@ -13,6 +13,8 @@ from robustid.identification.formulation import FORMS
 from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
+from robustid.identification.passive import class_size, contradictions
+from robustid.identification.passive_prior import PASSIVE_NAMES, BoundedReal, PositiveReal, prior_from
 from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
@@ -24,12 +26,15 @@ from robustid.identification.verification import Check, Claim
 __all__ = [
     "FORMS",
     "OBJECTIVES",
+    "PASSIVE_NAMES",
+    "BoundedReal",
     "Check",
     "Claim",
     "Functional",
     "Identification",
     "MarginCertificate",
     "MixedProblem",
+    "PositiveReal",
     "Prior",
     "Residual",
     "SupportCertificate",
@@ -39,6 +44,8 @@ __all__ = [
     "certify_support",
     "check_model",
     "check_sampled",
+    "class_size",
+    "contradictions",
     "describe_poles",
     "describe_problem",
     "entry_name",
@@ -53,6 +60,7 @@ __all__ = [
     "parametric_states",
     "posed_alone",
     "prior_fields",
+    "prior_from",
     "prove_margin",
     "validate",
     "verify_margin_exactly",

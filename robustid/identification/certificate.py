@@ -27,11 +27,11 @@ class MarginCertificate(Frozen):
         margin * sum|l_k|  >=  Re<l, y> - ||Y||_* - r ||E'l - c S|| - max (P'l)'p - sum|l_k| tail_k
 
     because <c S, x> = <Y, X(x)>, ||X(x)|| <= 1 bounds <Y, X(x)> by the nuclear norm of Y and implies ||x|| <= r, where r = 1, of
-    p x q matrices min(p, q)^(1/2). |l_k| is the norm of the multipliers that share the bound k. The maximum is
-    over the parameters p in their intervals; of the free ones it is |P'l| p_max, where p_max bounds those of every system
-    whose margin is at most `upper` (others need no proof). The right-hand side is recomputed from the numbers by
-    `evaluate_certificate`: sums and products only, with an allowance for their rounding. The arrays y, E, P, A, c are taken as
-    they are in double precision.
+    p x q matrices min(p, q)^(1/2) (of other classes than the ball: `SarasonMap.product` and `SarasonMap.largest`). |l_k| is the
+    norm of the multipliers that share the bound k. The maximum is over the parameters p in their intervals; of the free ones it
+    is |P'l| p_max, where p_max bounds those of every system whose margin is at most `upper` (others need no proof). The
+    right-hand side is recomputed from the numbers by `evaluate_certificate`: sums and products only, with an allowance for their
+    rounding. The arrays y, E, P, A, c are taken as they are in double precision.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def certify_margin(
     raw: NDArray[Any] = np.asarray(samples, complex) / weight
     S = sarason.stein(Y / weight)
     changes: list[NDArray[Any]] = [raw]
-    if rows.E.stored:
+    if rows.E.stored or sarason.largest(upper) > 1:
         changes.append(_balanced(raw, sarason.first_row(S), rows))
     for changed in changes:
         multipliers = _cancel_parameters(changed, rows)
@@ -102,8 +102,8 @@ def evaluate_certificate(
     # An inner product of length m, complex or not, errs by at most 2 (m + 2) eps sum|terms|.
     long = 2 * (count + 2) * eps
     fit = float(np.real(samples.conj() @ rows.y)) - long * float(size @ np.abs(rows.y))
-    nuclear, mismatch = nuclear_norm(ball, sarason), mismatched(samples, ball, rows, sarason)
-    leak = leaked(samples, rows, upper)
+    nuclear, mismatch = largest_product(ball, sarason, upper), mismatched(samples, ball, rows, sarason, upper)
+    leak = leaked(samples, rows, upper, sarason.largest(upper))
     tail = float(shared @ rows.tail) * (1 + long)
     return float((fit - nuclear - mismatch - leak - tail) / (weight * (1 + long)))
 
@@ -220,9 +220,9 @@ def evaluate_support(
     reach = level + rows.tail
     fit = float(np.real(samples.conj() @ rows.y)) + long * float(size @ np.abs(rows.y))
     total = fit + float(rows.sizes(samples) @ reach) * (1 + long)
-    total += nuclear_norm(S, sarason)
-    total += mismatched(-samples, S, rows, sarason, functional.x)
-    total += leaked(-samples, rows, level, functional.p) + functional.tail
+    total += largest_product(S, sarason, level)
+    total += mismatched(-samples, S, rows, sarason, level, functional.x)
+    total += leaked(-samples, rows, level, sarason.largest(level), functional.p) + functional.tail
     return float(total + 8 * eps * (abs(fit) + abs(total)))
 
 
@@ -239,24 +239,25 @@ def _match_parameters(
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
-def nuclear_norm(S: NDArray[np.float64], sarason: SarasonMap) -> float:
-    """||S - A S A'||_*, with an allowance for rounding; for MIMO A stands for A (x) I."""
+def largest_product(S: NDArray[np.float64], sarason: SarasonMap, level: float) -> float:
+    """Above <Y, X> of all functions of the class, Y = S - A S A' (for MIMO A stands for A (x) I); ||Y||_* of the ball.
+
+    With an allowance for rounding; `level` as in `SarasonMap.largest`.
+    """
     A, n, eps = sarason.pair.A, sarason.pair.order, float(np.finfo(float).eps)
     if not n:
         return 0.0
     parts = sarason.entries.parted(S)
-    some = np.any(parts != 0, axis=(2, 3))  # those of a proof about one entry are zero elsewhere
-    parts = parts[np.ix_(some.any(axis=1), some.any(axis=0))]
+    if sarason.entrywise:
+        some = np.any(parts != 0, axis=(2, 3))  # those of a proof about one entry are zero elsewhere
+        parts = parts[np.ix_(some.any(axis=1), some.any(axis=0))]
     if not parts.size:
         return 0.0
     Y = sarason.entries.joined(parts - A @ parts @ A.T)
     spread = np.abs(parts) + np.abs(A) @ np.abs(parts) @ np.abs(A.T)
-    nuclear, small = float(np.sum(np.linalg.svd(Y, compute_uv=False))), min(sarason.shape)
-    return (
-        nuclear
-        + 10 * max(sarason.shape) * eps * nuclear
-        + 4 * (n + 2) * eps * np.sqrt(small) * float(np.linalg.norm(spread))
-    )
+    most, small = sarason.product(Y, level), min(sarason.shape)
+    rounding = 4 * (n + 2) * eps * np.sqrt(small) * float(np.linalg.norm(spread))
+    return most + 10 * max(sarason.shape) * eps * most + rounding * sarason.largest(level)
 
 
 def mismatched(
@@ -264,21 +265,30 @@ def mismatched(
     S: NDArray[np.float64],
     rows: Rows,
     sarason: SarasonMap,
+    level: float,
     wanted: NDArray[np.float64] | float = 0.0,
 ) -> float:
-    """An upper bound of <wanted + E'l - c S, x> over the unit ball, with an allowance for rounding."""
+    """An upper bound of <wanted + E'l - c S, x> over the class, with an allowance for rounding."""
     c, n, size, eps = sarason.pair.c, sarason.pair.order, np.abs(samples), float(np.finfo(float).eps)
     long, short = 2 * (size.size + 2) * eps, 2 * (n + 4) * eps
     mismatch = float(np.linalg.norm(wanted + rows.E.adjoint(samples) - sarason.first_row(S)))
     mismatch += long * float(np.linalg.norm(rows.E.spread(size))) + 4 * eps * float(np.linalg.norm(wanted))
     spread = sarason.entries.spread(np.abs(c[0]) @ np.abs(sarason.entries.parted(S)))
-    return rows.reach * (mismatch + short * float(np.linalg.norm(spread))) * (1 + 4 * eps)
+    reach = rows.reach * sarason.largest(level)
+    return reach * (mismatch + short * float(np.linalg.norm(spread))) * (1 + 4 * eps)
 
 
 def leaked(
-    samples: NDArray[np.complex128], rows: Rows, upper: float, wanted: NDArray[np.float64] | float = 0.0
+    samples: NDArray[np.complex128],
+    rows: Rows,
+    upper: float,
+    largest: float,
+    wanted: NDArray[np.float64] | float = 0.0,
 ) -> float:
-    """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
+    """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper.
+
+    `largest` bounds ||X|| of these systems.
+    """
     if not rows.P.shape[1]:
         return 0.0
     eps, held = float(np.finfo(float).eps), rows.held
@@ -286,7 +296,7 @@ def leaked(
     rounding = 2 * (samples.size + 2) * eps * (np.abs(rows.P).T @ np.abs(samples)) + 4 * eps * np.abs(wanted)
     ends = rows.ends[held]
     free = float(np.linalg.norm(slope[~held]) + np.linalg.norm(rounding[~held]))
-    leak = free * _parameter_bound(upper, rows) if free else 0.0
+    leak = free * _parameter_bound(upper, largest, rows) if free else 0.0
     reach = np.abs(ends).max(axis=1, initial=0.0)
     error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
     return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
@@ -318,13 +328,18 @@ def _cancel_parameters(samples: NDArray[np.complex128], rows: Rows) -> NDArray[n
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
-def _parameter_bound(upper: float, rows: Rows) -> float:
+def _parameter_bound(upper: float, largest: float, rows: Rows) -> float:
     """||p|| of the free parameters with margin <= upper: P p = y - E x - e - (the others), ||x|| <= r, |e_k| <= upper + tail_k."""
-    largest, smallest = rows.free_singular
-    smallest -= 10 * sum(rows.P.shape) * np.finfo(float).eps * largest
+    widest, smallest = rows.free_singular
+    smallest -= 10 * sum(rows.P.shape) * np.finfo(float).eps * widest
     if smallest <= 0:
         return np.inf
-    reach = np.linalg.norm(rows.y) + rows.E.norm * rows.reach + upper * np.sqrt(rows.cones) + np.linalg.norm(rows.tail)
+    reach = (
+        np.linalg.norm(rows.y)
+        + rows.E.norm * rows.reach * largest
+        + upper * np.sqrt(rows.cones)
+        + np.linalg.norm(rows.tail)
+    )
     reach += np.linalg.norm(rows.P[:, rows.held]) * np.linalg.norm(
         np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0)
     )

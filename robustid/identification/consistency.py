@@ -115,7 +115,7 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
     claim, passed = prove_margin(data, solver, accuracy, budget.share(_PROOF))
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
-    level = level_of(objective, claim.margin, claim.accuracy)
+    level = level_of(objective, claim.margin, claim.accuracy, formulation.problem.prior)
     try:
         point, used, notes = _choose_point(formulation, level, objective, solver, passed, budget)
     except KeyboardInterrupt:
@@ -148,6 +148,10 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     if objective not in OBJECTIVES:
         raise InputError(f"`objective` must be one of {OBJECTIVES}; got {objective!r}")
+    if problem.prior.positive_real and objective in ("gain", "order"):
+        raise InputError(
+            f"`objective` = {objective!r} needs a gain bound, which a PositiveReal class has not; take 'center' or 'margin'"
+        )
     if form not in FORMS:
         raise InputError(f"`form` must be one of {FORMS}; got {form!r}")
 

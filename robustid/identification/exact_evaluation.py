@@ -21,6 +21,7 @@ from robustid.errors import InputError
 from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, real_rows
 from robustid.identification.entries import HALF
 from robustid.identification.formulation.columns import BlockColumns, Columns
+from robustid.identification.formulation.passive import PassiveMap
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.taylor import ShiftMap
@@ -55,8 +56,8 @@ def enclose_support(
         size = _sizes(samples, rows)
         reach = [flint.arb(level) + tail for tail in rows.tail.tolist()]
         total = _inner(samples, rows.y) + _sum(a * b for a, b in zip(size, reach, strict=True))
-        total += _nuclear_norm(S, sarason) + _mismatched(-samples, S, rows, sarason, functional.x)
-        total += _leaked(-samples, rows, level, functional.p) + functional.tail
+        total += _largest_product(sarason, S, level) + _mismatched(-samples, S, rows, sarason, level, functional.x)
+        total += _leaked(-samples, rows, level, sarason.largest(level), functional.p) + functional.tail
         return _above(total)
 
 
@@ -67,9 +68,9 @@ def enclose_margin(samples: NDArray[Any], ball: Real, upper: float, rows: Rows, 
         weight = _sum(size)
         if not weight > 0:
             return 0.0
-        total = _inner(samples, rows.y) - _nuclear_norm(ball, sarason)
-        total -= _mismatched(samples, ball, rows, sarason, np.zeros(sarason.size))
-        total -= _leaked(samples, rows, upper, np.zeros(int(rows.P.shape[1])))
+        total = _inner(samples, rows.y) - _largest_product(sarason, ball, upper)
+        total -= _mismatched(samples, ball, rows, sarason, upper, np.zeros(sarason.size))
+        total -= _leaked(samples, rows, upper, sarason.largest(upper), np.zeros(int(rows.P.shape[1])))
         total -= _sum(a * b for a, b in zip(size, rows.tail.tolist(), strict=True))
         return -_above(-total / weight)
 
@@ -104,6 +105,8 @@ def _flint() -> Any:
 def _above(x: Any) -> float:
     """A double that is surely not below."""
     top = float(x.upper())
+    if x == top:  # exactly
+        return top
     return math.nextafter(top, math.inf) if math.isfinite(top) else math.inf
 
 
@@ -131,7 +134,8 @@ def _inner(left: NDArray[Any], right: NDArray[Any]) -> Any:
     return _sum(_flint().arb(a) * b for a, b in pairs)
 
 
-def _nuclear_norm(S: Real, sarason: SarasonMap) -> Any:
+@functools.singledispatch
+def _largest_product(sarason: SarasonMap, S: Real, level: float) -> Any:
     """Above ||Y||_*, Y = S - A S A': with any U, s, V it is at most sum|s| ||U|| ||V|| + sqrt(n) ||Y - U diag(s) V'||_F."""
     arb = _flint().arb
     if not S.size:
@@ -142,6 +146,21 @@ def _nuclear_norm(S: Real, sarason: SarasonMap) -> Any:
     rest = Y - left * scaled * right
     total = _sum(arb(a) for a in s.tolist())
     return total * _norm_above(left) * _norm_above(right.transpose()) + arb(s.size).sqrt() * _frobenius(rest)
+
+
+@_largest_product.register
+def _(sarason: PassiveMap, S: Real, level: float) -> Any:
+    """<Y, X> <= tr(N) + sqrt(n) ||Y + N||_F ||X|| with any N = U diag(s) U', s >= 0, since X + X' >= -2 I."""
+    arb = _flint().arb
+    if not S.size:
+        return arb(0)
+    Y = _matrix(S) - _moved(sarason, S)
+    middle = np.array([float(a.mid()) for a in Y.entries()]).reshape(S.shape)
+    values, U = np.linalg.eigh((middle + middle.T) / 2)
+    root = _matrix(U * np.sqrt(np.maximum(-values, 0.0)))
+    rest = Y + root * root.transpose()
+    trace = _sum(a * a for a in root.entries())
+    return trace + arb(values.size).sqrt() * _frobenius(rest) * sarason.largest(level)
 
 
 @functools.singledispatch
@@ -164,7 +183,7 @@ def _norm_above(Q: Any) -> Any:
     return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
 
 
-def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap, wanted: Real) -> Any:
+def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap, level: float, wanted: Real) -> Any:
     """Above r ||wanted + E'l - c S||, r the largest norm of x."""
     arb, entries = _flint().arb, sarason.entries
     if not wanted.size:
@@ -181,7 +200,8 @@ def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap,
             for one, two in zip(row[a, b], row[b, a], strict=True):
                 column.append(proved[one] if a == b else (proved[one] + proved[two]) * HALF)
     rest = _matrix(wanted) + _adjoint(rows.E, samples) - _flint().arb_mat(len(column), 1, column)
-    return _frobenius(rest) * arb(min(entries.outputs, entries.inputs)).sqrt() * (1 + 4 * _EPS)
+    reach = arb(min(entries.outputs, entries.inputs)).sqrt() * (1 + 4 * _EPS)
+    return _frobenius(rest) * reach * sarason.largest(level)
 
 
 @functools.singledispatch
@@ -229,7 +249,7 @@ def _(E: ShiftColumns, samples: NDArray[Any]) -> Any:
     return column + _matrix(E.real.T) * _matrix(np.real(samples[lines:])) if E.real.shape[0] else column
 
 
-def _leaked(samples: NDArray[Any], rows: Rows, upper: float, wanted: Real) -> Any:
+def _leaked(samples: NDArray[Any], rows: Rows, upper: float, largest: float, wanted: Real) -> Any:
     """Above (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     arb, held = _flint().arb, rows.held
     if not held.size:
@@ -243,10 +263,10 @@ def _leaked(samples: NDArray[Any], rows: Rows, upper: float, wanted: Real) -> An
     for k in np.flatnonzero(held):
         total += (slope[k] * rows.ends[k, 0]).max(slope[k] * rows.ends[k, 1])
     free = _sum(slope[k] ** 2 for k in np.flatnonzero(~held)).sqrt()
-    return total + (free * _parameter_bound(upper, rows) if not held.all() else arb(0))
+    return total + (free * _parameter_bound(upper, largest, rows) if not held.all() else arb(0))
 
 
-def _parameter_bound(upper: float, rows: Rows) -> Any:
+def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
     """Above ||p|| of the free parameters with margin <= upper.
 
     p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and
@@ -260,7 +280,7 @@ def _parameter_bound(upper: float, rows: Rows) -> Any:
     if not off < 1:
         return arb.pos_inf()
     reach = _norm(rows.y) + upper * arb(rows.cones).sqrt()
-    reach += _larger(rows.E.norm, math.prod(rows.E.shape)) * _larger(rows.reach, 1)
+    reach += _larger(rows.E.norm, math.prod(rows.E.shape)) * _larger(rows.reach, 1) * largest
     reach += _norm(rows.tail)
     reach += _norm(rows.P[:, rows.held]) * _norm(np.abs(rows.ends[rows.held]).max(axis=1, initial=0.0))
     return _norm(inverse) * reach / (1 - off)

@@ -154,15 +154,29 @@ def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArra
     transposed = p < q
     if transposed:
         p, q, parts, full = q, p, parts.transpose(1, 0, 2, 3), full.transpose(1, 0, 2)
-    A, B, c = (np.kron(part, np.eye(q)) for part in (pair.A, pair.B, pair.c))
-    X, x, size = parts.transpose(2, 0, 3, 1).reshape(n * p, n * q), full.transpose(0, 2, 1).reshape(p, n * q), n * q
+    X, x = parts.transpose(2, 0, 3, 1).reshape(n * p, n * q), full.transpose(0, 2, 1).reshape(p, n * q)
     # Product form: the eigenvalues of I - X'X near 0 keep their digits.
     _, singular, right = np.linalg.svd(X, full_matrices=False)
     gaps = (1 - singular) * (1 + singular)
     if n and gaps.min() <= 0:
         raise InputError(f"`x` must lie inside the ball: ||X(x)|| = {singular.max():.12g} is not below 1")
     root: Real = np.asarray(np.linalg.qr(np.sqrt(gaps)[:, None] * right, mode="r")) if n else np.zeros((0, 0))
-    D, R = np.vstack([root @ A, c]), np.vstack([root, x])
+    return from_factors(
+        pair, root, np.asarray(np.kron(pair.c, np.eye(q)), dtype=float), x, float(gaps.min(initial=1.0)), transposed
+    )
+
+
+def from_factors(
+    pair: InputNormalPair, root: Real, inputs: Real, outputs: Real, smallest: float, transposed: bool = False
+) -> Interpolants:
+    """The functions phi with V = R W^-1 D', D = [root A; inputs], R = [root; outputs], W = D'D = R'R.
+
+    With root'root = M, `inputs` c and `outputs` x those of `interpolants`; a common factor on the right of all three changes
+    nothing.
+    """
+    n, q, size = pair.order, inputs.shape[0], inputs.shape[1]
+    A, B = (np.kron(part, np.eye(q)) for part in (pair.A, pair.B))
+    D, R = np.vstack([root @ A, inputs]), np.vstack([root, outputs])
     # D'D = R'R = W, so with thin QR factors V = Q_R (R_R R_D^{-1}) Q_D' and the middle factor is orthogonal.
     QD, RD = np.linalg.qr(D, mode="complete")
     QR, RR = np.linalg.qr(R, mode="complete")
@@ -173,7 +187,7 @@ def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArra
     if n and pair.d[0, 0] == 0:
         lost = scipy.linalg.solve_triangular(root.T, B, lower=True)
         kept = np.linalg.qr(lost, mode="complete")[0][:, q:]
-    return Interpolants(V, QR[:, size:], QD[:, size:], float(gaps.min(initial=1.0)), kept, transposed)
+    return Interpolants(V, QR[:, size:], QD[:, size:], smallest, kept, transposed)
 
 
 def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[Real, Real, Real, Real]:

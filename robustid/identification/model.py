@@ -17,6 +17,7 @@ from robustid.identification.formulation.base import Formulation, States
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.tails import smallest_bound
+from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
 
@@ -25,6 +26,7 @@ _SAME_SCALE = 1e-13  # singular values of a scaling below this, relatively, are 
 _SAME_POLE = 1e-9
 _DEFECTIVE = 1e-6  # of the eigenvectors of both sides: rounding splits those of a Jordan block, and leaves them almost orthogonal
 _EDGE = 1e-6  # how far outside the smallest margin the model is centred
+_EDGE_UNBOUNDED = 1e-5  # of positive-real classes: X is not bounded, and its rounding takes digits at the border
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,10 +47,11 @@ class Nominal:
     error: float
 
 
-def level_of(objective: str, margin: float, accuracy: float) -> float:
+def level_of(objective: str, margin: float, accuracy: float, prior: Prior) -> float:
     """The multiple of the bounds that defines the set from which the model is taken."""
-    widest = max(1.0, margin * (1 + _EDGE))
-    return min(margin * (1 + _EDGE) + accuracy, widest) if objective == "margin" else widest
+    edge = _EDGE_UNBOUNDED if prior.positive_real else _EDGE
+    widest = max(1.0, margin * (1 + edge))
+    return min(margin * (1 + edge) + accuracy, widest) if objective == "margin" else widest
 
 
 def nominal_model(formulation: Formulation, point: Candidate, level: float, E: Any = 0.0) -> Nominal:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -79,6 +79,10 @@ class Prior(Frozen):
     corner: Any = None
     weight: Any = None
 
+    positive_real: ClassVar[bool] = False
+    passive: ClassVar[str] = ""  # name of the physical property
+    physical: ClassVar[str] = ""  # the property of the plant that stands in the place of a guess of K
+
     def __post_init__(self) -> None:
         self._set(gain_bound=as_positive("gain_bound", self.gain_bound))
         if self.scaling is not None:
@@ -124,10 +128,9 @@ class Prior(Frozen):
 
     def __repr__(self) -> str:
         scaling = "" if self.scaling is None else f", scaling={[list(row) for row in self.scaling]}"
-        decay = f"decay_rate={self.decay_rate!r}" if self.decay is None else f"decay={self.decay!r}"
         shape = "" if self.roll_off is None else f", roll_off={self.roll_off!r}, corner={self.corner!r}"
         shape += "" if self.weight is None else f", weight={self.weight!r}"
-        return f"Prior(gain_bound={self.gain_bound!r}, {decay}{scaling}{shape})"
+        return f"Prior(gain_bound={self.gain_bound!r}, {decay_argument(self)}{scaling}{shape})"
 
     @property
     def weighted(self) -> bool:
@@ -172,6 +175,16 @@ class Prior(Frozen):
         return float(self.decay_rate if self.decay is None else self.decay)
 
     @property
+    def least(self) -> float:
+        """Lower bound of the real part of a positive-real class."""
+        return 0.0
+
+    @property
+    def property_words(self) -> str:
+        """The physical property of a passive class, as it is printed."""
+        return f"{self.physical} (passive)"
+
+    @property
     def slope(self) -> float:
         """Bound of |dG/dz| on the unit circle, K rho/(rho^2 - 1), or of |dG/ds| on the imaginary axis, K/(2 alpha)."""
         if self.decay is None:
@@ -214,6 +227,11 @@ class Prior(Frozen):
         return scales
 
 
+def decay_argument(prior: Prior) -> str:
+    """The decay as an argument of a class, as it is printed."""
+    return f"decay_rate={prior.decay_rate!r}" if prior.decay is None else f"decay={prior.decay!r}"
+
+
 def any_prior(dt: float | None, scaling: Any = None, **shape: Any) -> Prior:
     """A prior without meaning but for scaling and roll-off, where a problem needs one, for data of a sample time or without."""
     return Prior(gain_bound=1.0, scaling=scaling, **({"decay_rate": 1.05} if dt else {"decay": 1.0}), **shape)
@@ -228,7 +246,7 @@ def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
 
 
 def prior_fields(prior: Prior) -> dict[str, Any]:
-    """Fields from which a prior was made, for storage and copies."""
+    """Fields from which a prior was made, for storage and copies; `passive` names the property of passive classes."""
     fields = {field.name: getattr(prior, field.name) for field in dataclasses.fields(prior)}
     del fields["decay" if prior.decay is None else "decay_rate"]
     for name in ("roll_off", "corner", "weight"):
@@ -236,4 +254,4 @@ def prior_fields(prior: Prior) -> dict[str, Any]:
             del fields[name]
     if prior.weight is not None:
         fields["weight"] = prior.weight.fields
-    return fields
+    return {"passive": prior.passive, **fields} if prior.passive else fields

@@ -14,6 +14,7 @@ from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.entries import Entries
+from robustid.identification.passive import centred, check_passive
 from robustid.identification.prior import Prior, any_prior
 from robustid.identification.region import Region, region_of
 from robustid.identification.signals import check_excitation, check_signals
@@ -102,6 +103,7 @@ class MixedProblem(Frozen):
         self._set(region=self._region())
         self._set(weighting=self._weighting())
         check_excitation((*frequency, *time))
+        self._set_class(frequency, time)
         if self.parametric is not None:
             self._set(parametric=as_basis(self.parametric, self.plane))
         if self.parameter_bounds is not None:
@@ -191,6 +193,21 @@ class MixedProblem(Frozen):
     def _weighting(self) -> Weighting:
         """The weight of the class on the circle."""
         return Weighting(self.prior.weight_in(self.plane), self.plane)
+
+    def _set_class(self, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
+        """Check what a passive class asks of the data, and pose it about its constant."""
+        if not self.prior.physical:
+            return
+        check_passive(self.prior, self.entries, frequency, time)
+        if self.prior.positive_real:
+            given = self.parametric, self.parameter_bounds
+            prior, constant, bounds = centred(self.prior, *given, self.entries, frequency, self.plane)
+            self._set(prior=prior, parametric=constant, parameter_bounds=bounds)
+        elif self.parametric is not None:
+            raise InputError(
+                "`parametric` can't be joined with a BoundedReal class: with free coefficients the whole is not passive. Leave it"
+                " out, and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
+            )
 
     def _plane(self) -> Plane:
         """The plane of the data: of continuous time unless they have a sample time."""

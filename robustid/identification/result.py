@@ -142,7 +142,7 @@ class Identification(Frozen, Drawable, Savable):
         largest = max(
             _largest_response(item, scales, self.problem) for item in (*self.problem.frequency, *self.problem.time)
         )
-        if self.consistent and largest < K:
+        if self.consistent and largest < K and not self.problem.prior.physical:
             found.append(
                 f"the gain bound K = {K:.3g} exceeds the largest response in the data ({largest:.3g}): the class is so large that"
                 " consistency says next to nothing, and the model can do anything between the samples"
@@ -233,7 +233,7 @@ class Identification(Frozen, Drawable, Savable):
         -------
         control.StateSpace
         """
-        level = level_of(self.objective, self.margin, self.accuracy)
+        level = level_of(self.objective, self.margin, self.accuracy, self.prior)
         point = Candidate(
             self.coefficients, self.scaled_parameters, self.certificate.samples, np.zeros((0, 0)), self.solver
         )
@@ -302,9 +302,13 @@ class Identification(Frozen, Drawable, Savable):
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, "
             + (f"dt = {problem.dt:g} s" if problem.dt else "continuous time"),
             *self._signal_lines,
-            f"class      {self._gain} <= {prior.gain_bound:g} in {prior.where}{prior.weight_words}"
-            + (f", {problem.parametric.size} parametric functions" if problem.parametric is not None else "")
-            + (f", {self._intervals} of their coefficients with an interval" if self._intervals else ""),
+            f"class      {self._class_words} in {prior.where}{prior.weight_words}"
+            + (f", {problem.parametric.size} parametric functions" if self._own_functions else "")
+            + (
+                f", {self._intervals} of their coefficients with an interval" * self._own_functions
+                if self._intervals
+                else ""
+            ),
             *(
                 [f"form       {self.form}; the remainder moves no sample by more than {self.tail:.2g} bounds"]
                 * (not self.formulation.exact)
@@ -329,8 +333,22 @@ class Identification(Frozen, Drawable, Savable):
         ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
         decay = "decay rate" if problem.dt else "decay"
-        lines.append(f"assumed    gain bound, {decay} and parametric poles: data can refute them, never prove them")
+        if prior.physical:
+            lines.append(f"assumed    passivity with this {decay}: data can refute it, never prove it")
+        else:
+            lines.append(f"assumed    gain bound, {decay} and parametric poles: data can refute them, never prove them")
         return "\n".join(lines)
+
+    @property
+    def _own_functions(self) -> bool:
+        """Say whether there is a parametric part but for the constant of a positive-real class."""
+        return self.problem.parametric is not None and not self.problem.prior.positive_real
+
+    @property
+    def _class_words(self) -> str:
+        """The class of the non-parametric part."""
+        prior = self.problem.prior
+        return prior.property_words if prior.physical else f"{self._gain} <= {prior.gain_bound:g}"
 
     @property
     def _gain(self) -> str:

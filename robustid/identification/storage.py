@@ -15,7 +15,8 @@ from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.choice import formulate_in
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.model import level_of, nominal_model
-from robustid.identification.prior import Prior, prior_fields
+from robustid.identification.passive_prior import prior_from
+from robustid.identification.prior import prior_fields
 from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
 from robustid.identification.verification import Claim, verify
@@ -94,7 +95,7 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
     if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
         raise ValueError("the problem was edited (its digest differs)")
     problem = _read_problem(arrays, record["problem"])
-    prior = Prior(**record["prior_of_model"])
+    prior = prior_from(record["prior_of_model"])
     sections = _read_sections(record["sections"])
     formulation = formulate_in(problem, sections)
     if formulation.count * problem.entries.count != arrays["result/coefficients"].size:
@@ -108,7 +109,7 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
     if record["status"] != claim.status.name or record["margin_lower"] != certificate.value:
         raise ValueError("its status or margin contradicts its own certificate")
     center = Candidate(x, p, certificate.samples, certificate.ball, claim.solver)
-    level = level_of(record["objective"], claim.margin, claim.accuracy)
+    level = level_of(record["objective"], claim.margin, claim.accuracy, prior)
     nominal = nominal_model(used, center, level)
     return Identification(
         formulation=formulation,
@@ -138,7 +139,7 @@ def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
     if text["parametric"] is not None:
         A, B, C, D, poles = (arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles"))
         basis = ParametricBasis(A, B, C, D, text["parametric"]["dt"], tuple(text["parametric"]["labels"]), poles)
-    prior = Prior(**text["prior"])
+    prior = prior_from(text["prior"])
     return MixedProblem(
         frequency=experiments["frequency"],
         time=experiments["time"],

@@ -92,7 +92,7 @@ def verify(
     reached = claimed.margin(claim.x, claim.p) if claimed.sarason.norm(claim.x) <= 1 else np.inf
     checks = [
         Check("largest |residual|/bound of the model", worst, level * (1 + 1e-5)),
-        Check("||X||: the non-parametric part is in the ball", data.sarason.norm(point.x), 1.0),
+        Check(data.sarason.inside, data.sarason.norm(point.x), 1.0),
         *_interval_checks(problem, data, point),
         *_model_checks(formulation, point, nominal),
         Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),

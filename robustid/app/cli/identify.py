@@ -62,7 +62,7 @@ def identify(
     paths = [*(frequency or []), *(time or [])]
     if not paths:
         raise InputError("--frequency and --time are both missing; give at least one file")
-    flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay"}
+    flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner"})
     outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry

@@ -7,6 +7,7 @@ from robustid.errors import InputError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation
 from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.exact import ExactFormulation
+from robustid.identification.formulation.passive import PassiveFormulation
 from robustid.identification.formulation.sections import SectionsFormulation, of_sections
 from robustid.identification.formulation.taylor import LONGEST_TAYLOR, TaylorFormulation, taylor_length
 from robustid.identification.problem import MixedProblem
@@ -30,11 +31,17 @@ def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4)
     Raises
     ------
     InputError
-        The classical form for MIMO.
+        The classical form for MIMO, another form than the exact one for a PositiveReal class.
     SizeError
         Too many coefficients.
     """
-    if form == "auto":
+    if problem.prior.positive_real:
+        if form not in ("auto", PassiveFormulation.name):
+            raise InputError(
+                f'`form` = "{form}" does not take PositiveReal classes; take "auto" or "{PassiveFormulation.name}"'
+            )
+        found = PassiveFormulation(problem)
+    elif form == "auto":
         found = _quickest(problem, accuracy)
     elif not _KINDS[form].takes(problem):
         raise InputError(f'`form` = "{form}" {_KINDS[form].refusal(problem)}')
@@ -65,6 +72,7 @@ def lightest(formulation: Formulation, accuracy: float) -> Formulation:
     problem = formulation.problem
     if (
         not (formulation.exact and problem.entries.single and TaylorFormulation.takes(problem))
+        or problem.prior.positive_real
         or formulation.count < _MANY
     ):
         return formulation
@@ -84,4 +92,6 @@ def formulate_over(problem: MixedProblem, horizon: int, accuracy: float) -> Form
 
 def formulate_in(problem: MixedProblem, sections: Sections | None) -> Formulation:
     """The formulation whose `repeated` sections these are."""
+    if problem.prior.positive_real:
+        return PassiveFormulation(problem)
     return ExactFormulation(problem) if sections is None else of_sections(problem, sections)

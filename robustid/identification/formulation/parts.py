@@ -86,7 +86,7 @@ def _spread(factor: Real, places: Index, signals: int) -> Real:
 def parts_of(data: ConvexData) -> tuple[Part, ...]:
     """The parts of a problem, block by block; none where samples tie all entries together."""
     entries = data.sarason.entries
-    if entries.single or not isinstance(data.rows.E, BlockColumns):
+    if entries.single or not data.sarason.entrywise or not isinstance(data.rows.E, BlockColumns):
         return ()
     groups = _blocks(_seen_together(data, data.rows.E.parts), entries)
     return tuple(_part(data, data.rows.E, group) for group in groups) if len(groups) > 1 else ()

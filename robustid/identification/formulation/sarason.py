@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from robustid.identification.formulation.ball import (
     SymmetricMap,
     TurnedBall,
 )
-from robustid.identification.interpolant import Interpolants, interpolants
+from robustid.identification.interpolant import interpolants
 
 
 class SarasonMap(Frozen, abc.ABC):
@@ -45,6 +45,10 @@ class SarasonMap(Frozen, abc.ABC):
         Whether the columns of the samples fall in size along the basis, or it is small: else their axes are computed.
     conic : bool
         Whether the condition is for general semidefinite solvers in the first place.
+    entrywise : bool
+        Whether blocks of functions of the class are in such a class themselves.
+    inside : str
+        What `norm` of at most 1 says, in words.
 
     Notes
     -----
@@ -56,6 +60,8 @@ class SarasonMap(Frozen, abc.ABC):
     entries: Entries
     graded: ClassVar[bool] = True
     conic: ClassVar[bool] = False
+    entrywise: ClassVar[bool] = True
+    inside: ClassVar[str] = "||X||: the non-parametric part is in the ball"
 
     @property
     def size(self) -> int:
@@ -121,7 +127,15 @@ class SarasonMap(Frozen, abc.ABC):
         """||X(x)||, the smallest gain of any function with these data."""
         return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
 
-    def interpolants(self, x: NDArray[np.float64]) -> Interpolants:
+    def largest(self, level: float) -> float:
+        """Largest ||X|| of the functions of the class that keep every residual within `level` bounds."""
+        return 1.0
+
+    def product(self, Y: NDArray[np.float64], level: float) -> float:
+        """Largest <Y, X> of them: the nuclear norm ||Y||_*."""
+        return float(np.sum(np.linalg.svd(Y, compute_uv=False)))
+
+    def interpolants(self, x: NDArray[np.float64]) -> Any:
         """All functions of the unit ball with the data x; needs ||X(x)|| < 1."""
         return interpolants(self.pair, self.entries.parted(self.matrix(x)), self.entries.expand(x))
 

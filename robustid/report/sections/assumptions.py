@@ -50,6 +50,8 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
     """Names of the assumptions, with their words."""
     problem, prior = identification.problem, identification.problem.prior
     words = f"The non-parametric part G satisfies {_size_words(identification)} {_region_words(identification)}."
+    if prior.physical:
+        words = f"The plant F is passive: {_physical_words(identification)} {_region_words(identification)}."
     if identification.prior != prior:
         words += f" The model itself needs only K = {number(identification.prior.gain_bound)}."
     out = [("Prior", words)]
@@ -60,16 +62,29 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
             ("Symmetry", "The response is a symmetric matrix: what one input does at another, that does at this.")
         )
     out.append(("Parametric part", _parametric_words(identification)))
-    if problem.parameter_bounds is not None:
+    if problem.parameter_bounds is not None and not prior.positive_real:
         out.append(("Intervals", _interval_words(identification)))
     words = "Every sample lies within its bound of the response of the plant; see the table."
     out.append(("Bounds", f"{words} {shared_words(identification)}".rstrip()))
     return out
 
 
+def _physical_words(identification: Identification) -> str:
+    """Say what a passive plant satisfies."""
+    prior = identification.problem.prior
+    if not prior.positive_real:
+        return "|F| ≤ 1 (scattering)" if siso(identification) else "σmax(F) ≤ 1 (scattering)"
+    least = "0" if not prior.least else f"−{number(-prior.least)}"
+    return f"Re F ≥ {least}" if siso(identification) else f"the eigenvalues of its Hermitian part are at least {least}"
+
+
 def _region_words(identification: Identification) -> str:
     """Words on the region in which the non-parametric part is analytic, and on what follows from it."""
     problem, prior = identification.problem, identification.problem.prior
+    if not problem.dt and problem.prior.physical:
+        return f"in Re s > −α = −{number(prior.decay, 6)} 1/s, not only on the axis: its poles lie to the left of that line"
+    if problem.prior.physical:
+        return f"in |z| < ρ = {number(prior.decay_rate, 6)} (z: one sample of delay), not only on the circle"
     if not problem.dt:
         return (
             f"in Re s > −α = −{number(prior.decay, 6)} 1/s: its poles lie to the left of that line, and it decays with a time"
@@ -85,6 +100,8 @@ def _region_words(identification: Identification) -> str:
 
 def _parametric_words(identification: Identification) -> str:
     problem, basis = identification.problem, identification.problem.parametric
+    if problem.prior.physical:
+        return "None: the class is about the whole plant."
     if basis is None:
         return "None: nothing is known about single modes."
     rows = pole_rows(basis.in_s().poles, problem.dt)

@@ -1,0 +1,152 @@
+"""Passive classes in a problem: what the data must be for them, and the constant about which a positive-real class is posed."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from robustid.bases import ParametricBasis
+from robustid.core import Plane, Real
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.identification.entries import Entries
+from robustid.identification.prior import Prior
+
+CENTRE = "constant of the class"  # label of the function whose coefficient is fixed
+
+
+def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
+    """Refuse data of another kind than passive classes are about.
+
+    Raises
+    ------
+    InputError
+        Time records, samples along directions, other inputs than outputs.
+    """
+    name = type(prior).__name__
+    if entries.outputs != entries.inputs:
+        raise InputError(
+            f"`prior` is a {name} class, for as many inputs as outputs at the same ports; got {entries.outputs} outputs and"
+            f" {entries.inputs} inputs"
+        )
+    if not prior.positive_real:
+        return
+    if time or not all(isinstance(one, FrequencyResponse) for one in frequency):
+        raise InputError(
+            f"`prior` is a {name} class, which takes frequency responses of all ports only; make one of the records first"
+            " (estimate_frf)"
+        )
+
+
+def centred(
+    prior: Any, given: Any, bounds: Any, entries: Entries, frequency: tuple[Any, ...], plane: Plane
+) -> tuple[Prior, Any, Any]:
+    """The class with its scale, and the parametric part with the constant (K - slack) I: F = it + K g, 1 + g positive real.
+
+    Raises
+    ------
+    InputError
+        Functions whose coefficients are free: with them the plant is not passive.
+    """
+    if isinstance(given, ParametricBasis) and given.labels[-1] == CENTRE:
+        return prior, given, bounds
+    if given is not None:
+        raise InputError(
+            f"`parametric` can't be joined with a {type(prior).__name__} class: modes with free coefficients make it say nothing."
+            " Leave it out and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
+        )
+    if not any(f.bound.used.all(axis=(1, 2)).any() for f in frequency):
+        raise InputError(
+            "`frequency` has no point at which every entry of the matrix was measured; a PositiveReal class is bounded by the whole"
+            " matrix at one frequency at least"
+        )
+    if prior.gain_bound is None:
+        prior = _with_scale(prior, max(float(np.abs(f.values[f.bound.used]).max()) for f in frequency))
+    constant = ParametricBasis(
+        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), plane.dt, (CENTRE,)
+    )
+    centre: Real = (prior.gain_bound + prior.least) * np.eye(entries.outputs)
+    ends = np.stack([centre, centre], axis=-1)[None]
+    return prior, constant, ends[:, 0, 0] if entries.single else ends
+
+
+def _with_scale(prior: Prior, size: float) -> Prior:
+    return dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
+
+
+def class_size(problem: Any, low: float, high: float) -> float:
+    r"""The K for which `Region.bend` bounds the curvature of every consistent G on an arc of angles, (ny, nu) entry by entry.
+
+    That of the ball; of positive-real H = F + slack, where in the Herglotz formula |H^(n)| <= 2 n! Re H/((1-|zeta|)^n (1+|zeta|)),
+    twice the largest Re H: at most Re y_i + bound_i + slack at a frequency point, and elsewhere by Harnack's inequality
+
+    .. math:: \mathrm{Re}\, H(\zeta) \le \frac{1 + d}{1 - d}\, \mathrm{Re}\, H(\zeta_i), \quad
+              d = \left|\frac{\zeta - \zeta_i}{1 - \bar\zeta_i \zeta}\right|.
+    """
+    prior, region = problem.prior, problem.region
+    if not prior.positive_real:
+        return float(prior.gain_bound)
+    ends, best = region.points(np.array([low, high])), np.inf
+    for frf in problem.frequency:
+        sizes, points = _real_parts(frf, problem)
+        far = np.abs((ends[:, None] - points) / (1 - points.conj() * ends[:, None])).max(axis=0)
+        with np.errstate(divide="ignore"):
+            best = min(best, float(((1 + far) / (1 - far) * (sizes - prior.least)).min(initial=np.inf)))
+    return 2 * best * (1 + 1e-6)
+
+
+def _real_parts(frf: Any, problem: Any) -> tuple[Real, Any]:
+    """Bound of the norm of the Hermitian part of F at the points where the whole matrix was measured, and their zeta."""
+    whole = frf.bound.used.all(axis=(1, 2))
+    values = frf.values[whole]
+    hermitian = (values + values.conj().transpose(0, 2, 1)) / 2
+    sizes = np.linalg.norm(hermitian, 2, axis=(1, 2)) + error_sizes(frf)[whole]
+    return sizes, problem.region.points(problem.plane.angles(frf.omega[whole]))
+
+
+def error_sizes(frf: Any) -> Real:
+    """Frobenius norm of the largest errors that the bounds allow at every frequency point, (F,)."""
+    radius = np.asarray(frf.bound.radius)
+    if frf.bound.tilt is not None:
+        radius = radius / (1 - np.abs(frf.bound.tilt))
+    return np.linalg.norm(radius, axis=(1, 2))
+
+
+def contradictions(problem: Any) -> tuple[str, ...]:
+    """Sentences on how data contradict a passive class at single frequency points, or that they do it only together."""
+    found = [(size, float(frf.omega[k])) for frf in problem.frequency for k, size in _excess(frf, problem.prior)]
+    if not found:
+        return (
+            "No frequency point contradicts the class by itself: what contradicts it is how the response changes between them."
+            " Is the decay of the class at most the smallest real part of the poles of the plant, in magnitude; is a delay left in"
+            " it?",
+        )
+    size, omega = max(found)
+    points = sum(int(frf.bound.used.all(axis=(1, 2)).sum()) for frf in problem.frequency)
+    single, slack = problem.entries.single, -problem.prior.least
+    what, limit = "the magnitude" if single else "the largest singular value", "above 1"
+    if problem.prior.positive_real:
+        what = "the real part" if single else "an eigenvalue of the Hermitian part"
+        limit = f"below {-slack:g}" if slack else "below 0"
+    words = (
+        f"The data are not passive at {len(found)} of {points} frequency points by themselves, most at"
+        f" {omega / (2 * np.pi):.5g} Hz: {what} is {limit} by {size:.3g} more than its bound."
+    )
+    return (words,)
+
+
+def _excess(frf: Any, prior: Prior) -> list[tuple[int, float]]:
+    """Frequency points at which the whole matrix was measured and contradicts the class, with how far beyond the bounds."""
+    found: list[tuple[int, float]] = []
+    errors = error_sizes(frf)
+    for k in np.flatnonzero(frf.bound.used.all(axis=(1, 2))).tolist():
+        W = frf.values[k]
+        if prior.positive_real:
+            off = -float(np.linalg.eigvalsh((W + W.conj().T) / 2)[0]) + prior.least
+        else:
+            off = float(np.linalg.norm(W, 2)) - 1.0
+        if off > errors[k]:
+            found.append((k, off - float(errors[k])))
+    return found

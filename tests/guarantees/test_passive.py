@@ -1,0 +1,84 @@
+"""Guarantees of passive classes: truths at their edge are inside, at frequencies and between them."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.passive import reactance, scattering
+
+
+def edge(seed, kind, ports):
+    """A truth at the edge of its class, lossless or nearly so, and data with noise at the ends of their bounds."""
+    rng = np.random.default_rng(seed)
+    decay, omega = float(rng.uniform(0.5, 2)), np.sort(rng.uniform(0.2, 10, 7 if ports == 1 else 4))
+    loss = float(rng.choice([0.0, 1e-3, 0.3]))
+    truth, prior = reactance(rng, ports, decay, int(rng.integers(1, 4)), loss=loss), rid.PositiveReal(decay=decay)
+    if kind == "bounded":
+        truth, prior = scattering(truth, float(rng.choice([0.0, 0.2])), decay), rid.BoundedReal(decay=decay)
+    values = truth(1j * omega)
+    bound = 0.02 * np.abs(values).max()
+    noise = bound * np.exp(2j * np.pi * rng.random(values.shape))
+    frf = rid.FrequencyResponse(omega, values + noise, bound=bound * (1 + 1e-3))
+    return truth, rid.MixedProblem(frequency=frf, prior=prior)
+
+
+def inside(truth, found, error):
+    away = np.moveaxis(truth(1j * error.omega), 0, 2) - found.model(1j * error.omega).reshape(*found.model.D.shape, -1)
+    return np.all(np.abs(np.moveaxis(away, 2, 0)) <= error.upper * (1 + 1e-9))
+
+
+CASES = [(seed, kind, ports) for seed in range(50) for kind in ("positive", "bounded") for ports in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("seed", "kind", "ports"), [pytest.param(*c, marks=pytest.mark.slow) if c[0] else c for c in CASES]
+)
+def test_truths_at_the_edge_are_inside(seed, kind, ports):
+    truth, problem = edge(seed, kind, ports)
+    found = rid.identify(problem).require()
+    grid = np.array([0.7, 20.0])
+    error = rid.worst_case_error(found, omega=grid, directions=6, rtol=0.2)
+    assert inside(truth, found, error)
+    assert np.all(error.lower <= error.upper)
+    assert error.verify()
+
+
+def test_more_data_never_widen_the_band():
+    _, problem = edge(3, "positive", 1)
+    (frf,) = problem.frequency
+    few = rid.MixedProblem(frequency=frf.select(slice(0, None, 2)), prior=rid.PositiveReal(decay=problem.prior.decay))
+    wide, narrow = (
+        rid.worst_case_error(rid.identify(one), omega=[1.0, 5.0], directions=8, rtol=0.05) for one in (few, problem)
+    )
+    for one, other in zip(wide.values, narrow.values, strict=True):
+        before, after = (np.abs(v.vertices[:, None] - v.vertices).max() for v in (one, other))
+        assert after <= before * 1.05
+
+
+@pytest.mark.parametrize("ports", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_bound_between_the_frequency_points(ports, tmp_path):
+    truth, problem = edge(4, "positive", ports)
+    found = rid.identify(problem).require()
+    error = rid.worst_case_error(found, omega=[1.0], directions=4, rtol=0.3)
+    circle = error.on_circle(0.5, everywhere=True, time_limit=20)
+    assert circle.edges[-1] == np.inf
+    assert circle.bound[-1] == np.inf  # nothing bounds a positive-real function there
+    assert error.circle_supported
+    top = problem.frequency[0].omega.max()
+    w = np.linspace(0, 0.999 * top, 700)
+    away = np.moveaxis(truth(1j * w), 0, 2) - found.model(1j * w).reshape(*found.model.D.shape, -1)
+    size = np.linalg.norm(np.moveaxis(away, 2, 0), 2, axis=(1, 2))
+    cell = np.searchsorted(circle.edges, w, side="right") - 1
+    assert np.all(size <= circle.bound[cell])
+    assert np.median(circle.bound[:-1]) < 10 * np.median(size)
+    error.save(tmp_path / "bound.json")
+    assert rid.load(tmp_path / "bound.json").verify()
+
+
+def test_certificates_in_ball_arithmetic():
+    pytest.importorskip("flint")
+    _, problem = edge(1, "positive", 2)
+    error = rid.worst_case_error(rid.identify(problem), omega=[0.7], directions=4, rtol=0.3)
+    checked = [claim.verify(exact=True) for claim in error.claims()]
+    assert checked
+    assert all(checked)

@@ -1,0 +1,193 @@
+"""Passive classes: positive real and bounded real, against Pick's theorem, Harnack's inequality, and bad input."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.advice import diagnose
+from robustid.errors import SizeError
+from robustid.identification import verify_margin_exactly
+from support.passive import reactance, scattering, smallest_factor
+
+
+def problem_of(omega, values, bound, prior, **more):
+    return rid.MixedProblem(frequency=rid.FrequencyResponse(omega, values, bound=bound), prior=prior, **more)
+
+
+def random_data(seed, ports):
+    """Data far from any passive plant: margins of about 1 to 5."""
+    rng = np.random.default_rng(seed)
+    count = 5 if ports == 1 else 3
+    values = rng.standard_normal((count, ports, ports)) + 1j * rng.standard_normal((count, ports, ports))
+    omega, decay = np.sort(rng.uniform(5, 30, count)), float(rng.uniform(2, 8))
+    return omega, values + 0.5 * np.eye(ports), rng.uniform(0.3, 1, values.shape), decay, float(rng.choice([0, 0.1]))
+
+
+def slow_but(first):
+    return [pytest.param(k, marks=pytest.mark.slow) if k >= first else k for k in range(60)]
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("seed", slow_but(1))
+def test_margins_of_positive_real_classes_against_pick(seed, ports):
+    omega, values, bound, decay, slack = random_data(seed, ports)
+    prior = rid.PositiveReal(decay=decay, slack=slack)
+    found = rid.identify(problem_of(omega, values, bound, prior), accuracy=1e-6)
+    assert found.verification.passed
+    expected = smallest_factor(omega, values, bound, decay, slack=slack)
+    assert found.margin == pytest.approx(expected, rel=1e-5)
+    assert found.margin_lower <= expected * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("seed", slow_but(1))
+def test_margins_of_bounded_real_classes_against_pick(seed, ports):
+    omega, values, bound, decay, _ = random_data(seed, ports)
+    found = rid.identify(problem_of(omega, values, bound, rid.BoundedReal(decay=decay)), accuracy=1e-6)
+    assert found.verification.passed
+    assert found.margin == pytest.approx(smallest_factor(omega, values, bound, decay, bounded=True), rel=1e-5)
+
+
+def test_the_structured_and_the_general_solver_agree_and_the_scale_has_no_influence():
+    omega, values, bound, decay, slack = random_data(7, 1)
+    margins = []
+    for scale, solver in ((None, "structured"), (None, "cvxpy"), (0.3, "structured"), (30.0, "structured")):
+        prior = rid.PositiveReal(decay=decay, slack=slack, gain_bound=scale)
+        margins.append(rid.identify(problem_of(omega, values, bound, prior), solver=solver, accuracy=1e-7).margin)
+    assert margins == pytest.approx([margins[0]] * 4, rel=1e-6)
+
+
+def test_one_real_value_and_the_set_at_another_frequency():
+    # With F(0) = 1, F = (1 + b E)/(1 - b E), b = s/(s + 2 decay), E any real function of the unit ball: its values fill a lens.
+    decay, omega = 2.0, 3.0
+    found = rid.identify(problem_of([0.0], [1.0], 1e-7, rid.PositiveReal(decay=decay)))
+    error = rid.worst_case_error(found, omega=[omega], directions=24, rtol=1e-3)
+    b, zeta = 1j * omega / (1j * omega + 2 * decay), (1 - 1j * omega - decay) / (1 + 1j * omega + decay)
+    v = np.exp(2j * np.pi * np.arange(4000) / 4000)[:, None] * np.linspace(0, 1, 400)
+    v = v[np.abs(v.imag) * abs(1 - zeta**2) <= np.abs(1 - v**2) * abs(zeta.imag) + 1e-12]
+    values = (1 + b * v) / (1 - b * v)
+    corners = error.values[0].vertices
+    for angle in np.arange(24) * np.pi / 12:
+        turn = np.exp(-1j * angle)
+        assert (turn * corners).real.max() == pytest.approx((turn * values).real.max(), abs=0.03)
+        assert (turn * corners).real.max() >= (turn * values).real.max() - 1e-9
+    assert np.abs(corners).max() <= (1 + abs(b)) / (1 - abs(b)) * 1.02  # Harnack's disc
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+def test_lossless_data_with_little_noise(ports):
+    # At the edge of the class: the Pick matrix of exact data is rank deficient.
+    rng = np.random.default_rng(ports)
+    decay, omega = 1.0, np.linspace(0.5, 8, 9)
+    truth = reactance(rng, ports, decay, 2)
+    values = truth(1j * omega)
+    bound = 1e-5 * np.abs(values).max()
+    noise = bound * np.exp(2j * np.pi * rng.random(values.shape))
+    found = rid.identify(problem_of(omega, values + noise, bound * 1.001, rid.PositiveReal(decay=decay)))
+    assert found.margin <= 1
+    assert found.margin_lower > 0.05
+    assert found.verification.passed
+    assert verify_margin_exactly(found.certificate, found.formulation.rows, found.formulation.sarason)
+    away = np.abs(found.model(3.1j) - truth(np.array([3.1j]))[0]).max()
+    assert away < 0.02 * np.abs(values).max()  # hardly any other function is left
+
+
+def test_the_model_is_positive_real_left_of_the_axis():
+    rng = np.random.default_rng(5)
+    decay, omega = 1.5, np.linspace(0.5, 8, 7)
+    truth = reactance(rng, 2, decay, 3, loss=0.4)
+    found = rid.identify(problem_of(omega, truth(1j * omega), 0.05, rid.PositiveReal(decay=decay))).require()
+    s = -decay + 1j * np.concatenate([np.linspace(0, 20, 400), np.geomspace(20, 1e5, 50)])
+    values = np.moveaxis(found.model(s), 2, 0)
+    least = np.linalg.eigvalsh((values + values.conj().transpose(0, 2, 1)) / 2)[:, 0]
+    assert least.min() > -1e-9 * np.abs(values).max()
+    assert np.linalg.eigvals(found.model.A).real.max() < -decay
+
+
+def test_classes_of_discrete_time():
+    rng = np.random.default_rng(2)
+    dt, rho, angles = 0.01, 1.1, np.linspace(0.3, 2.8, 6)
+    q = np.exp(-1j * angles)
+    values = 1 + 2 * sum(c * (0.8 * q) ** k for k, c in enumerate(rng.uniform(-0.2, 0.3, 3), 1))
+    frf = rid.FrequencyResponse(angles / dt, values, bound=0.01, dt=dt)
+    for prior in (rid.PositiveReal(decay_rate=rho), rid.PositiveReal(decay=np.log(rho) / dt)):
+        found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior)).require()
+        assert found.prior.decay_rate == pytest.approx(rho)
+        model = found.model(np.exp(1j * np.linspace(0, np.pi, 200)) / rho)
+        assert model.real.min() > -1e-9
+    assert rid.identify(rid.MixedProblem(frequency=dataclasses.replace(frf, values=-values), prior=prior)).margin > 1
+
+
+def test_saved_and_loaded(tmp_path):
+    omega, values, bound, decay, _ = random_data(3, 1)
+    for prior in (rid.PositiveReal(decay=decay, slack=0.2), rid.BoundedReal(decay=decay)):
+        found = rid.identify(problem_of(omega, values, 3 * bound, prior))
+        found.save(tmp_path / f"{type(prior).__name__}.json")
+        again = rid.load(tmp_path / f"{type(prior).__name__}.json")
+        assert type(again.prior) is type(prior)
+        assert (again.margin, again.status) == (found.margin, found.status)
+        assert again.prior == found.prior
+        assert "passive" in again.summary()
+
+
+def test_what_contradicts_a_class_is_said():
+    rng = np.random.default_rng(9)
+    omega = np.linspace(0.5, 8, 12)
+    values = reactance(rng, 1, 1.0, 3, loss=0.5)(1j * omega)[:, 0, 0]
+    one = values.copy()
+    one[4] -= 2 * one[4].real  # negative resistance at one frequency point
+    found = rid.identify(problem_of(omega, one, 1e-3, rid.PositiveReal(decay=1.0)))
+    assert found.status is rid.Status.INCONSISTENT
+    words = diagnose(found).summary()
+    assert f"not passive at 1 of 12 frequency points by themselves, most at {omega[4] / (2 * np.pi):.5g} Hz" in words
+    for factor, change in (
+        (-1, "opposite sign"),
+        (1 / (1j * omega), "times j omega"),
+        (1j * omega, "over j omega"),
+    ):
+        found = diagnose(rid.identify(problem_of(omega, values * factor, 1e-3, rid.PositiveReal(decay=1.0))))
+        assert change in found.best().change
+        assert found.best().margin < 1
+    reflected = scattering(reactance(rng, 1, 1.0, 3, loss=0.5))(1j * omega)[:, 0, 0]
+    found = diagnose(rid.identify(problem_of(omega, reflected.conj(), 1e-3, rid.BoundedReal(decay=1.0))))
+    assert "exp(-j omega t)" in found.best().change
+    assert found.best().margin < 1
+    loud = diagnose(rid.identify(problem_of(omega, 40 * reflected, 1e-3, rid.BoundedReal(decay=1.0))))
+    assert "magnitude is above 1" in loud.summary()
+
+
+def test_bad_input():
+    omega, values, bound, decay, _ = random_data(0, 1)
+    passive = rid.PositiveReal(decay=decay)
+    with pytest.raises(rid.InputError, match=r"`decay_rate` .* or `decay` .* must be given"):
+        rid.PositiveReal()
+    with pytest.raises(rid.InputError, match="BoundedReal class is 1"):
+        rid.BoundedReal(decay=1.0, gain_bound=2.0)
+    with pytest.raises(rid.InputError, match="`scaling` has no meaning"):
+        rid.PositiveReal(decay=1.0, scaling=[[1.0]])
+    for prior in (passive, rid.BoundedReal(decay=decay)):
+        with pytest.raises(rid.InputError, match="`parametric` can't be joined"):
+            problem_of(omega, values, bound, prior, parametric=rid.kautz(10.0, 0.1, dt=0))
+        with pytest.raises(rid.InputError, match="as many inputs as outputs"):
+            problem_of(omega, np.ones((omega.size, 2, 1)), 1.0, prior)
+    record = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
+    with pytest.raises(rid.InputError, match="takes frequency responses"):
+        rid.MixedProblem(time=record, prior=rid.PositiveReal(decay=1.0))
+    with pytest.raises(rid.InputError, match="data are of continuous time"):
+        problem_of(omega, values, bound, rid.PositiveReal(decay_rate=1.1))
+    problem = problem_of(omega, values, bound, passive)
+    for settings in ({"form": "sections"}, {"objective": "gain"}):
+        with pytest.raises(rid.InputError, match="PositiveReal"):
+            rid.identify(problem, **settings)
+    part = np.full((3, 2, 2), 0.1)
+    part[:, 0, 1] = np.inf
+    with pytest.raises(rid.InputError, match="no point at which every entry"):
+        rid.identify(problem_of(omega[:3], np.ones((3, 2, 2)), part, passive))
+    many = np.linspace(1, 100, 300)
+    with pytest.raises(SizeError, match="PositiveReal class of 1 port up to"):
+        rid.identify(problem_of(many, 1 / (1j * many + 3), 0.1, passive))
+    found = rid.identify(problem_of(omega, values, 3 * bound, passive))
+    with pytest.raises(rid.InputError, match="closed form"):
+        found.weyl_disc([1.0])
