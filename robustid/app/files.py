@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robustid import core
+from robustid.app.networks import is_network, save_network
 from robustid.errors import InputError
 
 
@@ -120,7 +121,14 @@ def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
     return core.load_saved(path, *kinds)
 
 
-def save(path: str | os.PathLike[str], thing: Any) -> None:
+def save(
+    path: str | os.PathLike[str],
+    thing: Any,
+    *,
+    parameter: str | None = None,
+    reference: float | None = None,
+    omega: Any = None,
+) -> None:
     """Write a result, an excitation, a model or measurements, so that `load` gives back exactly the same.
 
     Every file appears whole or not at all; nothing is pickled.
@@ -132,15 +140,26 @@ def save(path: str | os.PathLike[str], thing: Any) -> None:
         ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or ``.mat`` (v5): plain
         arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names of the signals. Of an
         excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
+        For others' programs: Touchstone (``.s1p``, ``.s2p``, ...: version 1, real and imaginary parts; bounds have no place there)
+        of a response or a model; a SPICE subcircuit (``.cir``, ``.sp``, ``.lib``, ``.sub``; controlled sources, resistors and
+        capacitors) of a model that is passive.
     thing : object
         Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, FrequencyResponse,
         TangentialResponse or TimeRecord; of measurements with their bounds and what these mean, covariance, names of the signals
         and note.
+    parameter : {"s", "z", "y"}, optional
+        Of Touchstone and SPICE: the parameters that the thing holds, scattering (default), impedance or admittance. Files hold
+        scattering.
+    reference : float, ohm, optional
+        Of Touchstone and SPICE: the reference resistance of all ports, default 50.
+    omega : (F,) array, rad/s, optional
+        Of a model in Touchstone, needed: its frequencies.
 
     Raises
     ------
     InputError
-        Another ending, a folder that doesn't exist, a full disk.
+        Another ending, a folder that doesn't exist, a full disk; a network that isn't square or isn't continuous, a model for SPICE
+        that isn't passive.
     InputTypeError
         Another object.
 
@@ -154,6 +173,12 @@ def save(path: str | os.PathLike[str], thing: Any) -> None:
     >>> bool((again.values == frf.values).all())
     True
     """
+    given = {"parameter": parameter, "reference": reference, "omega": omega}
+    if is_network(path):
+        save_network(path, thing, **given)
+        return
+    if names := [f"`{name}`" for name, value in given.items() if value is not None]:
+        raise InputError(f"{names[0]} is for Touchstone (.s2p, ...) and SPICE (.cir, ...) files; got {str(path)!r}")
     if type(thing).__module__.startswith("control."):
         import control
 

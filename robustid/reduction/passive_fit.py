@@ -15,8 +15,10 @@ from robustid.reduction.passivity_certificate import BOUNDED
 from robustid.reduction.passivity_search import Popov
 
 STRICT = 1e-9  # relative distance from the limit of what is made passive
-_STEPS = 40
+_INSIDE = 1e-3  # the same of where the refinement starts: at the limit itself it could not move
+_HEATS, _STEPS = 10, 40  # steps of every start, and further ones of the best
 _MOST = 24  # states of which A and B are moved too: the steps take their square as unknowns
+_FAR = 3.0  # times the largest frequency: poles beyond are tried there too, as fits place them anywhere
 _PROGRESS = 1e-2  # relative decrease of a step below which the next one is shorter
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
 
@@ -41,11 +43,56 @@ def radius_of(data: FrequencyResponse) -> Real:
 
 def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
     """The passive model with least squares of residuals over bounds: of the same A and B, then with all matrices refined."""
-    fit = _Fit(model, kind, data)
-    found = fit.of_gains(fit.squares)
-    if found is None:
+    if data is None:
+        fit = _Fit(model, kind, data)
+        found = fit.of_gains(fit.squares)
+        return model if found is None else found
+    top = float(np.max(data.omega))
+    starts = [model, *_nearer(model, _FAR * top), _evenly(model, float(np.min(data.omega)), top)]
+    race: list[tuple[float, _Fit, Any]] = []
+    for start, inside in [(model, STRICT), *((start, _INSIDE) for start in starts)]:
+        fit = _Fit(start, kind, data)
+        fit.strict = inside
+        if (found := fit.of_gains(fit.squares)) is not None:
+            fit.strict = STRICT
+            found = fit.refined(found, _HEATS)
+            race.append((fit.cost(found), fit, found))
+    if not race:
         return model
-    return found if data is None else fit.refined(found)
+    _, fit, found = min(race, key=lambda each: each[0])
+    return fit.refined(found, _STEPS)
+
+
+def _evenly(model: Any, low: float, high: float) -> Any:
+    """A model of the same order with its pole pairs evenly over the band, port after port: where vector fitting starts."""
+    n, m = model.nstates, model.ninputs
+    pairs = n // 2
+    low = max(low, high / 100)
+    A, B = np.zeros((n, n)), np.zeros((n, m))
+    frequencies = np.linspace(low, high, pairs // m + 1 + (pairs % m > 0))
+    damping = (high - low) / max(pairs // m, 1) / 2
+    for k in range(pairs):
+        w, rows = (frequencies[k // m] + frequencies[k // m + 1]) / 2, slice(2 * k, 2 * k + 2)
+        A[rows, rows] = [[-damping, w], [-w, -damping]]
+        B[2 * k, k % m] = np.sqrt(damping)
+    if n % 2:
+        A[-1, -1], B[-1] = -high, np.sqrt(high)
+    return like(model, A, B, np.zeros((m, n)), model.D)
+
+
+def _nearer(model: Any, reach: float) -> list[Any]:
+    """The model with poles beyond `reach`, in rad/s, at that distance instead; none where there are none."""
+    A, B, C, D = StateMatrices.of(model)
+    poles, vectors = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
+    far = np.abs(poles) > reach
+    if not np.any(far):
+        return []
+    poles = np.where(far, poles * reach / np.maximum(np.abs(poles), reach), poles)
+    try:
+        moved = np.asarray(np.real(vectors * poles @ np.linalg.inv(vectors)), dtype=float)
+    except np.linalg.LinAlgError:
+        return []
+    return [like(model, moved, B, C, D)] if np.all(np.linalg.eigvals(moved).real < 0) else []
 
 
 def smallest_ratio(model: Any, kind: str, data: FrequencyResponse) -> Any:
@@ -65,7 +112,7 @@ class _Fit:
         self.values = response_of(model, self.omega) if data is None else data.values
         self.radius = np.ones(self.values.shape) if data is None else radius_of(data)
         self.size = 1.0 if self.bounded else float(np.max(np.abs(self.values))) or 1.0
-        self.ports = self.values.shape[1]
+        self.ports, self.strict = self.values.shape[1], STRICT
 
     def _between(self) -> Real:
         marks = self.popov.marks
@@ -109,7 +156,7 @@ class _Fit:
                 worst.append(cp.max(cp.norm(cp.vstack(parts), axis=0)))
         return cp.max(cp.hstack(worst))
 
-    def refined(self, model: Any) -> Any:
+    def refined(self, model: Any, steps: int) -> Any:
         """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays passive.
 
         With P = I the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows from how
@@ -117,15 +164,16 @@ class _Fit:
         """
         if not 0 < model.nstates <= _MOST:
             return model
-        cost, system, reach = self._cost(model), self._dissipative(model), _REACH
-        for _ in range(_STEPS):
+        cost, system, reach = self.cost(model), self._dissipative(model), _REACH
+        for _ in range(steps):
             if system is None or reach < _LEAST_REACH:
                 break
             change = self._step(system, reach)
             if change is None:
-                break
+                reach /= 4
+                continue
             trial = self._model(StateMatrices(*(p + d for p, d in zip(system, change, strict=True))))
-            found = self._cost(trial)
+            found = self.cost(trial)
             if found < cost:
                 reach *= 2 if found < cost * (1 - _PROGRESS) else 0.5
                 model, cost, system = trial, found, self._dissipative(trial)
@@ -133,7 +181,8 @@ class _Fit:
                 reach /= 4
         return model
 
-    def _cost(self, model: Any) -> float:
+    def cost(self, model: Any) -> float:
+        """Root of the sum of squared residuals over bounds."""
         return float(np.linalg.norm((self.values - response_of(model, self.omega)) / self.radius))
 
     def _dissipative(self, model: Any) -> StateMatrices | None:
@@ -184,10 +233,10 @@ class _Fit:
         cp = _cvxpy()
         eye = np.eye(self.ports)
         if self.bounded:
-            end = -(1 - STRICT) * eye
+            end = -(1 - self.strict) * eye
             rows = [[corner, side, C.T], [side.T, end, D.T], [C, D, end]]
         else:
-            rows = [[corner, side - C.T], [side.T - C, 2 * STRICT * self.size * eye - D - D.T]]
+            rows = [[corner, side - C.T], [side.T - C, 2 * self.strict * self.size * eye - D - D.T]]
         block = cp.bmat(rows if side.shape[0] else [row[1:] for row in rows[1:]])
         return (block + block.T) / 2
 

@@ -187,9 +187,11 @@ def make_passive(
     given = _checked(model, kind)
     data = None if response is None else _matching(response, given)
     with threads_for(given.nstates):
-        if data is None and (proof := prove_passive(given, kind=kind)).holds:
+        if (proof := prove_passive(given, kind=kind)).holds and data is None:
             return _result(given, given, proof)
         fitted = _nudged(nearest(given, kind, data), kind)
+        if data is not None and proof.holds and _squares(given, data) <= _squares(fitted[0], data):
+            fitted = given, proof
         return _result(given, *fitted, data=data)
 
 
@@ -244,6 +246,11 @@ def _result(
 def _ratio(model: Any, data: FrequencyResponse) -> float:
     """The largest |residual| over bound."""
     return float(np.max(np.abs(data.values - response_of(model, data.omega)) / radius_of(data)))
+
+
+def _squares(model: Any, data: FrequencyResponse) -> float:
+    """The sum of squares of residuals over bounds."""
+    return float(np.sum(np.abs((data.values - response_of(model, data.omega)) / radius_of(data)) ** 2))
 
 
 def _nudged(model: Any, kind: str) -> tuple[Any, Passivity]:

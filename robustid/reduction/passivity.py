@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Frozen, StateMatrices, as_float, threads_for
+from robustid.core import Frozen, StateMatrices, as_float, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.reduction.gramians import is_stable
@@ -169,7 +169,8 @@ def check_passive_input(model: Any, kind: str, decay: float = 0.0) -> Any:
             f"`model` must have as many outputs as inputs, one pair a port; got {given.noutputs} outputs and"
             f" {given.ninputs} inputs"
         )
-    poles, stable = is_stable(np.asarray(given.A) + decay * np.eye(given.nstates), 0)
+    A, _, _ = scaled_states(np.asarray(given.A, dtype=float), given.B, given.C)
+    poles, stable = is_stable(A + decay * np.eye(given.nstates), 0)
     if not np.all(stable):
         beyond = f"beyond Re s = -{decay:g}" if decay else "on or beyond the imaginary axis"
         raise InputError(

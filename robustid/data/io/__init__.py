@@ -2,6 +2,7 @@
 
 from robustid.data.io.files import Origin, origin, read_file
 from robustid.data.io.model_files import load_model, save_model
+from robustid.data.io.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.data.io.roles import FREQUENCY, TIME
 from robustid.data.io.saved import WRITERS, flat_fields, from_fields
 
@@ -12,8 +13,13 @@ __all__ = [
     "Origin",
     "flat_fields",
     "from_fields",
+    "is_network",
     "load_model",
     "origin",
     "read_file",
     "save_model",
+    "scattering_model",
+    "scattering_of",
+    "write_spice",
+    "write_touchstone",
 ]
