@@ -11,6 +11,7 @@ import scipy.linalg
 
 from robustid.core import Complex, Real, StateMatrices, input_states
 from robustid.data import FrequencyResponse
+from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.passivity_certificate import BOUNDED
 from robustid.reduction.passivity_search import Popov
 
@@ -18,6 +19,8 @@ STRICT = 1e-9  # relative distance from the limit of what is made passive
 _INSIDE = 1e-3  # the same of where the refinement starts: at the limit itself it could not move
 _HEATS, _STEPS = 10, 40  # steps of every start, and further ones of the best
 _MOST = 24  # states of which A and B are moved too: the steps take their square as unknowns
+_LITTLE = 1e-4  # relative: inputs that every state gets for its coordinates
+_SOLVED = 1e-4  # relative violation that a solver may leave
 _FAR = 3.0  # times the largest frequency: poles beyond are tried there too, as fits place them anywhere
 _PROGRESS = 1e-2  # relative decrease of a step below which the next one is shorter
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
@@ -53,7 +56,7 @@ def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
     for start, inside in [(model, STRICT), *((start, _INSIDE) for start in starts)]:
         fit = _Fit(start, kind, data)
         fit.strict = inside
-        if (found := fit.of_gains(fit.squares)) is not None:
+        if (found := fit.of_gains(fit.squares)) is not None and fit.holds(found):
             fit.strict = STRICT
             found = fit.refined(found, _HEATS)
             race.append((fit.cost(found), fit, found))
@@ -121,7 +124,7 @@ class _Fit:
     def of_gains(self, cost: Callable[[Any, Complex], Any]) -> Any:
         """The passive model of least cost with the A and B of the model; None where the solver fails."""
         cp = _cvxpy()
-        A, B = self.popov.system.A, self.popov.system.B
+        A, B = self._input_normal()
         n, m = B.shape
         gains: Any = cp.Variable((m, n + m))
         P: Any = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
@@ -132,6 +135,22 @@ class _Fit:
             return None
         found = np.asarray(gains.value, dtype=float)
         return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
+
+    def _input_normal(self) -> tuple[Real, Real]:
+        """A and B with a controllability Gramian of about the identity: bounded real P are at most that."""
+        A, B, C, _ = self.popov.system
+        if not len(A):
+            return A, B
+        wide = np.hstack([B, _LITTLE * np.linalg.norm(B) * np.eye(len(A))])
+        root = gramian_factors(Parts(A, wide, C), discrete=False)[1]
+        return np.asarray(np.linalg.solve(root, A @ root), dtype=float), np.asarray(
+            np.linalg.solve(root, B), dtype=float
+        )
+
+    def holds(self, model: Any) -> bool:
+        """Say whether a model is passive, but for what a solver leaves."""
+        popov = Popov(self.kind, StateMatrices.of(model))
+        return popov.peak()[0] <= popov.limit + _SOLVED * self.size
 
     def squares(self, gains: Any, basis: Complex) -> Any:
         """Root of the sum of squared residuals over bounds, relative to that of the best gains without a limit."""

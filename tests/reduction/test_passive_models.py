@@ -55,6 +55,7 @@ def test_the_smallest_order_inside_all_bounds():
     assert wider.order <= small.order
 
 
+@pytest.mark.slow
 def test_the_nearest_passive_model_in_closed_form():
     # Of 1.5/(1 + s) sampled evenly on both sides of the corner, in the logarithm: found with all of C, D and the pole free by
     # brute force over the pole p and D, C what is left to |S(0)| = 1.
