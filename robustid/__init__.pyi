@@ -11,6 +11,7 @@ from .advice import suggest_class as suggest_class
 from .advice import suggest_kautz as suggest_kautz
 from .advice import suggest_next as suggest_next
 from .advice import suggest_prior as suggest_prior
+from .advice import suggest_roll_off as suggest_roll_off
 from .advice import suggest_scaling as suggest_scaling
 from .app.files import load as load
 from .app.files import save as save

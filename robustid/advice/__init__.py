@@ -10,6 +10,7 @@ from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, possible_rates, suggest_prior
 from robustid.advice.prior_weight import prior_weight
+from robustid.advice.roll_off import suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
@@ -38,5 +39,6 @@ __all__ = [
     "suggest_kautz",
     "suggest_next",
     "suggest_prior",
+    "suggest_roll_off",
     "suggest_scaling",
 ]

@@ -163,7 +163,7 @@ def suggest_prior(
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
     budget = Budget(time_limit, progress)
-    masks = _representatives(problem)
+    masks = representatives(problem)
     while True:
         part = problem if masks is None else selected(problem, masks)
         tried = _possible(part, _default_rates(problem)) if rates is None else rates
@@ -195,7 +195,7 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
     return found
 
 
-def _representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
+def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
     """Masks of the frequency points that stand for all; None where there are few enough."""
     few = int(_FEW / np.sqrt(problem.entries.count))
     return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)

@@ -336,7 +336,8 @@ class Identification(Frozen, Drawable, Savable):
         if prior.physical:
             lines.append(f"assumed    passivity with this {decay}: data can refute it, never prove it")
         else:
-            lines.append(f"assumed    gain bound, {decay} and parametric poles: data can refute them, never prove them")
+            class_words = f"gain bound{', how it falls' * prior.weighted}, {decay} and parametric poles"
+            lines.append(f"assumed    {class_words}: data can refute them, never prove them")
         return "\n".join(lines)
 
     @property

@@ -56,11 +56,15 @@ class PriorWeight(Frozen):
     @functools.cached_property
     def states(self) -> StateMatrices:
         """A chain of real sections of one or two states; no direct term at all where there are fewer zeros than poles."""
-        chain = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), float(self.gain)))
+        chain = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
         for zeros, poles in _pairs(self.zeros, self.poles):
             A, B, C, D = in_series(chain, _section(zeros, poles))
             chain = StateMatrices(*scaled_states(A, B, C), D)
-        return chain
+        # Sections have about unit size, whatever the unit of time.
+        rest = float(self.gain)
+        for zeros, poles in _pairs(self.zeros, self.poles):
+            rest /= _size(zeros, poles)
+        return _times(chain, rest)
 
     def moved(self, *, times: float = 1.0, plus: float = 0.0) -> PriorWeight:
         """The weight with zeros and poles elsewhere, and the same factor."""
@@ -205,7 +209,20 @@ def _section(zeros: Roots, poles: Roots) -> StateMatrices:
     n = below.size - 1
     A = np.eye(n, k=-1)
     A[0] = -below[1:]
-    return StateMatrices(A, np.eye(n, 1), (above[1:] - above[0] * below[1:])[None], np.full((1, 1), above[0]))
+    plain = StateMatrices(A, np.eye(n, 1), (above[1:] - above[0] * below[1:])[None], np.full((1, 1), above[0]))
+    return _times(plain, _size(zeros, poles))
+
+
+def _size(zeros: Roots, poles: Roots) -> float:
+    """What makes a section about as large as 1: the product of its poles over that of its zeros, those at 0 left out."""
+    below, above = (float(np.prod([abs(root) for root in roots if root])) for roots in (poles, zeros))
+    return below / above
+
+
+def _times(system: StateMatrices, gain: float) -> StateMatrices:
+    """A system times a number, half of it on either side of its states."""
+    root = float(np.sqrt(abs(gain)))
+    return StateMatrices(system.A, system.B * root, system.C * (root if gain > 0 else -root), system.D * gain)
 
 
 def as_weight(value: Any) -> PriorWeight:

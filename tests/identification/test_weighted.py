@@ -84,8 +84,8 @@ def test_it_is_the_problem_divided_by_the_weight_in_discrete_time(form):
     assert whole.margin == pytest.approx(parts.margin, abs=2e-4)
     assert whole.verification.passed
     if form in ("orthonormal", "taylor"):
-        at = np.array([3.0, 9.0])
-        errors = [rid.worst_case_error(one, omega=at, directions=16, rtol=0.02).magnitude for one in (whole, parts)]
+        at = np.array([9.0])
+        errors = [rid.worst_case_error(one, omega=at, directions=6, rtol=0.02).magnitude for one in (whole, parts)]
         size = np.abs(BIPROPER(np.exp(0.1j * at)))[:, None]
         assert np.allclose(errors[0], size * errors[1], rtol=0.03)
 
@@ -110,8 +110,8 @@ def test_truths_at_the_edge_are_inside_every_band(seed):
     widths = []
     for one in (prior(), prior(roll_off=None, corner=None)):
         found = rid.identify(problem_of(omega, values, bound, one, parametric=basis)).require()
-        grid = np.array([0.0, 1.7, 9.0, 40.0, 400.0])
-        error = rid.worst_case_error(found, omega=grid, directions=12)
+        grid = np.array([1.7, 9.0, 400.0])
+        error = rid.worst_case_error(found, omega=grid, directions=8)
         assert error.certified
         off = np.abs(plant(grid) - found.model(1j * grid))
         assert np.all(off <= error.upper[:, 0, 0])
@@ -180,7 +180,7 @@ def discrete_truth(seed, samples=24):
 
 
 @pytest.mark.parametrize("form", ["orthonormal", slowly("taylor")])
-@pytest.mark.parametrize("initial", ["rest", "free", "periodic"])
+@pytest.mark.parametrize("initial", ["rest", "free", slowly("periodic")])
 def test_records_of_a_weighted_plant_are_consistent(initial, form):
     plant, u, y = discrete_truth(2)
     if initial != "rest":
@@ -189,8 +189,8 @@ def test_records_of_a_weighted_plant_are_consistent(initial, form):
     classes = rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED)
     found = rid.identify(rid.MixedProblem(time=record, prior=classes), form=form).require()
     assert found.margin < 1
-    at = np.array([1.0, 8.0, 20.0])
-    error = rid.worst_case_error(found, omega=at, directions=8)
+    at = np.array([8.0])
+    error = rid.worst_case_error(found, omega=at, directions=6)
     assert np.all(np.abs(plant(np.exp(0.1j * at)) - found.model(np.exp(0.1j * at))) <= error.upper[:, 0, 0])
 
 
@@ -285,6 +285,18 @@ def test_roll_off_is_a_weight():
     first, second = (rid.identify(problem_of(omega, values, bound, one)) for one in stated)
     assert second.margin == pytest.approx(first.margin, rel=1e-8)
     assert second.margin > rid.identify(problem_of(omega, values, bound, prior(roll_off=None, corner=None))).margin
+
+
+@pytest.mark.parametrize("power", [-40, 40])
+def test_nothing_depends_on_the_unit_of_time(power):
+    omega, values, bound = lines(5)
+    unit, found = 2.0**power, []
+    for one in (1.0, unit):
+        stated = prior(decay=one * DECAY, corner=one * CORNER, roll_off=4)
+        found.append(rid.identify(problem_of(one * omega, values, bound, stated)))
+    assert found[1].margin == pytest.approx(found[0].margin, rel=1e-9)
+    assert found[1].verification.passed
+    assert np.allclose(found[1].model(2j * unit), found[0].model(2j), rtol=1e-7)
 
 
 def test_roll_off_only_takes_systems_away():

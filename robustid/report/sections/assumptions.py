@@ -12,7 +12,7 @@ from robustid.identification import Identification
 from robustid.report.document import Block, Code, Column, Facts, Heading, Table, Text
 from robustid.report.identified import DIRECTIONS, mixed, siso, started, unit, where
 from robustid.report.poles import delay_words, describe_pole, pole_rows
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, SUPERSCRIPT, number
 
 _LONG = 100  # letters of the names in one cell
 CHOSEN = "Chosen by the program from these data"
@@ -137,10 +137,9 @@ def _weight_words(identification: Identification) -> str:
         return ""
     if prior.weight is not None:
         return f", W the {str(prior.weight).strip('<>')},"
-    n, corner = prior.roll_off, number(prior.corner / (2 * np.pi), 6)
-    if not problem.dt:
-        return f", |W| = |1 + jω/ω₀|^−{n} on the border, falling as f^−{n} above ω₀/2π = {corner} Hz,"
-    return f", |W| = |(1 − a)/(1 − a e^(−jωT))|^{n} on the border, a = e^(−ω₀T), falling above ω₀/2π = {corner} Hz,"
+    power, corner = str(prior.roll_off).translate(SUPERSCRIPT), number(prior.corner / (2 * np.pi), 6)
+    shape = f"|1 + jω/ω₀|⁻{power}" if not problem.dt else f"|(1 − a)/(1 − a exp(−jωT))|{power}, a = exp(−ω₀T)"
+    return f", |W| = {shape}, ω₀/2π = {corner} Hz,"
 
 
 def _scaling_words(identification: Identification) -> str:

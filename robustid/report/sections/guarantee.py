@@ -123,9 +123,10 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
 
 
 def _further(identification: Identification) -> str:
-    """Further assumptions of the class of a MIMO problem."""
+    """Further assumptions of the class: how its bound falls; of MIMO problems scaling and symmetry."""
     problem = identification.problem
-    return ", the scaling" * (problem.prior.scaling is not None) + ", the symmetry" * problem.entries.symmetric
+    falls = ", how the bound depends on the frequency" * problem.prior.weighted
+    return falls + ", the scaling" * (problem.prior.scaling is not None) + ", the symmetry" * problem.entries.symmetric
 
 
 def circle_words(error: WorstCaseError) -> str:
