@@ -214,7 +214,7 @@ def _section(zeros: Roots, poles: Roots) -> StateMatrices:
 
 
 def _size(zeros: Roots, poles: Roots) -> float:
-    """What makes a section about as large as 1: the product of its poles over that of its zeros, those at 0 left out."""
+    """The factor that makes a section about as large as 1: product of its poles over that of its zeros, those at 0 left out."""
     below, above = (float(np.prod([abs(root) for root in roots if root])) for roots in (poles, zeros))
     return below / above
 
