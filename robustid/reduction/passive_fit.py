@@ -17,12 +17,12 @@ from robustid.reduction.passivity_search import Popov
 
 STRICT = 1e-9  # relative distance from the limit of what is made passive
 _INSIDE = 1e-3  # the same of where the refinement starts: at the limit itself it could not move
-_HEATS, _STEPS = 10, 40  # steps of every start, and further ones of the best
+_HEATS, _STEPS = 10, 100  # steps of every start, and further ones of the best
 _MOST = 24  # states of which A and B are moved too: the steps take their square as unknowns
 _LITTLE = 1e-4  # relative: inputs that every state gets for its coordinates
 _SOLVED = 1e-4  # relative violation that a solver may leave
 _FAR = 3.0  # times the largest frequency: poles beyond are tried there too, as fits place them anywhere
-_PROGRESS = 1e-2  # relative decrease of a step below which the next one is shorter
+_PROGRESS = 1e-3  # relative decrease of a step below which the next one is shorter
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
 
 

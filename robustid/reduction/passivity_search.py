@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -287,7 +288,9 @@ def riccati(A: Real, B: Real, Q: Real, S: Real, R: Real) -> Real | None:
             found = (found + found.T) / 2
             gain = _solve(R, B.T @ found + S.T)
             residual = found @ A + A.T @ found + Q - (found @ B + S) @ gain
-            step: Real = scipy.linalg.solve_continuous_lyapunov((A - B @ gain).T, -(residual + residual.T) / 2)
+            with warnings.catch_warnings():  # of eigenvalues at the axis: a step of no use is seen in the inequality
+                warnings.simplefilter("ignore", RuntimeWarning)
+                step: Real = scipy.linalg.solve_continuous_lyapunov((A - B @ gain).T, -(residual + residual.T) / 2)
             found = found + step
     except (np.linalg.LinAlgError, scipy.linalg.LinAlgError):
         return None

@@ -345,3 +345,18 @@ def test_steering_mirror_at_all_orders(tmp_path, capsys):
         nearest = modes[np.argmin(np.abs(modes[:, 0] - hz))]
         assert abs(nearest[0] - hz) < 0.006 * hz
         assert 0.7 < nearest[1] < 1.35
+
+
+@pytest.mark.slow
+def test_passive_network(tmp_path, capsys, undrawn, monkeypatch):
+    example = load("passive_network")
+    monkeypatch.setattr(example, "data_to_use", example.ladder)
+    monkeypatch.setattr("sys.argv", ["passive_network", "--out", str(tmp_path)])
+    example.main()
+    check_files(tmp_path, ["passive_network.png"])
+    printed = capsys.readouterr().out
+    assert printed.count("yes: norm <= 1 - ") == 4
+    assert printed.count("not passive") == 1
+    assert (tmp_path / "passive.cir").read_text().startswith("* Subcircuit of a passive")
+    error = {line[:31].strip(): float(line.split("  ")[-2]) for line in printed.splitlines() if "norm <=" in line}
+    assert error["passive"] <= 1.01 * error["fit"] < 1.2e-3  # noise is 1e-3

@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from robustid.reduction import exact_matrices
 from robustid.reduction.exact_matrices import Exact, beside, is_positive_definite, solved, symmetric_blocks
 
 pytestmark = pytest.mark.quick
@@ -47,3 +48,12 @@ def test_definiteness_is_told_at_the_last_digit(scale):
     assert not is_positive_definite(rank_three - Exact.of(least * np.eye(6)))
     spread = Exact.of(np.diag(10.0 ** np.array([-80, -40, 0, 30, 60, 90])))
     assert is_positive_definite(spread @ (rank_three + Exact.of(least * np.eye(6))) @ spread)
+
+
+def test_large_products_are_the_same_without_the_library(monkeypatch):
+    rng = np.random.default_rng(3)
+    a, b = (Exact.of(rng.standard_normal((40, 40)) * 2.0**k) for k in (0, 60))
+    product = (a @ b).digits
+    monkeypatch.setattr(exact_matrices, "_flint", lambda: None)
+    assert np.array_equal((a @ b).digits, product)
+    assert all(type(x) is int for x in product.ravel())

@@ -1,5 +1,7 @@
 """Passive models: truncations keep the property and its bound, the nearest passive gains are the nearest."""
 
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
@@ -119,3 +121,19 @@ def test_misuse_is_refused_in_a_sentence(call, message):
     model = control.StateSpace(-1.0, 1.0, 0.5, 0.0, 0)
     with pytest.raises(InputError, match=message):
         call(model, rid.FrequencyResponse([1.0, 2.0], [0.1, 0.2]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "poles"), [("ring slot.s2p", 4), ("ring slot.s2p", 6), ("ring slot measured.s1p", 8)])
+def test_networks_are_passive_at_most_a_tenth_worse_than_the_vector_fit(name, poles):
+    skrf = pytest.importorskip("skrf")
+    network = skrf.Network(str(Path(skrf.__file__).parent / "data" / name))
+    peer = skrf.vectorFitting.VectorFitting(network)
+    peer.vector_fit(n_poles_real=0, n_poles_cmplx=poles // 2)
+    data = rid.FrequencyResponse(2 * np.pi * network.f, network.s)
+    fit = rid.fit_mfd(data, order=poles, form="shared", feedthrough=True, weight=np.ones(network.s.shape))
+    passive = rid.make_passive(fit.model, response=data)
+    assert passive.passivity.holds
+    error = np.linalg.norm(values(passive.model, data.omega) - network.s)
+    fitted = [peer.get_model_response(i, j, network.f) - network.s[:, i, j] for i, j in np.ndindex(network.s.shape[1:])]
+    assert error <= 1.1 * np.linalg.norm(fitted)
