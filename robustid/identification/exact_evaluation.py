@@ -235,11 +235,11 @@ def _(E: ShiftColumns, samples: NDArray[Any]) -> Any:
     turns: list[Any] = []
     tilts = np.zeros(lines, complex) if E.tilt is None else E.tilt
     for angle, gain, tilt, sample in zip(
-        E.angles.tolist(), E.gain.tolist(), _parts(tilts), _parts(samples[:lines]), strict=True
+        E.angles.tolist(), _parts(E.gain), _parts(tilts), _parts(samples[:lines]), strict=True
     ):
         at = flint.acb(*sample)
         weight = at + flint.acb(*tilt) * at.conjugate()
-        terms.append(gain * weight.conjugate())
+        terms.append(flint.acb(*gain) * weight.conjugate())
         turns.append(flint.acb(0, -flint.arb(angle)).exp())
     total: list[Any] = []
     for decay in E.decay.tolist():

@@ -1,5 +1,7 @@
 """The structured interior-point method, part by part: balls, discs, the design."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -235,6 +237,9 @@ def test_generated_columns_and_their_non_uniform_transforms(lines, samples, para
     for seed, length in enumerate((1, 2, 33, 100)):
         rng = np.random.default_rng([lines, parameters, seed])
         columns, Q = random_columns(rng, lines, samples, length, parameters)
+        if seed % 2:  # of a class with a weight
+            phases = np.exp(2j * np.pi * rng.uniform(0, 1, lines))
+            columns = dataclasses.replace(columns, gain=columns.gain * phases)
         E = np.zeros((lines + samples, length), complex)
         for k in range(lines):
             E[k] = columns.gain[k] * columns.decay * np.exp(-1j * columns.angles[k] * np.arange(length))

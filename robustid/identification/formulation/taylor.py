@@ -121,12 +121,7 @@ class TaylorFormulation(Formulation):
         return prior.gain_bound * np.sqrt(energy)
 
     def entry_columns(self, angles: NDArray[np.float64]) -> EntryColumns:
-        """Return what makes the columns of one entry at some of the angles: they are generated where they are needed.
-
-        With a weight they are stored.
-        """
-        if not self.problem.weighting.trivial:
-            return super().entry_columns(angles)
+        """Return what makes the columns of one entry at some of the angles: they are generated where they are needed."""
 
         def columns(
             used: NDArray[np.bool_],
@@ -135,7 +130,7 @@ class TaylorFormulation(Formulation):
             bound: NDArray[np.float64],
             tilt: NDArray[np.complex128] | None,
         ) -> ShiftColumns:
-            gain = self.problem.prior.gain_bound * scale * part / bound
+            gain = self.problem.weighting.times(self.problem.prior.gain_bound * scale * part / bound, angles[used])
             return ShiftColumns(angles[used], gain, self.decay, np.zeros((0, self.length)), tilt)
 
         return columns

@@ -32,8 +32,10 @@ class ShiftColumns(Columns):
 
     Attributes
     ----------
-    angles, gain : (F,) arrays
-        theta = omega T in rad, and K/bound.
+    angles : (F,) array
+        theta = omega T in rad.
+    gain : (F,) array
+        K/bound; complex where the class has a weight W, K W/bound.
     decay : (L,) array
         rho^-j.
     real : (N - F, L) array
@@ -43,7 +45,7 @@ class ShiftColumns(Columns):
     """
 
     angles: NDArray[np.float64]
-    gain: NDArray[np.float64]
+    gain: NDArray[Any]
     decay: NDArray[np.float64]
     real: NDArray[np.float64]
     tilt: NDArray[np.complex128] | None = None
@@ -70,7 +72,7 @@ class ShiftColumns(Columns):
     def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Re E^H l, (L,)."""
         lines = self.angles.size
-        total, weights = np.zeros(self.decay.size), self.gain * tilted(samples[:lines], self.tilt)
+        total, weights = np.zeros(self.decay.size), self.gain.conj() * tilted(samples[:lines], self.tilt)
         for at, table in self._tables():
             total += np.real(weights[at].conj() @ table)
         return self.decay * total + self.real.T @ np.real(samples[lines:])
@@ -96,7 +98,8 @@ class ShiftColumns(Columns):
     @property
     def _reach(self) -> NDArray[np.float64]:
         """Largest gains that the tilts can make of the gains, (F,)."""
-        return self.gain if self.tilt is None else self.gain * (1 + np.abs(self.tilt))
+        size = np.abs(self.gain)
+        return size if self.tilt is None else size * (1 + np.abs(self.tilt))
 
     def _tables(self) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
         """Yield blocks of exp(-i theta_k j): products of two short tables, one exponential per 32 entries."""
@@ -124,7 +127,7 @@ class ShiftDesign(Design):
     """G = [E Q] for L Taylor coefficients at F frequency points, then time samples; all sums over the points by non-uniform FFTs.
 
     Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with
-    c_l = Re sum a_k g_k^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place
+    c_l = Re sum a_k |g_k|^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place
     of E the same holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
     """
 
@@ -160,7 +163,7 @@ class ShiftDesign(Design):
                     first * (1 + np.abs(kappa) ** 2) + 2 * np.real(second * kappa),
                     second + (second * kappa**2).conj() + 2 * first * kappa.conj(),
                 )
-            toeplitz = np.real(self._short.over_angles(columns.gain**2 * first))
+            toeplitz = np.real(self._short.over_angles(np.abs(columns.gain) ** 2 * first))
             hankel = np.real(self._long.over_angles(columns.gain**2 * second))
             both = scipy.linalg.toeplitz(toeplitz) + np.lib.stride_tricks.sliding_window_view(hankel, L)
             inner += both * columns.decay * columns.decay[:, None]
