@@ -40,8 +40,8 @@ def response_of(model: Any, omega: Real) -> Complex:
 
 
 def radius_of(data: FrequencyResponse) -> Real:
-    """The bounds of data, 1 where there are none."""
-    return np.ones(data.values.shape) if data.bound is None else np.asarray(data.bound.radius, dtype=float)
+    """The bounds of the entries of data, 1 where there are none; infinite where an entry was not measured."""
+    return np.ones(data.values.shape) if data.bound is None else np.asarray(data.bound.outer_radius, dtype=float)
 
 
 def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
@@ -114,6 +114,7 @@ class _Fit:
         self.omega = self._between() if data is None else data.omega
         self.values = response_of(model, self.omega) if data is None else data.values
         self.radius = np.ones(self.values.shape) if data is None else radius_of(data)
+        self.values: Complex = np.where(np.isfinite(self.radius), self.values, 0)
         self.size = 1.0 if self.bounded else float(np.max(np.abs(self.values))) or 1.0
         self.ports, self.strict = self.values.shape[1], STRICT
 

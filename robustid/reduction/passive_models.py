@@ -244,13 +244,16 @@ def _result(
 
 
 def _ratio(model: Any, data: FrequencyResponse) -> float:
-    """The largest |residual| over bound."""
-    return float(np.max(np.abs(data.values - response_of(model, data.omega)) / radius_of(data)))
+    """The largest |residual| over bound, as the bound means it."""
+    if data.bound is None:
+        return np.nan
+    return float(np.max(data.bound.ratio(data.values - response_of(model, data.omega))))
 
 
 def _squares(model: Any, data: FrequencyResponse) -> float:
     """The sum of squares of residuals over bounds."""
-    return float(np.sum(np.abs((data.values - response_of(model, data.omega)) / radius_of(data)) ** 2))
+    error = (data.values - response_of(model, data.omega)) / radius_of(data)
+    return float(np.nansum(np.abs(error) ** 2))
 
 
 def _nudged(model: Any, kind: str) -> tuple[Any, Passivity]:
@@ -314,7 +317,7 @@ def _root(P: Real) -> Real:
 def _smallest(given: Any, kind: str, data: FrequencyResponse, truncated: _Truncated) -> PassiveModel:
     """The smallest order found that is inside every bound: by truncation, then with gains fitted to the data below that."""
     tried: dict[int, float] = {}
-    best = None
+    best, least = None, (_ratio(given, data), given)
     for order in range(given.nstates + 1):
         model = truncated.of(order)
         tried[order] = _ratio(model, data)
@@ -325,13 +328,14 @@ def _smallest(given: Any, kind: str, data: FrequencyResponse, truncated: _Trunca
     missed = 0
     for order in range(start.nstates if best is None else start.nstates - 1, -1, -1):
         fitted = _nudged(smallest_ratio(truncated.of(order), kind, data), kind)[0]
-        tried[order] = min(tried[order], _ratio(fitted, data))
+        ratio = _ratio(fitted, data)
+        tried[order], least = min(tried[order], ratio), min(least, (ratio, fitted), key=lambda each: each[0])
         if tried[order] <= 1:
             best, missed = fitted, 0
             continue
         missed += 1
         if missed == _FURTHER or best is None:
             break
-    chosen = given if best is None else best
+    chosen = least[1] if best is None else best
     proof = prove_passive(chosen, kind=kind)
     return _result(given, chosen, proof, data=data, tried=tuple(sorted(tried.items())), values=truncated.values)

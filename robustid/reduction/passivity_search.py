@@ -191,6 +191,8 @@ class Popov:
         """
         A, n, k = self.system.A, *F.shape
         size = np.linalg.norm(self.S @ F, axis=0)
+        if not np.all(size > 0):  # a port that reaches no state
+            return
         f: Real = self.S @ F / size
         g = _solve(self.S.T, K) / size
         across = f.T @ g

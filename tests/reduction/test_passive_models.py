@@ -44,7 +44,7 @@ def test_a_state_out_of_reach_goes_first():
 
 
 def test_the_smallest_order_inside_all_bounds():
-    model = scattering(foster(np.random.default_rng(5), 3, 1, damping=0.1, resistance=0.3))
+    model = scattering(foster(np.random.default_rng(5), 2, 1, damping=0.1, resistance=0.3))
     data = rid.FrequencyResponse(OMEGA, values(model), bound=0.02)
     small = rid.reduce_passive(model, response=data)
     assert small.passivity.holds
@@ -72,6 +72,7 @@ def test_the_nearest_passive_model_in_closed_form():
     assert least * (1 - 1e-4) <= cost <= least * (1 + 1e-4)
 
 
+@pytest.mark.slow
 def test_poles_that_stand_in_the_way_are_moved():
     # Exact data of a passive network; a pole of the model where nothing was measured, with a gain far beyond 1.
     truth = scattering(foster(np.random.default_rng(0), 1, 1, damping=0.1, resistance=0.1))
@@ -121,6 +122,29 @@ def test_misuse_is_refused_in_a_sentence(call, message):
     model = control.StateSpace(-1.0, 1.0, 0.5, 0.0, 0)
     with pytest.raises(InputError, match=message):
         call(model, rid.FrequencyResponse([1.0, 2.0], [0.1, 0.2]))
+
+
+def test_bounds_mean_what_they_mean_and_what_was_not_measured_counts_for_nothing():
+    model = scattering(foster(np.random.default_rng(1), 1, 2, damping=0.1, resistance=0.3))
+    omega = OMEGA[::6]
+    missing = np.full((omega.size, 2, 2), 0.01)
+    missing[:, 0, 1] = np.inf
+    wrong = values(model, omega)
+    wrong[:, 0, 1] += 5
+    some = rid.FrequencyResponse(omega, wrong, bound=rid.Bound(missing))
+    assert rid.reduce_passive(model, response=some).margin <= 1
+    shifted = rid.FrequencyResponse(omega, values(model, omega) + 0.008).with_column_bound(0.01)
+    found = rid.make_passive(control.StateSpace([], [], [], np.eye(2) / 2), response=shifted)
+    error = np.linalg.norm(values(found.model, omega) - shifted.values, axis=1)
+    assert found.margin == pytest.approx(np.max(error) / 0.01)
+
+
+def test_data_that_no_passive_model_keeps_are_said_to_be_outside():
+    model = control.StateSpace(-1.0, 1.0, 0.5, 0.25, 0)
+    active = rid.FrequencyResponse([0.5, 1.0, 2.0], [1.5, 1.5, 1.5], bound=0.1)
+    found = rid.reduce_passive(model, response=active)
+    assert (found.passivity.holds, found.status) == (True, PassiveStatus.OUTSIDE)
+    assert found.margin == pytest.approx(5, rel=1e-3)  # 1.5 - 1 over 0.1: the nearest there is
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def test_narrow_violations_between_all_others_are_found():
     )
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(40, marks=pytest.mark.slow)])
 def test_random_networks_are_all_proved(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -226,3 +226,10 @@ def test_what_else_a_violation_may_mean():
     assert "other way round" in rid.prove_passive(-impedance, kind="positive real").summary()
     skew = control.StateSpace([], [], [], [[1.0, 0.5], [0.0, 1.0]])
     assert not rid.prove_passive(skew, kind="negative imaginary").holds
+
+
+def test_a_port_that_reaches_nothing():
+    idle = control.StateSpace(np.diag([-1.0, -2.0]), np.zeros((2, 1)), np.ones((1, 2)), 0.5, 0)
+    assert rid.prove_passive(idle).margin == pytest.approx(0.5)
+    none = control.StateSpace(np.diag([-1.0, -2.0]), np.zeros((2, 1)), np.zeros((1, 2)), 0.0, 0)
+    assert rid.prove_passive(none, kind="positive real").status is PassivityStatus.EDGE
