@@ -68,7 +68,8 @@ class PositiveReal(Prior):
         rho > 1, per sample.
     slack : float
         In the unit of F, at least 0. A mode c s/(s^2 + 2 d s + w^2) of a mobility vanishes at s = 0, hence its real part
-        is negative a little beyond the axis: -c alpha/w^2 at most. A slack of the sum of c alpha/w^2 admits it.
+        is negative a little beyond the axis: for alpha up to 2 d/3 at least -c alpha/(w^2 - 2 d alpha + alpha^2). The sum of these
+        over the modes admits it.
     gain_bound : float, optional
         Scale of the numbers, which has no influence on the class; the largest response in the data by default.
 
