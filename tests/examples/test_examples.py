@@ -360,3 +360,19 @@ def test_passive_network(tmp_path, capsys, undrawn, monkeypatch):
     assert (tmp_path / "passive.cir").read_text().startswith("* Subcircuit of a passive")
     error = {line[:31].strip(): float(line.split("  ")[-2]) for line in printed.splitlines() if "norm <=" in line}
     assert error["passive"] <= 1.01 * error["fit"] < 1.2e-3  # noise is 1e-3
+
+
+@pytest.mark.slow
+def test_passive_beam(tmp_path, capsys, undrawn, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["passive_beam", "--out", str(tmp_path)])
+    load("passive_beam").main()
+    check_files(tmp_path, ["gap.png"])
+    printed = capsys.readouterr().out
+    assert printed.count("inside: True") == 3
+    bands = {
+        line[:22].strip(): [float(v) for v in line[24:].split()[:5]]
+        for line in printed.splitlines()
+        if "inside" in line
+    }
+    assert bands["positive real"][2] < 0.1 * bands["smallest K that holds"][2]
+    assert "the response with the opposite sign: margin 0.858, consistent" in printed
