@@ -69,6 +69,20 @@ def test_the_error_is_that_of_fits_without_the_points():
     assert error == pytest.approx(np.sqrt(np.mean(np.concatenate(squares))), rel=1e-3)
 
 
+def test_a_pole_at_the_stability_boundary_counts_as_a_quarter_more(monkeypatch):
+    unstable = (1 / (S**2 - 0.05 * S + 9))[:, None, None] * np.ones(TRUTH.shape)
+    errors = {}
+    for factor in (None, 1.0):
+        if factor:
+            monkeypatch.setattr("robustid.mfd.weight_choice._AT_BOUNDARY", factor)
+        for name, values in (("boundary", unstable), ("inside", TRUTH)):
+            problem, data = question(np.ones(TRUTH.shape), values=values)
+            found = predicted_error(problem, data, begin(problem, data), SETTINGS, UNLIMITED)
+            errors.setdefault(name, []).append(found)
+    assert errors["boundary"][0] == pytest.approx(1.25 * errors["boundary"][1], rel=1e-12)
+    assert errors["inside"][0] == errors["inside"][1]
+
+
 def measured(covariance, dof):
     return rid.FrequencyResponse(OMEGA, TRUTH, covariance=covariance, dof=dof)
 
