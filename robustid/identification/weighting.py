@@ -57,12 +57,12 @@ class PriorWeight(Frozen):
     def states(self) -> StateMatrices:
         """A chain of real sections of one or two states; no direct term at all where there are fewer zeros than poles."""
         chain = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
-        for zeros, poles in _pairs(self.zeros, self.poles):
+        rest = float(self.gain)
+        # Roots that are alike in one section, and sections of about unit size, whatever the unit of time.
+        sides = (sorted(side, key=lambda root: abs(root - (self.dt > 0))) for side in (self.zeros, self.poles))
+        for zeros, poles in _pairs(*map(tuple, sides)):
             A, B, C, D = in_series(chain, _section(zeros, poles))
             chain = StateMatrices(*scaled_states(A, B, C), D)
-        # Sections have about unit size, whatever the unit of time.
-        rest = float(self.gain)
-        for zeros, poles in _pairs(self.zeros, self.poles):
             rest /= _size(zeros, poles)
         return _times(chain, rest)
 
@@ -203,14 +203,24 @@ def _sorted(roots: Roots) -> tuple[list[Roots], list[complex]]:
 
 
 def _section(zeros: Roots, poles: Roots) -> StateMatrices:
-    """One or two states, in a form of controllability."""
-    below, above = np.poly(poles).real, np.atleast_1d(np.poly(zeros).real)
-    above = np.concatenate([np.zeros(below.size - above.size), above])
-    n = below.size - 1
-    A = np.eye(n, k=-1)
-    A[0] = -below[1:]
-    plain = StateMatrices(A, np.eye(n, 1), (above[1:] - above[0] * below[1:])[None], np.full((1, 1), above[0]))
-    return _times(plain, _size(zeros, poles))
+    """One or two states, in u = z - the mean of the poles: poles and zeros that are near to each other and to 1 keep their digits.
+
+    Two poles are u^2 + w = 0, two zeros u^2 + b u + q = 0.
+    """
+    centre = sum(poles).real / len(poles)
+    away = [centre - zero for zero in zeros]
+    through = np.full((1, 1), float(len(zeros) == len(poles)))
+    if len(poles) == 1:
+        row = [away[0].real if away else 1.0]
+        return _times(
+            StateMatrices(np.full((1, 1), centre), np.ones((1, 1)), np.array([row]), through), _size(zeros, poles)
+        )
+    w = -((poles[0] - poles[1]) ** 2).real / 4
+    row = [1.0, 0.0] if not away else [away[0].real, 1.0]
+    if len(away) == 2:
+        row = [(away[0] * away[1]).real - w, sum(away).real]
+    A = np.array([[centre, 1.0], [-w, centre]])
+    return _times(StateMatrices(A, np.eye(2, 1, -1), np.array([row]), through), _size(zeros, poles))
 
 
 def _size(zeros: Roots, poles: Roots) -> float:
