@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # Of the size of the response: an excess below the first is rounding, and no violation; the others are tried for a proof.
 _ROUNDING = 1e-10
-_GAPS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1)
+_GAPS = (1e-9, 1e-8, 3e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2, 0.1)
 
 
 class PassivityStatus(enum.Enum):
