@@ -370,7 +370,7 @@ def test_passive_beam(tmp_path, capsys, undrawn, monkeypatch):
     printed = capsys.readouterr().out
     assert printed.count("inside: True") == 3
     bands = {
-        line[:22].strip(): [float(v) for v in line[24:].split()[:5]]
+        line[:24].strip(): [float(v) for v in line[24:].split()[:5]]
         for line in printed.splitlines()
         if "inside" in line
     }
