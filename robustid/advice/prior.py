@@ -156,6 +156,11 @@ def suggest_prior(
     (array([0., 0.]), Prior(gain_bound=0.06, decay_rate=1.3))
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
+    if problem.prior.physical:
+        raise InputError(
+            f"`problem` has a {type(problem.prior).__name__} class, of which no gain bound is to be chosen; its decay is at most"
+            " the smallest real part of the poles, in magnitude"
+        )
     rates = None if decay_rates is None else np.unique(as_array("decay_rates", decay_rates, ndim=1))
     if criterion not in ("slope", "error"):
         raise InputError(f"`criterion` must be 'slope' or 'error'; got {criterion!r}")

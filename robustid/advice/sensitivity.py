@@ -169,7 +169,7 @@ def half_width(support: Real) -> float:
 def _variations(problem: MixedProblem) -> Iterator[tuple[str, str, MixedProblem]]:
     K, rate = problem.prior.gain_bound, problem.prior.rate
     yield "as stated", "stated", problem
-    for factor in _FACTORS:
+    for factor in () if problem.prior.physical else _FACTORS:
         yield f"gain bound x {factor:g}", "gain", problem.with_prior(gain_bound=factor * K)
     for factor in _FACTORS:
         words, changed = ("decay rate", 1 + factor * (rate - 1)) if problem.dt else ("decay", factor * rate)

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Frozen, Progress, Real, as_kind, freeze
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import MixedProblem, identify
+from robustid.identification import MixedProblem, check_gain, identify
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -123,6 +123,7 @@ def diameter(
     import control
 
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
+    check_gain(problem, "the diameter before the data are known")
     nothing = control.ss([], [], [], np.zeros((problem.entries.outputs, problem.entries.inputs)), problem.dt)
     error = worst_case_error(
         identify(_without_values(problem)),

@@ -32,7 +32,7 @@ from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
-from robustid.identification import Identification, SupportCertificate, check_sampled
+from robustid.identification import Identification, SupportCertificate, check_gain, check_sampled
 
 _log = logging.getLogger("robustid")
 
@@ -341,6 +341,7 @@ def response_tube(
     """
     as_kind("identification", identification, Identification, "an Identification")
     check_sampled(identification.problem, "a response in time")
+    check_gain(identification.problem, "a response in time")
     at = as_entry(entry, identification.problem)
     kind, u = as_signal(input, horizon, identification)
     samples = as_samples(times, u.size, identification.problem.dt)

@@ -35,7 +35,7 @@ from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_o
 from robustid.guarantees.sweep import Folder
 from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.identification import Identification
+from robustid.identification import Identification, check_gain
 
 _AT_ONCE = 10.0  # seconds that an attribute may take
 _COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
@@ -307,6 +307,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
         See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
         as it comes within `time_limit` seconds: W is above it all the same.
         """
+        problem = self.identification.problem
+        if not problem.dt:
+            check_gain(problem, "a weight up to infinity")
         limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
         circle = self.on_circle(0.3, everywhere=True, **limits)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)

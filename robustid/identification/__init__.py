@@ -13,7 +13,7 @@ from robustid.identification.formulation import FORMS
 from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
-from robustid.identification.passive import class_size, contradictions
+from robustid.identification.passive import check_gain, class_size, contradictions
 from robustid.identification.passive_prior import PASSIVE_NAMES, BoundedReal, PositiveReal, prior_from
 from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
@@ -42,6 +42,7 @@ __all__ = [
     "any_prior",
     "ball_arithmetic",
     "certify_support",
+    "check_gain",
     "check_model",
     "check_sampled",
     "class_size",

@@ -50,9 +50,7 @@ def centred(
     InputError
         Functions whose coefficients are free: with them the plant is not passive.
     """
-    if isinstance(given, ParametricBasis) and given.labels[-1] == CENTRE:
-        return prior, given, bounds
-    if given is not None:
+    if given is not None and not (isinstance(given, ParametricBasis) and given.labels == (CENTRE,)):
         raise InputError(
             f"`parametric` can't be joined with a {type(prior).__name__} class: modes with free coefficients make it say nothing."
             " Leave it out and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
@@ -74,6 +72,19 @@ def centred(
 
 def _with_scale(prior: Prior, size: float) -> Prior:
     return dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
+
+
+def check_gain(problem: Any, what: str) -> None:
+    """Refuse a positive-real class where something rests on a gain bound.
+
+    Raises
+    ------
+    InputError
+    """
+    if problem.prior.positive_real:
+        raise InputError(
+            f"`prior` is a PositiveReal class, which has no gain bound, and {what} needs one; state a Prior(gain_bound=...) for it"
+        )
 
 
 def class_size(problem: Any, low: float, high: float) -> float:

@@ -189,5 +189,12 @@ def test_bad_input():
     with pytest.raises(SizeError, match="PositiveReal class of 1 port up to"):
         rid.identify(problem_of(many, 1 / (1j * many + 3), 0.1, passive))
     found = rid.identify(problem_of(omega, values, 3 * bound, passive))
+    for refused in (
+        lambda: rid.suggest_prior(found.problem),
+        lambda: rid.diameter(found.problem, omega=[1.0]),
+        lambda: rid.worst_case_error(found, omega=[10.0], directions=3).weight(),
+    ):
+        with pytest.raises(rid.InputError, match="PositiveReal class, "):
+            refused()
     with pytest.raises(rid.InputError, match="closed form"):
         found.weyl_disc([1.0])
