@@ -18,7 +18,8 @@ from robustid.advice import (
     suggest_scaling,
 )
 from robustid.app.measurements import Measured, Say
-from robustid.app.options import Modes, PriorChoice
+from robustid.app.options import Modes
+from robustid.app.prior_options import PriorChoice
 from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.data import FrequencyResponse

@@ -13,7 +13,7 @@ from robustid.app import choices, findings
 from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
-from robustid.app.options import prior_keys
+from robustid.app.prior_options import prior_keys
 from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
 from robustid.app.withheld import compared, looked_at

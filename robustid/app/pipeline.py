@@ -16,7 +16,7 @@ from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say, measured
 from robustid.app.members import FamilyRun, run_members
-from robustid.app.options import prior_keys
+from robustid.app.prior_options import prior_keys
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import SECTIONS, RunFile, read_run_file
 from robustid.app.sequence import Surroundings, from_data, from_problem

@@ -17,11 +17,11 @@ from robustid.app.options import (
     General,
     Identify,
     Modes,
-    PriorChoice,
     SmallModel,
     Withheld,
     WorstCase,
 )
+from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.app.toml import read_toml, write_toml
 from robustid.core import Frozen

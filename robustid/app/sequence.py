@@ -13,7 +13,8 @@ from robustid.app import choices, findings
 from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
-from robustid.app.options import Modes, PriorChoice
+from robustid.app.options import Modes
+from robustid.app.prior_options import PriorChoice
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import MODES_NOTE, RunFile
 from robustid.app.withheld import compared, looked_at, split_points

@@ -307,9 +307,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
         See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
         as it comes within `time_limit` seconds: W is above it all the same.
         """
-        problem = self.identification.problem
-        if not problem.dt:
-            check_gain(problem, "a weight up to infinity")
+        if not self.identification.problem.dt:
+            check_gain(self.identification.problem, "a weight up to infinity")
         limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
         circle = self.on_circle(0.3, everywhere=True, **limits)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)

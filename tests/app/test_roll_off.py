@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.options import PriorChoice
+from robustid.app.prior_options import PriorChoice
 from robustid.app.proposal import propose
 
 

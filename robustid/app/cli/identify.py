@@ -13,7 +13,8 @@ from robustid.app.checks import too_large
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
 from robustid.app.cli.terminal import counted, shown, step
-from robustid.app.options import FrequencyPoints, General, Identify, Modes, PriorChoice
+from robustid.app.options import FrequencyPoints, General, Identify, Modes
+from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
