@@ -14,6 +14,7 @@ from robustid.errors import InputError
 from robustid.identification.entries import Entries
 from robustid.identification.prior import Prior
 
+_LOUD = 2.0  # magnitude of most values at which they are no scattering parameters
 CENTRE = "constant of the class"  # label of the function whose coefficient is fixed
 
 
@@ -145,7 +146,20 @@ def contradictions(problem: Any) -> tuple[str, ...]:
         f"The data are not passive at {len(found)} of {points} frequency points by themselves, most at"
         f" {omega / (2 * np.pi):.5g} Hz: {what} is {limit} by {size:.3g} more than its bound."
     )
-    return (words,)
+    return (words, *_hints(problem))
+
+
+def _hints(problem: Any) -> list[str]:
+    """Sentences on what the numbers look like, where it is not what a passive class is about."""
+    values = np.concatenate([frf.values[frf.bound.used] for frf in problem.frequency])
+    if not np.any(values.imag):
+        return ["All values are real: are they magnitudes, in decibels perhaps, without their phase?"]
+    if not problem.prior.positive_real and np.median(np.abs(values)) > _LOUD:
+        return [
+            f"Half of the values exceed {_LOUD:g}: are they impedances? With the reference resistance R of the ports the scattering"
+            " parameters are (Z - R)/(Z + R), of matrices (Z - R)(Z + R)^-1."
+        ]
+    return []
 
 
 def _excess(frf: Any, prior: Prior) -> list[tuple[int, float]]:

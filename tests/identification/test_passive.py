@@ -156,6 +156,11 @@ def test_what_contradicts_a_class_is_said():
     assert found.best().margin < 1
     loud = diagnose(rid.identify(problem_of(omega, 40 * reflected, 1e-3, rid.BoundedReal(decay=1.0))))
     assert "magnitude is above 1" in loud.summary()
+    assert "are they impedances?" in loud.summary()
+    decibels = 20 * np.log10(np.abs(values))
+    for prior in (rid.PositiveReal(decay=1.0), rid.BoundedReal(decay=1.0)):
+        found = rid.identify(problem_of(omega, decibels, 0.1, prior))
+        assert "in decibels perhaps" in diagnose(found).summary()
 
 
 def test_bad_input():

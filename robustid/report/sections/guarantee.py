@@ -61,7 +61,7 @@ def guarantee_section(identification: Identification, error: WorstCaseError) -> 
             ),
             Drawing(worst_case_sigma_chart(error)),
         ]
-    if np.any(np.isfinite(error.parameters.lower)):
+    if np.any(np.isfinite(error.parameters.lower)) and not identification.problem.prior.positive_real:
         blocks += [Heading("Intervals of the parametric coefficients", 3), parameter_table(error)]
     return blocks
 
@@ -109,8 +109,7 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
         ("Between the frequencies", circle_words(error)),
         (
             "Assumed",
-            f"The class named above: gain bound, decay{_further(identification)} and the poles of the parametric part; and that"
-            " every sample"
+            f"The class named above: {_class_words(identification)}; and that every sample"
             f" lies within its bound.{poles} {CAUTION}",
         ),
         (
@@ -120,6 +119,13 @@ def rows(error: WorstCaseError) -> list[tuple[str, str]]:
             " its bound.",
         ),
     ]
+
+
+def _class_words(identification: Identification) -> str:
+    """The assumptions of a class."""
+    if identification.problem.prior.physical:
+        return "passivity, with the decay that is stated"
+    return f"gain bound, decay{_further(identification)} and the poles of the parametric part"
 
 
 def _further(identification: Identification) -> str:
