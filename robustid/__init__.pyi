@@ -67,6 +67,7 @@ from .guarantees import worst_case_over_poles as worst_case_over_poles
 from .identification import BoundedReal as BoundedReal
 from .identification import Identification as Identification
 from .identification import MixedProblem as MixedProblem
+from .identification import NegativeImaginary as NegativeImaginary
 from .identification import PositiveReal as PositiveReal
 from .identification import Prior as Prior
 from .identification import identify as identify

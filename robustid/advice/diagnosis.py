@@ -215,7 +215,12 @@ def diagnose(
 def _other_data(problem: MixedProblem) -> list[tuple[str, MixedProblem]]:
     """Data as they may have been measured in the place of those of a passive plant: another sign, phase, or derivative."""
     turns: list[tuple[str, Callable[[Real], Any], bool]] = [(_TURNED[0], np.ones_like, True)]
-    if problem.prior.positive_real:
+    if problem.prior.passive == "negative imaginary":
+        turns += [
+            (_TURNED[1], _minus_one, False),
+            ("the response over j omega (of a velocity the displacement)", _integral, False),
+        ]
+    elif problem.prior.positive_real:
         factors: tuple[Callable[[Real], Any], ...] = (_minus_one, _derivative, _integral)
         turns += [(words, factor, False) for words, factor in zip(_TURNED[1:], factors, strict=True)]
     if any(np.any(frf.omega == 0) for frf in problem.frequency):

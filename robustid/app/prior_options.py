@@ -35,7 +35,8 @@ class PriorChoice:
     passive: str | None = key(
         text(listed("identification", "PASSIVE_NAMES")),
         help="Prior: a physical property of the whole plant in the place of a gain bound, without modes, with a decay. Positive"
-        " real: impedance, velocity per force at the same points; bounded real: scattering parameters.",
+        " real: impedance, velocity per force at the same points; negative imaginary: displacement per force; bounded real:"
+        " scattering parameters.",
         flag="--passive",
     )
     slack: float | None = key(

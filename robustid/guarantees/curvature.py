@@ -12,7 +12,7 @@ import scipy.linalg
 
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.identification import Identification, MixedProblem, class_size, parametric_states
+from robustid.identification import Identification, MixedProblem, class_size, class_value, parametric_states
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -64,7 +64,8 @@ class Curvature:
         if self.problem.weighting.trivial:
             return region.bend(K, low, high)
         size, slope, bend = self._weight(low, high)
-        return size * region.bend(K, low, high) + 2 * slope * region.slope(K, low, high) + bend * K
+        value = class_value(self.problem, low, high)
+        return size * region.bend(K, low, high) + 2 * slope * region.slope(K, low, high) + bend * value
 
     def _weight(self, low: float, high: float) -> tuple[float, float, float]:
         """Bounds of |W|, |W'| and |W''| on an arc: values in the middle, and what the next derivative can add."""
@@ -78,7 +79,8 @@ class Curvature:
 
     @functools.cached_property
     def _states_of_weight(self) -> StateSpace:
-        return input_normal(*self.problem.weighting.states[:3])
+        states = self.problem.weighting.states[:3]
+        return states if self.problem.prior.positive_real else input_normal(*states)  # 1/s has no input-normal form
 
     def weight(self, low: float, high: float) -> float:
         """Bound of |W| on an arc, from its ends."""
@@ -103,7 +105,9 @@ class Curvature:
 def curvature_of(model: Any, identification: Identification, parameters: ParameterIntervals) -> Curvature:
     """Curvature of F - model, with intervals of the parameters."""
     basis, own = identification.problem.parametric, is_own(model, identification)
-    parts = interpolant_part(identification) if own else known_part(model, identification)
+    # Of a negative-imaginary class the constant has no states of its own in the model.
+    joined = identification.problem.prior.positive_real and not identification.problem.weighting.trivial
+    parts = interpolant_part(identification) if own and not joined else known_part(model, identification)
     reach = parameters.reach(identification.parameters)
     functions = None if basis is None or not basis.states else input_normal(basis.A, basis.B, basis.C)
     # A reduced interpolant is near the ball, not in it.

@@ -13,8 +13,14 @@ from robustid.identification.formulation import FORMS
 from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
-from robustid.identification.passive import check_gain, class_size, contradictions
-from robustid.identification.passive_prior import PASSIVE_NAMES, BoundedReal, PositiveReal, prior_from
+from robustid.identification.passive import check_gain, class_size, class_value, contradictions
+from robustid.identification.passive_prior import (
+    PASSIVE_NAMES,
+    BoundedReal,
+    NegativeImaginary,
+    PositiveReal,
+    prior_from,
+)
 from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
@@ -34,6 +40,7 @@ __all__ = [
     "Identification",
     "MarginCertificate",
     "MixedProblem",
+    "NegativeImaginary",
     "PositiveReal",
     "Prior",
     "Residual",
@@ -46,6 +53,7 @@ __all__ = [
     "check_model",
     "check_sampled",
     "class_size",
+    "class_value",
     "contradictions",
     "describe_poles",
     "describe_problem",

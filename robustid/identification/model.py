@@ -65,7 +65,9 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: A
     while True:
         states, error = realise(tolerance)
         states = _with_scales(problem, states)
-        inside = states[0].shape[0] + problem.weighting.order * min(problem.entries.shape)
+        inside = states[0].shape[0]
+        if not problem.prior.positive_real:  # whose weight has a pole on the axis
+            inside += problem.weighting.order * min(problem.entries.shape)
         nominal = Nominal(join_model(problem, rows, states, point.p), inside, error)
         if not error or tolerance < 1e-10 * problem.prior.gain_bound:
             return nominal
@@ -99,7 +101,10 @@ def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[n
     plane, weighting, basis = problem.plane, problem.weighting, problem.parametric
     inside, outside = StateMatrices(*realised), None
     if not weighting.trivial:
-        inside = weighting.joined(plane.from_z(inside), plane)
+        inside = plane.from_z(inside)
+        if problem.prior.positive_real:  # the constant has the same weight, and no states of its own
+            inside, basis = inside._replace(D=inside.D + residue_matrices(problem, rows, p)[0]), None
+        inside = weighting.joined(inside, plane)
         basis = None if basis is None else basis.in_s()
     if basis is not None:
         outside = parametric_states(problem, residue_matrices(problem, rows, p), basis)

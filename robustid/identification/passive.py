@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import ParametricBasis
-from robustid.core import Plane, Real
+from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification.entries import Entries
@@ -32,6 +32,10 @@ def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], ti
             f"`prior` is a {name} class, for as many inputs as outputs at the same ports; got {entries.outputs} outputs and"
             f" {entries.inputs} inputs"
         )
+    if any(np.any(frf.omega == 0) for frf in frequency) and prior.passive == "negative imaginary":
+        raise InputError(
+            f"`frequency` has a point at omega = 0, of which a {name} class says nothing: s F vanishes there; leave it out"
+        )
     if not prior.positive_real:
         return
     if time or not all(isinstance(one, FrequencyResponse) for one in frequency):
@@ -41,16 +45,17 @@ def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], ti
         )
 
 
-def centred(
-    prior: Any, given: Any, bounds: Any, entries: Entries, frequency: tuple[Any, ...], plane: Plane
-) -> tuple[Prior, Any, Any]:
-    """The class with its scale, and the parametric part with the constant (K - slack) I: F = it + K g, 1 + g positive real.
+def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
+    """The class with its scale, and the constant (K - slack) I as the parametric part: F = it + K g, 1 + g positive real.
+
+    Of negative-imaginary plants both are divided by s.
 
     Raises
     ------
     InputError
         Functions whose coefficients are free: with them the plant is not passive.
     """
+    prior, given, frequency, entries = problem.prior, problem.parametric, problem.frequency, problem.entries
     if given is not None and not (isinstance(given, ParametricBasis) and given.labels == (CENTRE,)):
         raise InputError(
             f"`parametric` can't be joined with a {type(prior).__name__} class: modes with free coefficients make it say nothing."
@@ -58,17 +63,21 @@ def centred(
         )
     if not any(f.bound.used.all(axis=(1, 2)).any() for f in frequency):
         raise InputError(
-            "`frequency` has no point at which every entry of the matrix was measured; a PositiveReal class is bounded by the whole"
-            " matrix at one frequency at least"
+            f"`frequency` has no point at which every entry of the matrix was measured; a {type(prior).__name__} class is bounded"
+            " by the whole matrix at one frequency at least"
         )
     if prior.gain_bound is None:
-        prior = _with_scale(prior, max(float(np.abs(f.values[f.bound.used]).max()) for f in frequency))
-    constant = ParametricBasis(
-        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), plane.dt, (CENTRE,)
-    )
+        prior = _with_scale(
+            prior, max(float(np.abs(positive_values(f, problem)[f.bound.used]).max()) for f in frequency)
+        )
+    constant = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    if not problem.weighting.trivial:
+        constant = problem.weighting.own.states
+    A, B, C, D = constant
+    basis = ParametricBasis(A, B, C, D, problem.plane.dt, (CENTRE,))
     centre: Real = (prior.gain_bound + prior.least) * np.eye(entries.outputs)
     ends = np.stack([centre, centre], axis=-1)[None]
-    return prior, constant, ends[:, 0, 0] if entries.single else ends
+    return prior, basis, ends[:, 0, 0] if entries.single else ends
 
 
 def _with_scale(prior: Prior, size: float) -> Prior:
@@ -86,6 +95,23 @@ def check_gain(problem: Any, what: str) -> None:
         raise InputError(
             f"`prior` is a PositiveReal class, which has no gain bound, and {what} needs one; state a Prior(gain_bound=...) for it"
         )
+
+
+def class_value(problem: Any, low: float, high: float) -> float:
+    """Bound of the norm of every consistent G on an arc of angles, before its weight.
+
+    K for the ball; of positive-real H = F + slack, |H| <= |Im W_i| + (1 + d)/(1 - d) Re W_i with the numbers of `class_size`.
+    """
+    prior = problem.prior
+    if not prior.positive_real:
+        return float(prior.gain_bound)
+    values = max(float(np.linalg.norm(positive_values(f, problem), 2, axis=(1, 2)).max()) for f in problem.frequency)
+    errors = max(
+        float(error_sizes(f, problem)[f.bound.used.all(axis=(1, 2))].max(initial=0.0)) for f in problem.frequency
+    )
+    return (class_size(problem, low, high) / 2 + values + errors + abs(prior.gain_bound) + 2 * abs(prior.least)) * (
+        1 + 1e-9
+    )
 
 
 def class_size(problem: Any, low: float, high: float) -> float:
@@ -112,23 +138,35 @@ def class_size(problem: Any, low: float, high: float) -> float:
 def _real_parts(frf: Any, problem: Any) -> tuple[Real, Any]:
     """Bound of the norm of the Hermitian part of F at the points where the whole matrix was measured, and their zeta."""
     whole = frf.bound.used.all(axis=(1, 2))
-    values = frf.values[whole]
+    values = positive_values(frf, problem)[whole]
     hermitian = (values + values.conj().transpose(0, 2, 1)) / 2
-    sizes = np.linalg.norm(hermitian, 2, axis=(1, 2)) + error_sizes(frf)[whole]
+    sizes = np.linalg.norm(hermitian, 2, axis=(1, 2)) + error_sizes(frf, problem)[whole]
     return sizes, problem.region.points(problem.plane.angles(frf.omega[whole]))
 
 
-def error_sizes(frf: Any) -> Real:
-    """Frobenius norm of the largest errors that the bounds allow at every frequency point, (F,)."""
+def positive_values(frf: Any, problem: Any) -> Any:
+    """The values (F, p, p) of the positive-real function at the frequency points: of a displacement the velocity."""
+    weighting = problem.weighting
+    return (
+        frf.values
+        if weighting.trivial
+        else frf.values / weighting.values(problem.plane.angles(frf.omega))[:, None, None]
+    )
+
+
+def error_sizes(frf: Any, problem: Any) -> Real:
+    """Frobenius norm of the largest errors that the bounds allow `positive_values` at every frequency point, (F,)."""
     radius = np.asarray(frf.bound.radius)
     if frf.bound.tilt is not None:
         radius = radius / (1 - np.abs(frf.bound.tilt))
-    return np.linalg.norm(radius, axis=(1, 2))
+    sizes: Real = np.linalg.norm(radius, axis=(1, 2))
+    weighting = problem.weighting
+    return sizes if weighting.trivial else sizes / weighting.sizes(problem.plane.angles(frf.omega))
 
 
 def contradictions(problem: Any) -> tuple[str, ...]:
     """Sentences on how data contradict a passive class at single frequency points, or that they do it only together."""
-    found = [(size, float(frf.omega[k])) for frf in problem.frequency for k, size in _excess(frf, problem.prior)]
+    found = [(size, float(frf.omega[k])) for frf in problem.frequency for k, size in _excess(frf, problem)]
     if not found:
         return (
             "No frequency point contradicts the class by itself: what contradicts it is how the response changes between them."
@@ -151,7 +189,7 @@ def contradictions(problem: Any) -> tuple[str, ...]:
 
 def _hints(problem: Any) -> list[str]:
     """Sentences on what the numbers look like, where it is not what a passive class is about."""
-    values = np.concatenate([frf.values[frf.bound.used] for frf in problem.frequency])
+    values: Any = np.concatenate([frf.values[frf.bound.used] for frf in problem.frequency])
     if not np.any(values.imag):
         return ["All values are real: are they magnitudes, in decibels perhaps, without their phase?"]
     if not problem.prior.positive_real and np.median(np.abs(values)) > _LOUD:
@@ -162,12 +200,14 @@ def _hints(problem: Any) -> list[str]:
     return []
 
 
-def _excess(frf: Any, prior: Prior) -> list[tuple[int, float]]:
+def _excess(frf: Any, problem: Any) -> list[tuple[int, float]]:
     """Frequency points at which the whole matrix was measured and contradicts the class, with how far beyond the bounds."""
     found: list[tuple[int, float]] = []
-    errors = error_sizes(frf)
+    prior, values, errors = problem.prior, frf.values, error_sizes(frf, problem)
+    if prior.positive_real:
+        values = positive_values(frf, problem)
     for k in np.flatnonzero(frf.bound.used.all(axis=(1, 2))).tolist():
-        W = frf.values[k]
+        W = values[k]
         if prior.positive_real:
             off = -float(np.linalg.eigvalsh((W + W.conj().T) / 2)[0]) + prior.least
         else:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, ClassVar
 
-from robustid.core import as_positive
+from robustid.core import Plane, as_positive
 from robustid.errors import InputError
 from robustid.identification.prior import Prior, decay_argument
+from robustid.identification.weighting import PriorWeight
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,10 +117,65 @@ class PositiveReal(Prior):
 
     def __repr__(self) -> str:
         slack = f", slack={self.slack!r}" if self.slack else ""
-        return f"PositiveReal({decay_argument(self)}{slack})"
+        return f"{type(self).__name__}({decay_argument(self)}{slack})"
 
 
-PASSIVE: dict[str, type[Prior]] = {kind.passive: kind for kind in (PositiveReal, BoundedReal)}
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
+class NegativeImaginary(PositiveReal):
+    """The plant is passive as force and displacement at the same points: s F is positive real, by physics.
+
+    Of continuous time: behind a zero-order hold a displacement is none. F = G/s with G of the class of `PositiveReal`, whose
+    parameters these are; the slack is one of velocities.
+
+    Parameters
+    ----------
+    decay : float, 1/s
+        alpha > 0.
+    slack : float
+        In the unit of F times rad/s, see `PositiveReal`.
+    gain_bound : float, optional
+        Scale of the numbers, without influence on the class.
+
+    Notes
+    -----
+    The model may drift: s F need not vanish at s = 0, where nothing was measured. Source: Lanzon and Petersen; F + F^H by s F.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> rid.NegativeImaginary(decay=20.0)
+    NegativeImaginary(decay=20.0)
+    """
+
+    passive: ClassVar[str] = "negative imaginary"
+    physical: ClassVar[str] = "s F + (s F)^H >= 0"
+
+    def __post_init__(self) -> None:
+        if self.decay_rate is not None:
+            raise InputError(
+                "`decay_rate` has no meaning for a NegativeImaginary class, which is one of continuous time; give its `decay` in"
+                " 1/s, and the response without a sample time"
+            )
+        super().__post_init__()
+
+    def sampled(self, dt: float) -> Prior:
+        """Refused: behind a zero-order hold a displacement is not negative imaginary."""
+        raise InputError(
+            f"`prior` is a NegativeImaginary class, of continuous time, and the data have a sample time of {dt:g} s: give the"
+            " response without it, if it was measured without a hold"
+        )
+
+    def weight_in(self, plane: Plane) -> PriorWeight:
+        """1/s, whatever the decay."""
+        return PriorWeight((), (0j,), 1.0, 0.0)
+
+    @property
+    def property_words(self) -> str:
+        """The property and its bound."""
+        return f"s F + (s F)^H >= {-2 * self.slack if self.slack else 0:g} (passive)"
+
+
+PASSIVE: dict[str, type[Prior]] = {kind.passive: kind for kind in (PositiveReal, BoundedReal, NegativeImaginary)}
 PASSIVE_NAMES = tuple(PASSIVE)
 
 

@@ -200,8 +200,7 @@ class MixedProblem(Frozen):
             return
         check_passive(self.prior, self.entries, frequency, time)
         if self.prior.positive_real:
-            given = self.parametric, self.parameter_bounds
-            prior, constant, bounds = centred(self.prior, *given, self.entries, frequency, self.plane)
+            prior, constant, bounds = centred(self)
             self._set(prior=prior, parametric=constant, parameter_bounds=bounds)
         elif self.parametric is not None:
             raise InputError(

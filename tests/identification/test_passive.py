@@ -43,6 +43,20 @@ def test_margins_of_positive_real_classes_against_pick(seed, ports):
 
 @pytest.mark.parametrize("ports", [1, 2])
 @pytest.mark.parametrize("seed", slow_but(1))
+def test_margins_of_negative_imaginary_classes_against_pick(seed, ports):
+    omega, values, bound, decay, slack = random_data(seed, ports)
+    by = (1j * omega)[:, None, None]
+    found = rid.identify(
+        problem_of(omega, values / by, bound / np.abs(by), rid.NegativeImaginary(decay=decay, slack=slack)),
+        accuracy=1e-6,
+    )
+    assert found.verification.passed
+    assert found.margin == pytest.approx(smallest_factor(omega, values, bound, decay, slack=slack), rel=1e-5)
+    assert found.order == 2 * omega.size * ports + ports  # the integrators once
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("seed", slow_but(1))
 def test_margins_of_bounded_real_classes_against_pick(seed, ports):
     omega, values, bound, decay, _ = random_data(seed, ports)
     found = rid.identify(problem_of(omega, values, bound, rid.BoundedReal(decay=decay)), accuracy=1e-6)
@@ -122,7 +136,11 @@ def test_classes_of_discrete_time():
 
 def test_saved_and_loaded(tmp_path):
     omega, values, bound, decay, _ = random_data(3, 1)
-    for prior in (rid.PositiveReal(decay=decay, slack=0.2), rid.BoundedReal(decay=decay)):
+    for prior in (
+        rid.PositiveReal(decay=decay, slack=0.2),
+        rid.BoundedReal(decay=decay),
+        rid.NegativeImaginary(decay=decay),
+    ):
         found = rid.identify(problem_of(omega, values, 3 * bound, prior))
         found.save(tmp_path / f"{type(prior).__name__}.json")
         again = rid.load(tmp_path / f"{type(prior).__name__}.json")
@@ -150,6 +168,8 @@ def test_what_contradicts_a_class_is_said():
         found = diagnose(rid.identify(problem_of(omega, values * factor, 1e-3, rid.PositiveReal(decay=1.0))))
         assert change in found.best().change
         assert found.best().margin < 1
+    velocity = rid.identify(problem_of(omega, values, 1e-3, rid.NegativeImaginary(decay=1.0)))
+    assert "of a velocity the displacement" in diagnose(velocity).best().change
     reflected = scattering(reactance(rng, 1, 1.0, 3, loss=0.5))(1j * omega)[:, 0, 0]
     found = diagnose(rid.identify(problem_of(omega, reflected.conj(), 1e-3, rid.BoundedReal(decay=1.0))))
     assert "exp(-j omega t)" in found.best().change
@@ -168,6 +188,13 @@ def test_bad_input():
     passive = rid.PositiveReal(decay=decay)
     with pytest.raises(rid.InputError, match=r"`decay_rate` .* or `decay` .* must be given"):
         rid.PositiveReal()
+    with pytest.raises(rid.InputError, match="one of continuous time"):
+        rid.NegativeImaginary(decay_rate=1.1)
+    sampled = rid.FrequencyResponse(omega, values, bound=bound, dt=0.01)
+    with pytest.raises(rid.InputError, match="data have a sample time"):
+        rid.MixedProblem(frequency=sampled, prior=rid.NegativeImaginary(decay=1.0))
+    with pytest.raises(rid.InputError, match="point at omega = 0, of which"):
+        problem_of([0.0, 1.0], [1.0, 1.0], 0.1, rid.NegativeImaginary(decay=1.0))
     with pytest.raises(rid.InputError, match="BoundedReal class is 1"):
         rid.BoundedReal(decay=1.0, gain_bound=2.0)
     with pytest.raises(rid.InputError, match="`scaling` has no meaning"):

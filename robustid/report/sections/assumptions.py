@@ -74,6 +74,10 @@ def _physical_words(identification: Identification) -> str:
     prior = identification.problem.prior
     if not prior.positive_real:
         return "|F| ≤ 1 (scattering)" if siso(identification) else "σmax(F) ≤ 1 (scattering)"
+    if prior.passive == "negative imaginary":
+        return "s F is positive real (force and displacement)" + (
+            f" but for {number(-prior.least)}" if prior.least else ""
+        )
     least = "0" if not prior.least else f"−{number(-prior.least)}"
     return f"Re F ≥ {least}" if siso(identification) else f"the eigenvalues of its Hermitian part are at least {least}"
 
