@@ -23,6 +23,7 @@ from .app.pipeline import run as run
 # The class, the question and its answer
 from .bases import integrators as integrators
 from .bases import kautz as kautz
+from .bases import passive_modes as passive_modes
 from .core import Signal as Signal
 
 # Measurements and their bounds

@@ -238,7 +238,9 @@ def _other_data(problem: MixedProblem) -> list[tuple[str, MixedProblem]]:
         prior = problem.prior
         if prior.positive_real:
             prior = dataclasses.replace(prior, gain_bound=None)
-        changes.append((words, MixedProblem(frequency=changed, prior=prior, symmetric=problem.symmetric)))
+        modes = problem.parametric if problem.functions else None
+        posed = MixedProblem(frequency=changed, prior=prior, parametric=modes, symmetric=problem.symmetric)
+        changes.append((words, posed))
     return changes
 
 

@@ -9,9 +9,11 @@ from robustid.bases.input_normal import (
     solve_stein,
 )
 from robustid.bases.parametric import ParametricBasis, as_basis, integrators, kautz, stack_bases
+from robustid.bases.passive_modes import PASSIVE_MODE, passive_modes
 from robustid.bases.sections import Sections
 
 __all__ = [
+    "PASSIVE_MODE",
     "InputNormalPair",
     "ParametricBasis",
     "Sections",
@@ -21,6 +23,7 @@ __all__ = [
     "kautz",
     "line_section",
     "nodes_pair",
+    "passive_modes",
     "shift_pair",
     "solve_stein",
     "stack_bases",

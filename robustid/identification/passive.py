@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid.bases import ParametricBasis
+from robustid.bases import PASSIVE_MODE, ParametricBasis, as_basis, stack_bases
 from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification.entries import Entries
 from robustid.identification.prior import Prior
 
+_GENEROUS = 100.0  # bounds by which data may be off before the coefficients of passive modes feel it
 _LOUD = 2.0  # magnitude of most values at which they are no scattering parameters
 CENTRE = "constant of the class"  # label of the function whose coefficient is fixed
 
@@ -55,12 +56,8 @@ def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
     InputError
         Functions whose coefficients are free: with them the plant is not passive.
     """
-    prior, given, frequency, entries = problem.prior, problem.parametric, problem.frequency, problem.entries
-    if given is not None and not (isinstance(given, ParametricBasis) and given.labels == (CENTRE,)):
-        raise InputError(
-            f"`parametric` can't be joined with a {type(prior).__name__} class: modes with free coefficients make it say nothing."
-            " Leave it out and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
-        )
+    prior, frequency, entries = problem.prior, problem.frequency, problem.entries
+    modes = _passive_modes(problem)
     if not any(f.bound.used.all(axis=(1, 2)).any() for f in frequency):
         raise InputError(
             f"`frequency` has no point at which every entry of the matrix was measured; a {type(prior).__name__} class is bounded"
@@ -77,7 +74,54 @@ def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
     basis = ParametricBasis(A, B, C, D, problem.plane.dt, (CENTRE,))
     centre: Real = (prior.gain_bound + prior.least) * np.eye(entries.outputs)
     ends = np.stack([centre, centre], axis=-1)[None]
-    return prior, basis, ends[:, 0, 0] if entries.single else ends
+    ends = ends[:, 0, 0] if entries.single else ends
+    if modes is None:
+        return prior, basis, ends
+    highest = _highest(as_basis(modes, problem.plane), frequency, problem)
+    low_high = np.column_stack([np.zeros(highest.size), highest])
+    return prior, stack_bases([modes, basis]), np.concatenate([low_high, ends])
+
+
+def _passive_modes(problem: Any) -> ParametricBasis | None:
+    """The positive-real modes that were given, in s, without the constant of the class; None for none."""
+    given, name = problem.parametric, type(problem.prior).__name__
+    if given is None:
+        return None
+    basis = as_basis(given, problem.plane).in_s()
+    if basis.labels[-1] == CENTRE:
+        if basis.size == 1:
+            return None
+        basis = dataclasses.replace(basis, C=basis.C[:-1], D=basis.D[:-1], labels=basis.labels[:-1])
+    elif problem.parameter_bounds is not None:
+        raise InputError(
+            f"`parameter_bounds` has no place beside a {name} class: the coefficients of passive modes lie between 0 and what the"
+            " real part of the data leaves to them; leave it out"
+        )
+    if not all(label.startswith(PASSIVE_MODE) for label in basis.labels) or not problem.weighting.trivial:
+        raise InputError(
+            f"`parametric` can't be joined with a {name} class: modes with free coefficients make it say nothing. Give"
+            " passive_modes(omega, damping) to a PositiveReal class, or leave it out and choose a `decay` below the smallest"
+            " damping times frequency of the modes, in rad/s"
+        )
+    if not problem.entries.single:
+        raise InputError(
+            "`parametric`: passive modes are for one port so far, the residue matrices of several would have to be positive"
+            " semidefinite; leave it out and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
+        )
+    return basis
+
+
+def _highest(modes: ParametricBasis, frequency: tuple[Any, ...], problem: Any) -> Real:
+    """Largest coefficients (m,) with which the real part of the data, within 100 of their bounds, leaves one to the rest."""
+    highest = np.full(modes.size, np.inf)
+    for frf in frequency:
+        used = frf.bound.used.all(axis=(1, 2))
+        functions: Real = np.real(modes.response(problem.plane.angles(frf.omega[used])))
+        left = frf.values[used, 0, 0].real + _GENEROUS * error_sizes(frf, problem)[used] - problem.prior.least
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = np.where(functions > 0, np.maximum(left, 0.0)[:, None] / functions, np.inf)
+        highest = np.minimum(highest, most.min(axis=0, initial=np.inf))
+    return highest
 
 
 def _with_scale(prior: Prior, size: float) -> Prior:
@@ -95,6 +139,17 @@ def check_gain(problem: Any, what: str) -> None:
         raise InputError(
             f"`prior` is a PositiveReal class, which has no gain bound, and {what} needs one; state a Prior(gain_bound=...) for it"
         )
+
+
+def modes_reach(frf: Any, problem: Any) -> Real:
+    """Largest magnitude of the modes of a passive class at every frequency point, (F,)."""
+    count = problem.functions
+    if not count:
+        return np.zeros(frf.omega.size)
+    sizes: Any = np.abs(problem.parametric.response(problem.plane.angles(frf.omega))[:, :count])
+    highest: Any = problem.parameter_bounds[:count, 1]
+    reach: Real = np.asarray(np.dot(sizes, highest), dtype=float)
+    return reach
 
 
 def class_value(problem: Any, low: float, high: float) -> float:

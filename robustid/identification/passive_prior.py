@@ -59,7 +59,9 @@ class BoundedReal(Prior):
 class PositiveReal(Prior):
     """The plant is passive as force and velocity, or current and voltage, at the same points: F + F^H >= -2 slack, by physics.
 
-    In Re s > -alpha, or in the disc |z| < rho. No gain bound is needed: the data bound every such function (Harnack's inequality).
+    In Re s > -alpha, or in the disc |z| < rho. No gain bound is needed: the data bound every such function (Harnack's
+    inequality). With lightly damped modes of one port (`passive_modes` as `parametric`, whose coefficients then are not negative)
+    it is what they leave that is positive real there, and alpha may be larger than their damping.
 
     Parameters
     ----------

@@ -122,6 +122,11 @@ class MixedProblem(Frozen):
         return self.taylor + sum(1 if angle in (0.0, np.pi) else 2 for angle in self.angles)
 
     @property
+    def functions(self) -> int:
+        """Number of parametric functions, without the constant of a positive-real class."""
+        return 0 if self.parametric is None else self.parametric.size - self.prior.positive_real
+
+    @property
     def samples(self) -> int:
         """Number of samples: one per frequency point and measured entry, and per used time sample."""
         return sum(int(item.bound.used.sum()) for item in (*self.frequency, *self.time))

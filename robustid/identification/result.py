@@ -207,7 +207,7 @@ class Identification(Frozen, Drawable, Savable):
     def _intervals(self) -> int:
         """Number of parameters with an interval."""
         bounds = self.problem.parameter_bounds
-        return 0 if bounds is None else int(np.isfinite(bounds[..., 0]).sum())
+        return 0 if bounds is None else int(np.isfinite(bounds[..., 0]).sum()) - self.problem.prior.positive_real
 
     @functools.cached_property
     def _used(self) -> Formulation:
@@ -303,7 +303,7 @@ class Identification(Frozen, Drawable, Savable):
             + (f"dt = {problem.dt:g} s" if problem.dt else "continuous time"),
             *self._signal_lines,
             f"class      {self._class_words} in {prior.where}{prior.weight_words}"
-            + (f", {problem.parametric.size} parametric functions" if self._own_functions else "")
+            + (f", {problem.functions} parametric functions" if self._own_functions else "")
             + (
                 f", {self._intervals} of their coefficients with an interval" * self._own_functions
                 if self._intervals
@@ -343,7 +343,7 @@ class Identification(Frozen, Drawable, Savable):
     @property
     def _own_functions(self) -> bool:
         """Say whether there is a parametric part but for the constant of a positive-real class."""
-        return self.problem.parametric is not None and not self.problem.prior.positive_real
+        return self.problem.functions > 0
 
     @property
     def _class_words(self) -> str:

@@ -150,6 +150,44 @@ def test_saved_and_loaded(tmp_path):
         assert "passive" in again.summary()
 
 
+def mobility(seed):
+    """Modes of 1 % damping, a positive-real rest that decays fast, and noise at the ends of the bounds."""
+    rng = np.random.default_rng(seed)
+    w, zeta, c = np.array([5.0, 12.0]), np.array([0.01, 0.008]), rng.uniform(0.5, 1, 2)
+    rest = reactance(rng, 1, 4.0, 2, size=20.0, loss=1.0)
+    omega = np.sort(np.concatenate([rng.uniform(2, 16, 5), w * (1 + rng.uniform(-0.01, 0.01, 2))]))
+
+    def at(s):
+        s = np.asarray(s)
+        return (c * s[:, None] / (s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2)).sum(1) + rest(s)[:, 0, 0]
+
+    bound = 0.03 * np.abs(at(1j * omega))
+    values = at(1j * omega) + bound * np.exp(2j * np.pi * rng.random(omega.size))
+    return at, omega, values, 1.001 * bound, rid.passive_modes(w, zeta)
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(30)])
+def test_lightly_damped_modes_beside_a_positive_real_rest(seed):
+    truth, omega, values, bound, modes = mobility(seed)
+    problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
+    found = rid.identify(problem, accuracy=1e-6).require()
+    d, w = modes.poles.real[::2] * -1, np.abs(modes.poles[::2])
+    s = 1j * omega[:, None]
+    functions = np.stack([2 * d * s, 2 * d * (s + 2 * d)], axis=2) / (s**2 + 2 * d * s + w**2)[..., None]
+    expected = smallest_factor(
+        omega, values[:, None, None], bound[:, None, None], 4.0, modes=functions.reshape(omega.size, -1)
+    )
+    assert found.margin == pytest.approx(expected, rel=1e-5, abs=1e-6)
+    assert np.all(found.parameters[:-1] >= 0)
+    error = rid.worst_case_error(found, omega=[5.02, 8.0], directions=6, rtol=0.2)
+    away = np.abs(found.model(1j * error.omega) - truth(1j * error.omega))
+    assert np.all(away <= error.upper[:, 0, 0] * (1 + 1e-9))
+    assert error.verify()
+    if not seed:
+        assert rid.identify(problem.with_prior(rate=4.0)).margin == pytest.approx(found.margin, abs=1e-4)
+        assert rid.identify(problem_of(omega, values, bound, rid.PositiveReal(decay=4.0))).margin > 2
+
+
 def test_what_contradicts_a_class_is_said():
     rng = np.random.default_rng(9)
     omega = np.linspace(0.5, 8, 12)
@@ -204,6 +242,11 @@ def test_bad_input():
             problem_of(omega, values, bound, prior, parametric=rid.kautz(10.0, 0.1, dt=0))
         with pytest.raises(rid.InputError, match="as many inputs as outputs"):
             problem_of(omega, np.ones((omega.size, 2, 1)), 1.0, prior)
+    modes = rid.passive_modes(10.0, 0.1)
+    with pytest.raises(rid.InputError, match="`parameter_bounds` has no place"):
+        problem_of(omega, values, bound, passive, parametric=modes, parameter_bounds=[[0, 1], [0, 1]])
+    with pytest.raises(rid.InputError, match="passive modes are for one port"):
+        problem_of(omega, np.ones((omega.size, 2, 2)), 1.0, passive, parametric=modes)
     record = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
     with pytest.raises(rid.InputError, match="takes frequency responses"):
         rid.MixedProblem(time=record, prior=rid.PositiveReal(decay=1.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import cvxpy as cp
 import numpy as np
 
@@ -36,10 +38,11 @@ def _residue(rng, ports):
     return factor @ factor.T
 
 
-def smallest_factor(omega, values, bound, decay, *, slack=0.0, bounded=False):
+def smallest_factor(omega, values, bound, decay, *, slack=0.0, bounded=False, modes=None):
     """The least s with |error| <= s bound, by Pick's matrix inequality through a general solver.
 
     With the conjugate points, in the real basis of the pairs, which makes diag(W, conj W) the real [Re W, -Im W; Im W, Re W].
+    `modes` (F, m) are values of functions with coefficients that are not negative.
     """
     points = 1j * np.concatenate([omega, -omega])
     (count, ports), one = values.shape[:2], np.eye(omega.size)
@@ -51,6 +54,12 @@ def smallest_factor(omega, values, bound, decay, *, slack=0.0, bounded=False):
         [part(value) + error for value, error in zip(values, errors, strict=True)]
         for part, errors in zip((np.real, np.imag), parts, strict=True)
     )
+    share = [] if modes is None else [cp.Variable(modes.shape[1])]
+    if modes is not None:
+        real, imag = (
+            [entry - part(row) @ share[0] * np.eye(1) for entry, row in zip(entries, modes, strict=True)]
+            for part, entries in ((np.real, real), (np.imag, imag))
+        )
     W = cp.bmat([[_diagonal(real), -_diagonal(imag)], [_diagonal(imag), _diagonal(real)]])
     gram = np.kron(gram, np.eye(ports))
     L = np.linalg.cholesky(gram)  # orthonormal coordinates: as it stands the Pick matrix costs digits
@@ -64,8 +73,11 @@ def smallest_factor(omega, values, bound, decay, *, slack=0.0, bounded=False):
         cp.norm(cp.vstack([cp.vec(e, order="C"), cp.vec(f, order="C")]), axis=0) <= factor * radius.ravel()
         for e, f, radius in zip(*parts, bound, strict=True)
     ]
-    problem = cp.Problem(cp.Minimize(factor), [(M + M.T) / 2 >> 0, *inside])
-    problem.solve(solver="CLARABEL", tol_gap_abs=1e-9, tol_gap_rel=1e-9, tol_feas=1e-9)
+    problem = cp.Problem(cp.Minimize(factor), [(M + M.T) / 2 >> 0, *inside, *(one >= 0 for one in share)])
+    for digits in (1e-9, 1e-8):  # not every problem gives as many
+        with contextlib.suppress(cp.SolverError):
+            problem.solve(solver="CLARABEL", tol_gap_abs=digits, tol_gap_rel=digits, tol_feas=digits)
+            break
     return float(factor.value)
 
 

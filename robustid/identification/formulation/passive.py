@@ -24,7 +24,7 @@ from robustid.identification.formulation.ball import Ball, Inequalities, Pairs
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.interpolant import Interpolants, from_factors
-from robustid.identification.passive import error_sizes, positive_values
+from robustid.identification.passive import error_sizes, modes_reach, positive_values
 from robustid.identification.problem import MixedProblem
 
 _ENOUGH = 1e-3  # norm of a power at which the geometric series ends
@@ -229,8 +229,10 @@ def harnack_bound(problem: MixedProblem, pair: InputNormalPair) -> tuple[float, 
         whole = frf.bound.used.all(axis=(1, 2))
         values, errors = positive_values(frf, problem)[whole], error_sizes(frf, problem)[whole]
         points = problem.region.points(problem.plane.angles(frf.omega[whole]))
-        for W, error, point in zip(values, errors, points, strict=True):
-            size, real = float(np.linalg.norm(W, 2)), float(np.linalg.norm((W + W.conj().T) / 2, 2)) - prior.least
+        reach = modes_reach(frf, problem)[whole].tolist()
+        for W, error, point, modes in zip(values, errors, points, reach, strict=True):
+            size = float(np.linalg.norm(W, 2)) + modes
+            real = float(np.linalg.norm((W + W.conj().T) / 2, 2)) - prior.least  # that of the modes is not negative
             far = float(np.abs((ends - point) / (1 - np.conj(point) * ends)).max())
             guess = size + error + 2 * (real + error) / max(1 - far, 1e-300)
             if guess < best[0]:

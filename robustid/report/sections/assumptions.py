@@ -104,7 +104,7 @@ def _region_words(identification: Identification) -> str:
 
 def _parametric_words(identification: Identification) -> str:
     problem, basis = identification.problem, identification.problem.parametric
-    if problem.prior.physical:
+    if problem.prior.physical and not problem.functions:
         return "None: the class is about the whole plant."
     if basis is None:
         return "None: nothing is known about single modes."

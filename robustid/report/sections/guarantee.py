@@ -61,7 +61,7 @@ def guarantee_section(identification: Identification, error: WorstCaseError) -> 
             ),
             Drawing(worst_case_sigma_chart(error)),
         ]
-    if np.any(np.isfinite(error.parameters.lower)) and not identification.problem.prior.positive_real:
+    if np.any(np.isfinite(error.parameters.lower)) and identification.problem.functions:
         blocks += [Heading("Intervals of the parametric coefficients", 3), parameter_table(error)]
     return blocks
 

@@ -1,0 +1,70 @@
+"""Modes of passive plants: functions whose non-negative combinations are positive real."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.bases.parametric import ParametricBasis, stack_bases
+from robustid.core import as_array
+from robustid.errors import InputError
+
+PASSIVE_MODE = "passive mode"  # how the labels of such functions begin
+
+
+def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
+    r"""Two functions for every mode of a mobility, positive real each: their non-negative combinations are all that are.
+
+    .. math:: \frac{2 d s}{s^2 + 2 d s + \omega^2}, \quad \frac{2 d (s + 2 d)}{s^2 + 2 d s + \omega^2}, \qquad d = \zeta \omega
+
+    Parameters
+    ----------
+    omega : float or sequence, rad/s
+        Natural frequencies.
+    damping : float or sequence
+        Damping ratios, 0 < zeta < 1.
+
+    Returns
+    -------
+    ParametricBasis
+        Of continuous time, for a `PositiveReal` class of one port: its decay is then about what the modes leave.
+
+    Raises
+    ------
+    InputError
+        Other than positive frequencies, or damping ratios outside of (0, 1).
+
+    Notes
+    -----
+    (b_1 s + b_0)/(s^2 + 2 d s + omega^2) is positive real iff 0 <= b_0 <= 2 d b_1: its real part on the axis is
+    (b_0 omega^2 + (2 d b_1 - b_0) w^2)/|.|^2.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> rid.passive_modes(100.0, 0.01).labels
+    ('passive mode 15.92 Hz, velocity', 'passive mode 15.92 Hz, damped')
+    """
+    omega, damping = (np.atleast_1d(as_array(name, value)) for name, value in (("omega", omega), ("damping", damping)))
+    if omega.ndim != 1 or damping.shape != omega.shape:
+        raise InputError(
+            f"`omega` and `damping` must have the same length; got shapes {omega.shape} and {damping.shape}"
+        )
+    if np.any(omega <= 0):
+        raise InputError(f"`omega` must be positive; got {omega.min():g} rad/s")
+    if np.any((damping <= 0) | (damping >= 1)):
+        raise InputError(f"`damping` must hold ratios between 0 and 1; got {damping.min():g} to {damping.max():g}")
+    return stack_bases([_passive_mode(w, z) for w, z in zip(omega.tolist(), damping.tolist(), strict=True)])
+
+
+def _passive_mode(omega: float, damping: float) -> ParametricBasis:
+    d = damping * omega
+    A, B = np.array([[0.0, omega], [-omega, -2 * d]]), np.array([[0.0], [1.0]])
+    C = 2 * d * np.array([[0.0, 1.0], [2 * damping, 1.0]])
+    name = f"{PASSIVE_MODE} {omega / (2 * np.pi):.4g} Hz"
+    pole = complex(-d, omega * np.sqrt(1 - damping**2))
+    poles = np.array([pole, pole.conjugate()])
+    return ParametricBasis(A, B, C, np.zeros((2, 1)), 0.0, (f"{name}, velocity", f"{name}, damped"), poles)
