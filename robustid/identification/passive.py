@@ -145,11 +145,10 @@ def modes_reach(frf: Any, problem: Any) -> Real:
     """Largest magnitude of the modes of a passive class at every frequency point, (F,)."""
     count = problem.functions
     if not count:
-        return np.zeros(frf.omega.size)
-    sizes: Any = np.abs(problem.parametric.response(problem.plane.angles(frf.omega))[:, :count])
-    highest: Any = problem.parameter_bounds[:count, 1]
-    reach: Real = np.asarray(np.dot(sizes, highest), dtype=float)
-    return reach
+        return np.zeros(len(frf.omega))
+    sizes: Real = np.abs(problem.parametric.response(problem.plane.angles(frf.omega))[:, :count])
+    highest: Real = problem.parameter_bounds[:count, 1]
+    return sizes @ highest
 
 
 def class_value(problem: Any, low: float, high: float) -> float:
