@@ -207,7 +207,7 @@ def test_matlab_vectors_matrices_and_structures(tmp_path, write):
     np.testing.assert_array_equal(record.u, U)
     np.testing.assert_array_equal(record.y, Y)
     assert record.dt == pytest.approx(0.01)
-    with pytest.raises(InputError, match=r"'data\.x' isn't in the file\. The file has .*data\.u, data\.y"):
+    with pytest.raises(InputError, match=r"'data\.x' isn't in the file\. The file has .*data\.u \(6 x 2\), data\.y"):
         load(path, fields={"u": "data.x", "y": "data.y"}, dt=0.1)
 
 

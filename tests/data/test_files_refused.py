@@ -35,6 +35,11 @@ def truncated_npz(path):
     path.write_bytes(path.read_bytes()[:-300])
 
 
+def truncated_npy(path):
+    np.save(path, np.zeros(1000))
+    path.write_bytes(path.read_bytes()[:130])
+
+
 def truncated_matlab(path):
     scipy.io.savemat(path, {"u": U, "y": Y})
     path.write_bytes(path.read_bytes()[:-60])
@@ -95,7 +100,8 @@ BAD_FILES = {
     "image.mat": (lambda path: path.write_bytes(PNG), "can't be read as a MATLAB file"),
     "image.npz": (lambda path: path.write_bytes(PNG), "isn't a file that robustid reads"),
     "data.pkl": (only_pickle, "isn't a file that robustid reads"),
-    "array.npy": (lambda path: np.save(path, U), "isn't a file that robustid reads"),
+    "objects.npy": (lambda path: np.save(path, np.array([print, None])), "pickled Python objects"),
+    "cut.npy": (truncated_npy, r"array declares .* cut off"),
     "pickled.npz": (pickled, "pickled Python objects, which can run code and are never loaded"),
     "sheet.xlsx": (spreadsheet, "holds no numeric arrays"),
     "cut.npz": (truncated_npz, "can't be read as .npz .*cut off"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data.io.roles import axis_role
+from robustid.data.io.names import axis_role
 from robustid.errors import InputError
 
 pytestmark = pytest.mark.quick

@@ -48,7 +48,7 @@ def read_universal(path: Path) -> Table:
         raise FileFormatError(
             f"{path.name} can't be read as a universal file ({said(error)}); is it cut off?"
         ) from None
-    table = Table(path, {})
+    table = Table(path, {}, how="universal file, data sets 58")
     for kind, assemble in ((_FRF, _responses), (_TIME_RESPONSE, _histories)):
         chosen = [s for s in sets if s["func_type"] == kind]
         if chosen:
@@ -207,7 +207,7 @@ def read_touchstone(path: Path) -> Table:
             f"{path.name}: {counts} lines begin a frequency where {lines} frequencies of {ports} x {ports} parameters were"
             " read; is the file cut off, or the number of ports in its ending wrong?"
         )
-    table = Table(path, {"freq_hz": np.asarray(file.f), "values": np.asarray(file.s)})
+    table = Table(path, {"freq_hz": np.asarray(file.f), "values": np.asarray(file.s)}, how="Touchstone, S-parameters")
     table.facts["frequency"] = {
         side: [f"{wave}{k + 1}" for k in range(ports)] for side, wave in (("inputs", "a"), ("outputs", "b"))
     }

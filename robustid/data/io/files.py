@@ -11,9 +11,11 @@ from typing import Any, NamedTuple, cast
 from robustid.core import written_by
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io.excitation_files import excitation_of, is_excitation
+from robustid.data.io.lookup import Lookup
 from robustid.data.io.model_files import is_model, model_of
+from robustid.data.io.names import NAMES
 from robustid.data.io.readers import read_table
-from robustid.data.io.roles import NAMES, Lookup, as_frequency, as_time, frequency_axis, time_step
+from robustid.data.io.roles import as_frequency, as_time, frequency_axis, time_step
 from robustid.data.io.saved import CLASSES, WRITERS, unpack
 from robustid.data.io.structures import from_structure
 from robustid.data.io.table import Table

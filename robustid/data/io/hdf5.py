@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ def read_hdf5(path: Path) -> Table:
     """Arrays and texts of an HDF5 file, MATLAB's v7.3 included."""
     import h5py
 
-    table = Table(path, {})
+    table = Table(path, {}, how="HDF5")
     try:
         # visititems follows no soft and no external links: a file from a stranger opens no other file.
         with h5py.File(path, "r") as file:
@@ -28,7 +29,9 @@ def read_hdf5(path: Path) -> Table:
 
             file.visititems(keep)
             matlab = any("MATLAB_class" in item.attrs for _, item in found)
-            if not matlab:
+            if matlab:
+                table = dataclasses.replace(table, how="MATLAB v7.3")
+            else:
                 _attributes("", file, table)
             for name, item in found:
                 (_from_matlab73 if matlab else _from_hdf5)(name.replace("/", "."), item, file, table)

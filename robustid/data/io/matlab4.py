@@ -28,7 +28,7 @@ def read_matlab4(path: Path) -> Table:
         name, matrix, at = _matrix(path, content, at)
         if matrix is not None:
             columns[name] = matrix
-    return Table(path, columns)
+    return Table(path, columns, how="MATLAB v4")
 
 
 def _matrix(path: Path, content: bytes, at: int) -> tuple[str, NDArray[np.generic] | None, int]:

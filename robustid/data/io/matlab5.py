@@ -30,7 +30,7 @@ _LARGEST_SPARSE = 10**7  # entries, zeros counted
 
 def read_matlab5(path: Path) -> Table:
     """Arrays and texts of a MATLAB v5 file."""
-    table = Table(path, {})
+    table = Table(path, {}, how="MATLAB v5")
     try:
         for order, data in _variables(path):
             name, value = _matrix(_Elements(data, order))

@@ -7,16 +7,15 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
+from typing import Any
 
 from robustid.core import saved_kind
+from robustid.data.io.archives import read_npy, read_npz
 from robustid.data.io.exchange import read_touchstone, read_universal
 from robustid.data.io.hdf5 import read_hdf5
 from robustid.data.io.matlab4 import read_matlab4
 from robustid.data.io.matlab5 import read_matlab5
-from robustid.data.io.table import Table, check_growth, said
+from robustid.data.io.table import Table, said
 from robustid.data.io.text import read_text
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
@@ -60,7 +59,9 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
     if head.startswith(signature) or head[512:520] == signature:
         return read_hdf5
     if head.startswith(b"PK"):
-        return _read_npz
+        return read_npz
+    if head.startswith(b"\x93NUMPY"):
+        return read_npy
     if head.startswith(b"MATLAB 5.0") or (suffix == ".mat" and head[126:128] in (b"IM", b"MI")):
         return read_matlab5
     if suffix == ".mat":
@@ -73,7 +74,7 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
         return read_text
     raise FileFormatError(
         f"{path.name} isn't a file that robustid reads; give .csv, .tsv or .txt with column names in the first line,"
-        " .npz (numpy.savez with names), .mat (v5 or v7.3), .h5, .uff (58) or Touchstone (.s1p, .s2p, ...)"
+        " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .uff (58) or Touchstone (.s1p, .s2p, ...)"
     )
 
 
@@ -92,40 +93,6 @@ def export(table: Table) -> str:
         f". {name!r} is an object of the MATLAB class {kind}, which only MATLAB can read; if it is an idfrd, frd or iddata, say"
         f" there: s = struct({pairs}); save('{table.path.stem}_plain.mat', '-struct', 's')"
     )
-
-
-def _read_npz(path: Path) -> Table:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            for info in archive.zip.infolist():
-                check_growth(path, info.filename, info.file_size, info.compress_size)
-                _check_shape(path, archive.zip, info)
-            arrays = {name: archive[name] for name in archive.files}
-    except FileFormatError:
-        raise
-    except Exception as error:  # zipfile, zlib and numpy each have their own for broken bytes
-        if "allow_pickle" in str(error):
-            raise FileFormatError(
-                f"{path.name} holds pickled Python objects, which can run code and are never loaded;"
-                " store plain arrays of numbers with numpy.savez"
-            ) from None
-        raise FileFormatError(f"{path.name} can't be read as .npz ({said(error)}); is the file cut off?") from None
-    meta = arrays.pop("robustid", None)
-    plain = {k: cast("np.ndarray", v) for k, v in arrays.items() if isinstance(v, np.ndarray)}
-    numeric: dict[str, Any] = {k: v for k, v in plain.items() if v.dtype.kind in "biufc"}
-    return Table(path, numeric, None if meta is None else str(meta))
-
-
-def _check_shape(path: Path, archive: Any, info: Any) -> None:
-    """The header of an array says its size: numpy allocates it before it reads."""
-    with archive.open(info) as member:
-        if info.file_size < 8 or member.read(6) != b"\x93NUMPY":
-            return
-        version = tuple(member.read(2))
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(member)
-    if not dtype.hasobject:
-        check_growth(path, info.filename, int(np.prod(shape, dtype=object)) * dtype.itemsize, info.file_size)
 
 
 def _checked(path: Path, meta: str) -> dict[str, Any]:

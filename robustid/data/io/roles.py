@@ -1,9 +1,9 @@
-"""Roles of the arrays of a file: names given or usual, several signals, units, the time axis."""
+"""From the arrays of a file, found by their roles, to measurements: units, magnitude and phase, the time axis."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, cast
 
 import numpy as np
@@ -11,203 +11,17 @@ import numpy as np
 from robustid.core import as_array, as_positive
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io import units
-from robustid.data.io.readers import TEXTS, export
-from robustid.data.io.table import Table
+from robustid.data.io.lookup import Lookup, seconds
+from robustid.data.io.names import axis_role
 from robustid.data.time_record import TimeRecord
-from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.errors import InputError
 
-# Roles and the names tried for them, which may have a unit: "frequency [Hz]", "time_ms". Names whose unit isn't certain
-# ("frequency", "phase") are refused without one.
-FREQUENCY = {
-    "omega": ("omega", "w", "rad_s", "omega_rad_s"),
-    "freq_hz": ("freq_hz", "frequency_hz", "f_hz", "hz"),
-    "values": ("values", "frf", "response", "g", "h"),
-    "real": ("real", "re"),
-    "imag": ("imag", "im"),
-    "magnitude": ("magnitude", "mag", "abs"),
-    "magnitude_db": ("magnitude_db", "mag_db", "db"),
-    "phase_deg": ("phase_deg", "phase_degrees"),
-    "phase_rad": ("phase_rad",),
-}
-TIME = {
-    "time": ("time", "t", "times"),
-    "u": ("u", "input", "inputs"),
-    "y": ("y", "output", "outputs"),
-    "reference": ("reference",),
-}
-NAMES = {**FREQUENCY, **TIME, "bound": ("bound", "bounds"), "dt": ("dt", "Ts", "T")}
 _WAYS: tuple[tuple[str, ...], ...] = (
     ("values",),
     ("real", "imag"),
     *itertools.product(("magnitude", "magnitude_db"), ("phase_deg", "phase_rad")),
 )
 _UNIFORM = 1e-6
-_ANGULAR = ("omega", "ω", "w", "angular frequency", "angular_frequency")
-_AXES = {
-    **dict.fromkeys((*_ANGULAR, "frequency", "frequencies", "freq", "f"), "frequency"),
-    **dict.fromkeys(("time", "t", "times"), "time"),
-    **dict.fromkeys(("phase", "angle", "arg"), "phase"),
-    **dict.fromkeys(("magnitude", "mag", "abs"), "magnitude"),
-}
-_UNSURE = "unsure "  # before the kind of an axis: its unit isn't known
-
-
-def axis_role(name: str) -> str | None:
-    """Role of a column that is an axis, by its name and unit; "unsure frequency" (time, ...) where the unit isn't certain."""
-    base, unit = units.axis_label(name)
-    base = base.lower()
-    known = {"hz": "frequency", "rad_s": "frequency", "db": "magnitude"}
-    kind = _AXES.get(base) or (known.get(unit.lower()) if not base else None)
-    if kind == "frequency":
-        if not unit:
-            return "omega" if base in _ANGULAR else _UNSURE + kind
-        scale = units.factor(units.FREQUENCY, unit)
-        if scale is None or (base in _ANGULAR and "hz" in unit.lower()):
-            return _UNSURE + kind
-        return "freq_hz" if "hz" in unit.lower() else "omega"
-    if kind == "time":
-        return "time" if not unit or units.factor(units.TIME, unit) else _UNSURE + kind
-    if kind == "phase":
-        scale = units.factor(units.PHASE, unit)
-        return _UNSURE + kind if scale is None else "phase_rad" if scale == 1 else "phase_deg"
-    if kind == "magnitude":
-        return "magnitude_db" if unit.lower() == "db" else _UNSURE + kind if "db" in unit.lower() else "magnitude"
-    return None
-
-
-def _rank(role: str, name: str) -> tuple[int, bool]:
-    """Order among columns that could play a role: the most usual name first."""
-    base = units.axis_label(name)[0]
-    usual = [*dict.fromkeys(units.axis_label(known)[0] for known in NAMES[role])]
-    return usual.index(base.lower()) if base.lower() in usual else len(usual), base != base.lower()
-
-
-class Lookup:
-    """Finds roles in a table: by the names given, else by usual ones."""
-
-    def __init__(self, table: Table, fields: dict[str, Any]) -> None:
-        self.columns, self.file, self.fields = table.columns, table.path.name, fields
-        self.text, self.facts, self.export = table.path.suffix.lower() in TEXTS, table.facts, export(table)
-        self.axes: dict[str, list[str]] = {}
-        for name in self.columns:
-            if (role := axis_role(name)) is not None:
-                self.axes.setdefault(role, []).append(name)
-
-    def _match(self, name: str) -> str | None:
-        """As written, in other letters, or without its unit."""
-        if name in self.columns:
-            return name
-        wanted = name.lower()
-        found = [known for known in self.columns if known.lower() == wanted]
-        return next(iter(found or [n for n in self.columns if units.in_brackets(n)[0].lower() == wanted]), None)
-
-    def find(self, role: str) -> Any:
-        """Name in the file, or list of names, or None."""
-        if role in self.fields:
-            return self.fields[role]
-        if role in ("omega", "freq_hz", "time", "phase_deg", "phase_rad", "magnitude", "magnitude_db"):
-            return min(self.axes.get(role, []), key=lambda name: _rank(role, name), default=None)
-        for name in NAMES[role]:
-            if (match := self._match(name)) is not None:
-                return match
-            if role in ("u", "y", "reference", "bound"):
-                numbered = (self._match(f"{name}{k}") for k in itertools.count(1))
-                if several := list(itertools.takewhile(lambda match: match is not None, numbered)):
-                    return several
-        return None
-
-    def unsure(self, kind: str) -> str | None:
-        """A column that is an axis in a unit that isn't known."""
-        return next(iter(self.axes.get(_UNSURE + kind, [])), None)
-
-    def kind(self) -> str:
-        """Frequency or time, by the roles given, else by the names in the file."""
-        given = set(self.fields)
-        frequency, time = bool(given & set(FREQUENCY)), bool(given & set(TIME))
-        if frequency != time:
-            return "frequency" if frequency else "time"
-        if not frequency and (kind := self.looks()) is not None:
-            return kind
-        raise InputError(
-            f"{self.file}: can't tell whether it holds frequency or time data; give `kind` and `fields`."
-            f" {self.inventory()}"
-        )
-
-    def looks(self) -> str | None:
-        """Frequency or time, by the usual names in the file alone; None where both or neither are there."""
-        frequency = (self.find("omega") or self.find("freq_hz")) is not None
-        time = self.find("u") is not None and self.find("y") is not None
-        if frequency == time:
-            return "frequency" if not frequency and self.unsure("frequency") else None
-        return "frequency" if frequency else "time"
-
-    def sample_time(self) -> float | None:
-        """A stored sample time: a variable of one number, never a column of a text file."""
-        if "dt" in self.fields:
-            return as_positive("fields['dt']", self.column("dt", self.fields["dt"])) * _seconds(self, self.fields["dt"])
-        for name in () if self.text else NAMES["dt"]:
-            value = self.columns.get(name)
-            # MATLAB's Ts is 0 for continuous time and -1 for "not said".
-            if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
-                return float(value.item())
-        return None
-
-    def inventory(self) -> str:
-        """One sentence that lists the columns of the file."""
-        names = list(self.columns)
-        return f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}"
-
-    def need(self, role: str) -> Any:
-        """As `find`, or say what is missing."""
-        if (name := self.find(role)) is None:
-            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. {self.inventory()}")
-        return name
-
-    def name(self, name: Any) -> str:
-        """As it stands in the file, with its unit."""
-        return (self._match(name) if isinstance(name, str) else None) or str(name)
-
-    def column(self, role: str, name: Any) -> np.ndarray:
-        """One array by its name in the file."""
-        if not isinstance(name, str):
-            raise InputTypeError(f"`fields[{role!r}]` must name what is in the file; got {name!r}")
-        if (match := self._match(name)) is None:
-            raise InputError(f"`fields[{role!r}]` = {name!r} isn't in the file. {self.inventory()}")
-        value = self.columns[match]
-        if isinstance(value, FileFormatError):
-            raise value
-        return value.ravel() if value.size == max(value.shape, default=1) else value
-
-    def signal(self, role: str, name: Any) -> np.ndarray:
-        """A time signal (T,) or (T, n)."""
-        if isinstance(name, str):
-            return self.column(role, name)
-        if not isinstance(name, list | tuple) or not name:
-            raise InputTypeError(f"`fields[{role!r}]` must be a name or a list of names; got {name!r}")
-        names: list[Any] = list(cast("Sequence[Any]", name))
-        return np.column_stack(_equal(role, [self.column(role, item) for item in names]))
-
-    def matrix(self, role: str, name: Any) -> np.ndarray:
-        """A frequency-dependent (F,) or (F, ny, nu)."""
-        if isinstance(name, str):
-            return self.column(role, name)
-        rows: list[Any] = list(cast("Sequence[Any]", name)) if isinstance(name, list | tuple) else []
-        if not rows or not all(
-            isinstance(row, list | tuple) and len(cast("Any", row)) == len(rows[0]) > 0 for row in rows
-        ):
-            raise InputError(
-                f"`fields[{role!r}]` must be a name or a list of equally long rows of names, one row an"
-                " output;"
-                f" got {name!r}"
-            )
-        entries = _equal(role, [self.column(role, item) for row in rows for item in row])
-        return np.stack(entries, axis=-1).reshape(-1, len(rows), len(rows[0]))
-
-
-def _equal(role: str, columns: list[np.ndarray]) -> list[np.ndarray]:
-    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
-        raise InputError(f"`fields[{role!r}]` must name vectors of one length; got shapes {[c.shape for c in columns]}")
-    return columns
 
 
 def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str | None]:
@@ -341,9 +155,9 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:
     names = {role: lookup.need(role) for role in ("u", "y")}
     signals = {role: lookup.signal(role, name) for role, name in names.items()}
     for side, role in (("inputs", "u"), ("outputs", "y")):
-        columns = [names[role]] if isinstance(names[role], str) else list(names[role])
-        if side not in options and len(columns) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
-            options[side] = [units.in_brackets(lookup.name(column)) for column in columns]
+        labels = lookup.labels(names[role])
+        if side not in options and len(labels) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
+            options[side] = labels
     if "dt" not in options:
         options["dt"] = time_step(lookup, len(signals["u"]))
     for role in ("bound", "reference"):
@@ -360,22 +174,12 @@ def time_step(lookup: Lookup, samples: int) -> float:
     # A scalar T is found as "t" too.
     if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
         column = lookup.column("time", time)
-        return uniform_step(column, samples) * _seconds(lookup, time)
+        return uniform_step(column, samples) * seconds(lookup, time)
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
-        _seconds(lookup, unsure)
+        seconds(lookup, unsure)
     if (step := lookup.sample_time()) is None:
         raise InputError(f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}")
     return step
-
-
-def _seconds(lookup: Lookup, name: str) -> float:
-    """Factor from the unit of a time column to s; a name without a unit is in seconds."""
-    name = lookup.name(name)
-    unit = units.axis_label(name)[1]
-    scale = units.factor(units.TIME, unit)
-    if scale is None and units.in_brackets(name)[1]:
-        raise InputError(f"{name!r}: {unit!r} is no unit of time that is known; give `dt` in s. {lookup.inventory()}")
-    return scale or 1.0
 
 
 def uniform_step(time: np.ndarray, samples: int) -> float:

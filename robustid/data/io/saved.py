@@ -16,8 +16,8 @@ import numpy as np
 from robustid.core import atomic_write
 from robustid.data.bound import Bound
 from robustid.data.frequency_response import FrequencyResponse
+from robustid.data.io.lookup import Lookup
 from robustid.data.io.readers import FORMAT
-from robustid.data.io.roles import Lookup
 from robustid.data.io.table import Table
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import TimeRecord

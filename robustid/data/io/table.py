@@ -15,6 +15,9 @@ _DENSEST = 1032
 _USUAL = 200  # measurements never shrink as far
 _LARGE = 2**30  # bytes; what expands to less does no harm
 
+NAMELESS = ""  # of the one array of a file that gives it no name
+MOST_TEXTS = 10_000  # texts in an array
+
 
 @dataclasses.dataclass(frozen=True)
 class Table:
@@ -32,6 +35,7 @@ class Table:
     facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict[str, dict[str, Any]])
     # Arrays without entries, of their shape.
     empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict[str, np.ndarray])
+    how: str = ""  # format, and for text what its lines were taken for
 
 
 def check_growth(path: Path, name: str, declared: int, stored: int) -> None:

@@ -29,7 +29,7 @@ def read_text(path: Path) -> Table:
             columns = _columns(path, _rows(path, file))
     except UnicodeDecodeError:
         raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
-    return Table(path, columns, meta[len(_MARK) :] if meta.startswith(_MARK) else None)
+    return Table(path, columns, meta[len(_MARK) :] if meta.startswith(_MARK) else None, how="text")
 
 
 def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:

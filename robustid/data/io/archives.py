@@ -1,0 +1,85 @@
+"""Arrays that NumPy wrote, .npz and .npy; pickled objects are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.data.io.table import MOST_TEXTS, NAMELESS, Table, check_growth, said
+from robustid.errors import FileFormatError
+
+
+def read_npz(path: Path) -> Table:
+    """Arrays of an archive, by their names; the fields of a structured array by ``name.field``."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            for info in archive.zip.infolist():
+                check_growth(path, info.filename, info.file_size, info.compress_size)
+                with archive.zip.open(info) as member:
+                    _check_shape(path, info.filename, member, info.file_size)
+            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+    except FileFormatError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy each have their own for broken bytes
+        raise _broken(path, "npz", error) from None
+    meta = arrays.pop("robustid", None)
+    table = Table(path, {}, None if meta is None else str(meta), how="NumPy archive")
+    for name, value in arrays.items():
+        _store(name, value, table)
+    return table
+
+
+def read_npy(path: Path) -> Table:
+    """One array, without a name; the fields of a structured array by their names."""
+    try:
+        with path.open("rb") as file:
+            _check_shape(path, "the array", file, path.stat().st_size)
+        array = np.load(path, allow_pickle=False)
+    except FileFormatError:
+        raise
+    except Exception as error:  # numpy raises whatever the broken bytes lead it to
+        raise _broken(path, "npy", error) from None
+    table = Table(path, {}, how="NumPy array")
+    _store(NAMELESS, array, table)
+    return table
+
+
+def _broken(path: Path, kind: str, error: Exception) -> FileFormatError:
+    if "allow_pickle" in str(error):
+        store = "numpy.savez" if kind == "npz" else "numpy.save"
+        return FileFormatError(
+            f"{path.name} holds pickled Python objects, which can run code and are never loaded;"
+            f" store plain arrays of numbers with {store}"
+        )
+    return FileFormatError(f"{path.name} can't be read as .{kind} ({said(error)}); is the file cut off?")
+
+
+def _store(name: str, value: Any, table: Table) -> None:
+    """Keep numbers and texts; nothing else is plain."""
+    if not isinstance(value, np.ndarray):
+        return
+    array = cast("NDArray[Any]", value)
+    if array.dtype.names is not None:
+        for field in array.dtype.names:
+            _store(f"{name}.{field}" if name else field, array[field], table)
+    elif array.dtype.kind in "biufc":
+        (table.columns if array.size else table.empty)[name] = array
+    elif array.dtype.kind in "US" and array.size <= MOST_TEXTS:
+        table.texts[name] = [str(text) for text in array.reshape(-1).astype(str)]
+
+
+def _check_shape(path: Path, name: str, member: Any, size: int) -> None:
+    """Refuse a header that says a larger array than there are bytes: numpy allocates it before it reads."""
+    if size < 8 or member.read(6) != b"\x93NUMPY":
+        return
+    version = tuple(member.read(2))
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(member)
+    declared = 0 if dtype.hasobject else int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if declared > size:
+        raise FileFormatError(
+            f"{path.name}: {name} declares {declared:.3g} bytes where {size:.3g} are stored; is the file cut off?"
+        )

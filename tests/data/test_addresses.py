@@ -1,0 +1,99 @@
+"""Columns and slices of arrays by their addresses, against NumPy's own indexing; and what is no address."""
+
+import numpy as np
+import pytest
+
+from robustid import load
+from robustid.data.io.addresses import Address, columns, parse, taken
+from robustid.errors import InputError
+
+X = np.arange(120.0).reshape(5, 4, 3, 2)
+INDICES = [
+    "0",
+    "-1",
+    ":",
+    "::2",
+    "1:3",
+    "-2:",
+    "::-1",
+    "...",
+    "0,1,2,1",
+    ":,0",
+    ":,0:2,1,-1",
+    "...,1",
+    ":,...,0",
+    " 1 , : ",
+    "+1",
+]
+
+
+@pytest.mark.parametrize("index", INDICES)
+def test_parts_are_those_of_numpy(index):
+    address = parse(f"x.y [V][{index}]")
+    assert address is not None
+    assert address.name == "x.y [V]"
+    np.testing.assert_array_equal(taken("x", address.parts, X), eval(f"X[{index}]"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x",
+        "x [V]",
+        "x[V]",
+        "x[1/s]",
+        "x[a]",
+        "x[]",
+        "x[0,]",
+        "x[1:2:3:4]",
+        "x[1.5]",
+        "x[.]",
+        "x[0][V]",
+        "x[__import__]",
+        "x[--1]",
+    ],
+)
+def test_texts_that_are_no_addresses(text):
+    assert parse(text) is None
+
+
+@pytest.mark.parametrize(
+    ("index", "sentence"),
+    [
+        ("9", r"there is no 9 on axis 0 of the shape \(5, 4, 3, 2\); indices count from 0 to 4"),
+        (":,-5", "there is no -5 on axis 1"),
+        ("0,0,0,0,0", "has 5 indices"),
+        ("...,0,...", "has 3 indices"),
+        ("3:3", "takes nothing from axis 0"),
+        ("::0", "takes nothing from axis 0"),
+        ("999999999999", "there is no 999999999999"),
+    ],
+)
+def test_parts_that_are_not_there(index, sentence):
+    with pytest.raises(InputError, match=sentence):
+        taken("`fields['u']`", parse(f"[{index}]").parts, X)
+
+
+def test_columns_of_a_slice():
+    assert columns(parse("x[:,1:3]"), (9, 4)) == ["x[:,1]", "x[:,2]"]
+    assert columns(parse("x[2:,0]"), (9, 4)) == ["x[2:,0]"]
+    assert columns(Address("x", (0, ..., 1)), (9, 4, 2, 2)) == ["x[0,:,0,1]", "x[0,:,1,1]"]
+
+
+def test_arrays_of_two_files_and_of_one_without_names(tmp_path):
+    np.save(tmp_path / "u.npy", X)
+    np.save(tmp_path / "y.npy", 2 * X)
+    np.savez(tmp_path / "y.npz", **{"pos [m]": 3 * X[:, :, 0, 0]})
+    record = load(tmp_path / "u.npy", fields={"u": "[:,0,0,0]", "y": "y.npy[:,1:3,0,0]"}, dt=0.5)
+    np.testing.assert_array_equal(record.u[:, 0], X[:, 0, 0, 0])
+    np.testing.assert_array_equal(record.y, 2 * X[:, 1:3, 0, 0])
+    assert [signal.name for signal in (*record.inputs, *record.outputs)] == ["u[:,0,0,0]", "y[:,1,0,0]", "y[:,2,0,0]"]
+    record = load(tmp_path / "u.npy", fields={"u": "[:,0,0,0]", "y": "y.npz:pos[:,3]"}, dt=0.5)
+    np.testing.assert_array_equal(record.y[:, 0], 3 * X[:, 3, 0, 0])
+    assert (record.outputs[0].name, record.outputs[0].unit) == ("pos[:,3]", "m")
+    with pytest.raises(InputError, match=r"'y.npz:posi\[:,3\]' isn't in the file. The file has pos \[m\] \(5 x 4\)"):
+        load(tmp_path / "u.npy", fields={"u": "[:,0,0,0]", "y": "y.npz:posi[:,3]"}, dt=0.5)
+    with pytest.raises(InputError, match="there is no such file"):
+        load(tmp_path / "u.npy", fields={"u": "[:,0,0,0]", "y": "z.npy[:,0]"}, dt=0.5)
+    with pytest.raises(InputError, match=r'one array without a name \(5 x 4 x 3 x 2\), "\[:\]"'):
+        load(tmp_path / "u.npy")
