@@ -22,6 +22,11 @@ def load(
     inputs: Any = None,
     outputs: Any = None,
     initial: str | None = None,
+    rate: float | None = None,
+    axes: str | None = None,
+    decimal: str | None = None,
+    start: float | None = None,
+    step: float | None = None,
 ) -> Any:
     r"""Open a file: a saved result, an excitation, a model, or measurements from anywhere.
 
@@ -36,9 +41,10 @@ def load(
           that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model;
-        * measurements: ``.csv``, ``.tsv``, ``.txt`` (first line: column names; lines that start with ``#`` are skipped),
-          ``.npz`` (pickled objects are refused), ``.mat`` (v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers
-          such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
+        * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the sentence
+          says what to give; lines that start with ``#``, ``%``, ``!`` are remarks), ``.npy`` and ``.npz`` (pickled objects are
+          refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers such as ``dt`` as
+          attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
           and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
           extra ``robustid[touchstone]``). Contents decide before the ending.
     kind : {"frequency", "time", "model"}, optional
@@ -47,7 +53,9 @@ def load(
         Role to name in the file. Frequency: ``omega`` or ``freq_hz``; ``values`` (complex), or ``real`` and
         ``imag``, or ``magnitude``/``magnitude_db`` and ``phase_deg``/``phase_rad``; ``bound``. Time:
         ``time``, ``u``, ``y``, ``reference``, ``bound``. Both: ``dt``. Fields of MATLAB structures have dots
-        (``"data.u"``). MIMO: a list of names for a time signal; for a frequency role a list of
+        (``"data.u"``). Addresses are columns and slices, counted from 0 as in NumPy: ``"hairdryer[:,0]"``, ``"x[:,0:2]"``, and
+        ``"[:,0]"`` of an array or a table of text without names; ``"other.npy[:,0]"`` and ``"other.mat:y"`` stand in another file
+        of the same folder. MIMO: a list of names for a time signal; for a frequency role a list of
         rows (one an output) of names (one an input). Roles left out are looked for under usual names, upper
         or lower case, with or without a unit: ``frequency [Hz]``, ``f (kHz)``, ``omega [rad/s]``, ``magnitude [dB]``,
         ``phase [deg]``, ``time_ms``. Units of axes are converted; one that isn't known or isn't certain (``frequency``,
@@ -67,13 +75,23 @@ def load(
         Names and units of the signals; default for time records: the column names.
     initial : {"rest", "free", "periodic"}, optional
         State before a time record (see `TimeRecord`); default "rest", or what `save` stored.
+    rate : float, Hz, optional
+        Sample rate in place of `dt`. In files: a number named ``fs`` or ``sample_rate``, or the role ``rate``.
+    axes : str, optional
+        Names of the axes of the arrays in their order: of ``time``, ``signal``, ``realisation`` and ``period``, or of
+        ``frequency``, ``output`` and ``input`` (``"output,input,frequency"`` in MATLAB). With realisations a list of records comes
+        back; periods follow each other in a record, which is in steady state unless `initial` says otherwise.
+    decimal : {".", ","}, optional
+        Decimal mark of a text, where its numbers don't say it.
+    start, step : float, optional
+        First frequency and distance of the others, in `frequency_unit`, of a response in a file that has no frequencies.
 
     Returns
     -------
     Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, FrequencyResponse,
     TangentialResponse or TimeRecord
-        Row and column vectors of MATLAB become (N,). Other axes of measurements are taken as they are: time or frequency
-        first.
+        Row and column vectors of MATLAB become (N,). Other axes of measurements are taken as they are, time or frequency
+        first, where `axes` doesn't name them. The logger ``robustid`` says at the level INFO as what the file was read.
 
     Raises
     ------
@@ -102,7 +120,8 @@ def load(
     """
     from robustid.data.io import read_file
 
-    stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial}
+    stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
+              "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
     if core.saved_kind(path) is None:
         return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from robustid.core import written_by
-from robustid.data.frequency_response import FrequencyResponse
+from robustid.core import as_positive, written_by
+from robustid.data.io.axes import parse
 from robustid.data.io.excitation_files import excitation_of, is_excitation
 from robustid.data.io.lookup import Lookup
 from robustid.data.io.model_files import is_model, model_of
@@ -19,8 +20,9 @@ from robustid.data.io.roles import as_frequency, as_time, frequency_axis, time_s
 from robustid.data.io.saved import CLASSES, WRITERS, unpack
 from robustid.data.io.structures import from_structure
 from robustid.data.io.table import Table
-from robustid.data.time_record import TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
+
+_log = logging.getLogger("robustid")
 
 
 def read_file(
@@ -29,36 +31,42 @@ def read_file(
     kind: str | None = None,
     fields: Mapping[str, Any] | None = None,
     frequency_unit: str | None = None,
+    axes: str | None = None,
+    decimal: str | None = None,
+    start: float | None = None,
+    step: float | None = None,
     **stated: Any,
 ) -> Any:
     r"""Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result.
 
     Parameters
     ----------
-    path, kind, fields, frequency_unit
+    path, kind, fields, frequency_unit, axes, decimal, start, step
         As there.
     **stated
-        Its other arguments, `dt`, `bound`, `inputs`, `outputs` and `initial`, which go before what the file says; None for none.
+        Its other arguments, `dt`, `rate`, `bound`, `inputs`, `outputs` and `initial`, which go before what the file says; None for
+        none.
 
     Returns
     -------
-    FrequencyResponse, TimeRecord, a TangentialResponse that `save` wrote, Excitation or control.StateSpace
+    FrequencyResponse, TimeRecord, a list of them, a TangentialResponse that `save` wrote, Excitation or control.StateSpace
 
     Raises
     ------
     InputError, FileFormatError
         As there.
     """
-    if kind not in (None, "frequency", "time", "model"):
-        raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
-    if frequency_unit is not None and str(frequency_unit).lower() not in ("rad/s", "hz"):
-        raise InputError(f'`frequency_unit` must be "rad/s" or "Hz"; got {frequency_unit!r}')
-    if fields is not None and not isinstance(cast("object", fields), Mapping):
-        raise InputTypeError(f'`fields` must map roles to names, such as {{"u": "current"}}; got {fields!r}')
-    if unknown := set(fields or {}) - set(NAMES):
-        raise InputError(f"`fields` knows the roles {sorted(NAMES)}; got {sorted(map(str, unknown))}")
+    _check_words(kind, fields, frequency_unit, decimal)
+    if (start is None) != (step is None):
+        raise InputError("`start` and `step` of the frequencies belong together; give both")
+    grid = None if start is None or step is None else (start, step)
     options = {name: value for name, value in stated.items() if value is not None}
-    table = read_table(path)
+    if (rate := options.pop("rate", None)) is not None:
+        if "dt" in options:
+            raise InputError("`dt` and `rate` are both given; give one")
+        options["dt"] = 1 / as_positive("rate", rate)
+    table = read_table(path, decimal)
+    _log.info("%s: read as %s", table.path.name, table.how)
     if kind == "model" or (kind is None and table.meta is None and not fields and _is_model(table)):
         _refuse([name for name in options if name != "dt"], "a model")
         return model_of(table, options.get("dt"))
@@ -67,7 +75,33 @@ def read_file(
         return excitation_of(table)
     if table.meta is not None and not fields:
         return _loaded(lambda: unpack(table, kind, options), table)
-    return _loaded(lambda: _assigned(table, kind, dict(fields or {}), frequency_unit, options), table)
+    asked = _Asked(kind or (None if grid is None else "frequency"), dict(fields or {}), frequency_unit, axes, grid)
+    return _loaded(lambda: _assigned(table, asked, options), table)
+
+
+class _Asked(NamedTuple):
+    """The way in which the arrays of a file are to be taken."""
+
+    kind: str | None
+    fields: dict[str, Any]
+    frequency_unit: str | None
+    axes: str | None
+    grid: tuple[float, float] | None
+
+
+def _check_words(
+    kind: str | None, fields: Mapping[str, Any] | None, frequency_unit: str | None, decimal: str | None
+) -> None:
+    if kind not in (None, "frequency", "time", "model"):
+        raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
+    if frequency_unit is not None and str(frequency_unit).lower() not in ("rad/s", "hz"):
+        raise InputError(f'`frequency_unit` must be "rad/s" or "Hz"; got {frequency_unit!r}')
+    if fields is not None and not isinstance(cast("object", fields), Mapping):
+        raise InputTypeError(f'`fields` must map roles to names, such as {{"u": "current"}}; got {fields!r}')
+    if unknown := set(fields or {}) - set(NAMES):
+        raise InputError(f"`fields` knows the roles {sorted(NAMES)}; got {sorted(map(str, unknown))}")
+    if decimal not in (None, ".", ","):
+        raise InputError(f"`decimal` must be '.' or ','; got {decimal!r}")
 
 
 def _is_model(table: Table) -> bool:
@@ -80,17 +114,19 @@ def _refuse(names: list[str], what: str) -> None:
         raise InputError(f"`{names[0]}` is about measurements, and the file holds {what}; leave `{names[0]}` out")
 
 
-def _assigned(
-    table: Table, kind: str | None, fields: dict[str, Any], frequency_unit: str | None, options: dict[str, Any]
-) -> FrequencyResponse | TimeRecord:
+def _assigned(table: Table, asked: _Asked, options: dict[str, Any]) -> Any:
     """A file of others: its arrays by their roles."""
-    if not fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
+    kind, frequency_unit = asked.kind, asked.frequency_unit
+    if not asked.fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
         table, frequency_unit = plain, None
-    lookup = Lookup(table, fields)
+    named = None if asked.axes is None else parse(asked.axes)
+    if named is not None and kind is None:
+        kind = "frequency" if "frequency" in named else "time"
+    lookup = Lookup(table, asked.fields, named, dt_known="dt" in options)
     if (kind or lookup.kind()) == "time":
         return as_time(lookup, options)
     options.pop("initial", None)
-    return as_frequency(lookup, options, frequency_unit)
+    return as_frequency(lookup, options, frequency_unit, asked.grid)
 
 
 class Origin(NamedTuple):

@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from robustid.core import as_positive
-from robustid.data.io import units
-from robustid.data.io.addresses import columns, parse, taken
+from robustid.data.io import axes, units
+from robustid.data.io.addresses import Address, columns, expanded, parse, taken
 from robustid.data.io.names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, rank
-from robustid.data.io.readers import TEXTS, export, read_table
+from robustid.data.io.readers import export, read_table
+from robustid.data.io.suggestion import example
 from robustid.data.io.table import NAMELESS, Table
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
@@ -22,13 +23,25 @@ _ELSEWHERE = re.compile(
 )
 
 
+class _Place(NamedTuple):
+    """An array of a file, and an address in it."""
+
+    there: Lookup
+    name: str
+    address: Address | None
+
+
 class Lookup:
     """Finds roles in a table: by the names given, else by usual ones."""
 
-    def __init__(self, table: Table, fields: dict[str, Any]) -> None:
+    def __init__(
+        self, table: Table, fields: dict[str, Any], named_axes: Sequence[str] | None = None, *, dt_known: bool = False
+    ) -> None:
+        self.table, self.dt_known = table, dt_known
         self.columns, self.path, self.file, self.fields = table.columns, table.path, table.path.name, fields
+        self.named_axes, self.how = named_axes, table.how
         self._others: dict[str, Lookup] = {}
-        self.text, self.facts, self.export = table.path.suffix.lower() in TEXTS, table.facts, export(table)
+        self.text, self.facts, self.export = table.text, table.facts, export(table)
         self.axes: dict[str, list[str]] = {}
         for name in self.columns:
             if (role := axis_role(name)) is not None:
@@ -70,8 +83,7 @@ class Lookup:
         if not frequency and (kind := self.looks()) is not None:
             return kind
         raise InputError(
-            f"{self.file}: can't tell whether it holds frequency or time data; give `kind` and `fields`."
-            f" {self.inventory()}"
+            f"{self.file}: can't tell whether it holds frequency or time data; give `kind` and `fields`. {self.help()}"
         )
 
     def looks(self) -> str | None:
@@ -83,79 +95,124 @@ class Lookup:
         return "frequency" if frequency else "time"
 
     def sample_time(self) -> float | None:
-        """A stored sample time: a variable of one number, never a column of a text file."""
+        """A stored sample time or rate: a variable of one number, never a column of a text file."""
         if "dt" in self.fields:
             return as_positive("fields['dt']", self.column("dt", self.fields["dt"])) * seconds(self, self.fields["dt"])
-        for name in () if self.text else NAMES["dt"]:
-            value = self.columns.get(name)
-            # MATLAB's Ts is 0 for continuous time and -1 for "not said".
-            if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
-                return float(value.item())
+        if "rate" in self.fields:
+            return 1 / (as_positive("fields['rate']", self.column("rate", self.fields["rate"])) * self._hz())
+        for role in () if self.text else ("dt", "rate"):
+            for name in NAMES[role]:
+                value = self.columns.get(name)
+                # MATLAB's Ts is 0 for continuous time and -1 for "not said".
+                if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
+                    return float(value.item()) if role == "dt" else 1 / float(value.item())
         return None
+
+    def _hz(self) -> float:
+        """Factor from the unit of a sample rate to Hz; a name without a unit is in Hz."""
+        unit = units.axis_label(self.name(self.fields["rate"]))[1]
+        return (units.factor(units.FREQUENCY, unit) or 2 * np.pi) / (2 * np.pi)
 
     def inventory(self) -> str:
         """One sentence that lists the columns of the file; the shape of those that are no vectors."""
         names = [_shown(name, values) for name, values in self.columns.items()]
         return f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}"
 
+    def help(self) -> str:
+        """The inventory, and a line that works as far as the arrays say it."""
+        said = "" if self.fields else example(self.table, dt=not self.dt_known and self.sample_time() is None)
+        how = f"Read as {self.how}. " if self.text else ""
+        return f"{how}{self.inventory()}{'. ' * bool(said)}{said}"
+
     def need(self, role: str) -> Any:
         """As `find`, or say what is missing."""
         if (name := self.find(role)) is None:
-            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. {self.inventory()}")
+            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. {self.help()}")
         return name
 
     def name(self, name: Any) -> str:
         """As it stands in the file, with its unit; of an address the array that it is a part of."""
-        if not isinstance(name, str):
-            return str(name)
-        if (match := self._match(name)) is not None:
-            return match
-        there, name = self._place(name)
-        if there is not self:
-            return there.name(name)
-        address = parse(name)
-        return name if address is None else self._match(address.name) or address.name
+        place = self._place(name) if isinstance(name, str) else None
+        return str(name) if place is None else place.name
 
     def labels(self, name: Any) -> list[tuple[str, str]]:
         """Name and unit of every column that a role is given."""
         if not isinstance(name, str):
             return [label for one in cast("Sequence[Any]", name) for label in self.labels(one)]
-        there, rest = (self, name) if self._match(name) is not None else self._place(name)
-        address = parse(rest)
-        if address is None or there._match(rest) is not None:
-            return [units.in_brackets(there.name(rest))]
-        base, unit = units.in_brackets(there.name(rest))
-        return [
-            (label, unit)
-            for label in columns(address._replace(name=base or there.path.stem), there._array(address.name).shape)
-        ]
+        place = self._place(name)
+        if place is None or place.address is None:
+            base, unit = units.in_brackets(self.name(name))
+            return [(f"{self.path.stem}{base}" if base.startswith("[") else base, unit)]
+        base, unit = units.in_brackets(place.name)
+        address = place.address._replace(name=base or place.there.path.stem)
+        titles = columns(address, place.there.whole(place.name).shape)
+        return [(title, unit) for title in titles]
+
+    def title(self, name: Any) -> str:
+        """Name of an array, without its unit; of one without a name that of its file."""
+        place = self._place(name) if isinstance(name, str) else None
+        base = "" if place is None else units.in_brackets(place.name)[0]
+        return base or (self if place is None else place.there).path.stem
 
     def column(self, role: str, name: Any) -> np.ndarray:
         """One array, or a part of it, by its name or address in the file."""
-        if not isinstance(name, str):
-            raise InputTypeError(f"`fields[{role!r}]` must name what is in the file; got {name!r}")
-        there, rest = (self, name) if self._match(name) is not None else self._place(name)
-        what, address = f"`fields[{role!r}]` = {name!r}", parse(rest)
-        if (match := there._match(rest)) is not None:
-            value = _numbers(there.columns[match])
-        elif address is not None and (address.name == NAMELESS or there._match(address.name) is not None):
-            value = taken(what, address.parts, there._array(address.name))
-        else:
-            raise InputError(f"{what} isn't in the file. {there.inventory()}")
+        value = self._value(role, name)[0]
         return value.ravel() if value.size == max(value.shape, default=1) else value
 
-    def _array(self, name: str) -> np.ndarray:
-        """The array that an address begins with; without a name the only one, or all columns side by side."""
-        if name != NAMELESS or NAMELESS in self.columns:
-            return _numbers(self.columns[self._match(name) or name])
-        arrays = [_numbers(values) for values in self.columns.values()]
-        if len(arrays) == 1:
-            return arrays[0]
-        if any(array.shape != arrays[0].shape or array.ndim != 1 for array in arrays):
-            raise InputError(f"an address without a name is of the only array of a file. {self.inventory()}")
-        return np.column_stack(arrays)
+    def arranged(self, role: str, name: Any, order: Sequence[str]) -> np.ndarray:
+        """One array, or several side by side along its last axis, with the axes that `axes` names in this order."""
+        if isinstance(name, list | tuple):
+            parts = [self.arranged(role, one, order) for one in cast("Sequence[Any]", name)]
+            if len({part.shape for part in parts}) != 1:
+                raise InputError(f"`fields[{role!r}]` must name arrays of one shape; got {[p.shape for p in parts]}")
+            return np.concatenate(parts, axis=-1)
+        value, index = self._value(role, name)
+        names = list(cast("Sequence[str]", self.named_axes))
+        what = f"`fields[{role!r}]` = {name!r}"
+        if index is not None and value.ndim != 1:
+            parts = [None if isinstance(part, int) else part for part in index]
+            if len(parts) != len(names):
+                raise InputError(f"`axes` names {len(names)} axes ({', '.join(names)}), and {what} has {len(parts)}")
+            names = [axis for axis, part in zip(names, parts, strict=True) if part is not None]
+        return axes.arranged(what, value, names, order)
 
-    def _place(self, text: str) -> tuple[Lookup, str]:
+    def _value(self, role: str, name: Any) -> tuple[np.ndarray, tuple[int | slice, ...] | None]:
+        """The numbers that a name or an address is about, and the whole index of the address."""
+        if not isinstance(name, str):
+            raise InputTypeError(f"`fields[{role!r}]` must name what is in the file; got {name!r}")
+        what, place = f"`fields[{role!r}]` = {name!r}", self._place(name)
+        if place is None:
+            raise InputError(f"{what} isn't in the file. {self._file_of(name)[0].inventory()}")
+        value = place.there.whole(place.name)
+        if place.address is None:
+            return value, None
+        return taken(what, place.address.parts, value), expanded(what, place.address.parts, value.shape)
+
+    def _place(self, text: str) -> _Place | None:
+        """The array that a name or an address is about; None where there is none."""
+        if (match := self._match(text)) is not None:
+            return _Place(self, match, None)
+        there, rest = self._file_of(text)
+        if there is not self and (match := there._match(rest)) is not None:
+            return _Place(there, match, None)
+        if (address := parse(rest)) is None:
+            return None
+        match = NAMELESS if address.name == NAMELESS else there._match(address.name)
+        return None if match is None else _Place(there, match, address)
+
+    def whole(self, name: str) -> np.ndarray:
+        """An array of the file; without a name the only one, or all columns side by side."""
+        if name in self.columns:
+            return _numbers(self.columns[name])
+        arrays = [values for values in self.columns.values() if isinstance(values, np.ndarray)]
+        if len(self.columns) == len(arrays) == 1:
+            return arrays[0]
+        if not arrays or any(array.shape != arrays[0].shape or array.ndim != 1 for array in arrays):
+            raise InputError(f"an address without a name is of the only array of a file. {self.inventory()}")
+        gap = np.full(arrays[0].shape, np.nan)  # a column of words
+        return np.column_stack([values if isinstance(values, np.ndarray) else gap for values in self.columns.values()])
+
+    def _file_of(self, text: str) -> tuple[Lookup, str]:
         """The file that an address is about, and the rest: ``"other.npy[:,0]"``, ``"other.mat:y"``; usually this one."""
         if (match := _ELSEWHERE.fullmatch(text)) is None:
             return self, text
@@ -175,6 +232,8 @@ class Lookup:
 
     def matrix(self, role: str, name: Any) -> np.ndarray:
         """A frequency-dependent (F,) or (F, ny, nu)."""
+        if self.named_axes is not None:
+            return self.arranged(role, name, axes.FREQUENCY)
         if isinstance(name, str):
             return self.column(role, name)
         rows: list[Any] = list(cast("Sequence[Any]", name)) if isinstance(name, list | tuple) else []

@@ -19,11 +19,17 @@ FREQUENCY = {
 }
 TIME = {
     "time": ("time", "t", "times"),
-    "u": ("u", "input", "inputs"),
-    "y": ("y", "output", "outputs"),
+    "u": ("u", "input", "inputs", "inputvalues", "input_values", "inputdata", "input_data"),
+    "y": ("y", "output", "outputs", "outputvalues", "output_values", "outputdata", "output_data"),
     "reference": ("reference",),
 }
-NAMES = {**FREQUENCY, **TIME, "bound": ("bound", "bounds"), "dt": ("dt", "Ts", "T")}
+NAMES = {
+    **FREQUENCY,
+    **TIME,
+    "bound": ("bound", "bounds"),
+    "dt": ("dt", "Ts", "T"),
+    "rate": ("fs", "Fs", "sample_rate", "sampling_rate"),
+}
 _ANGULAR = ("omega", "ω", "w", "angular frequency", "angular_frequency")
 _AXES = {
     **dict.fromkeys((*_ANGULAR, "frequency", "frequencies", "freq", "f"), "frequency"),

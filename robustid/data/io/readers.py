@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import re
 from collections.abc import Callable
@@ -21,10 +22,14 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 FORMAT = 1
 TEXTS = {".csv", ".tsv", ".txt"}
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
-def read_table(path: Any) -> Table:
-    """Read a file, its format recognised by its first bytes; by its name only where these don't say."""
+def read_table(path: Any, decimal: str | None = None) -> Table:
+    """Read a file, its format recognised by its first bytes; by its name only where these don't say.
+
+    `decimal` is the decimal mark of a text, where its numbers don't say it.
+    """
     try:
         path = Path(path)
     except TypeError:
@@ -43,7 +48,7 @@ def read_table(path: Any) -> Table:
     if (kind := saved_kind(path)) is not None:
         raise FileFormatError(f"{path.name} belongs to a saved {kind}, not to measurements; open it with robustid.load")
     try:
-        table = _reader(path, head)(path)
+        table = _reader(path, head, decimal)(path)
     except MemoryError:
         raise FileFormatError(
             f"{path.name} declares more data than this machine has memory for; is it damaged?"
@@ -54,7 +59,7 @@ def read_table(path: Any) -> Table:
     return dataclasses.replace(table, meta=_checked(path, meta) if meta else None)
 
 
-def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
+def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Table]:
     signature, suffix = b"\x89HDF\r\n\x1a\n", path.suffix.lower()
     if head.startswith(signature) or head[512:520] == signature:
         return read_hdf5
@@ -70,10 +75,10 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
         return read_touchstone
     if head.lstrip()[:2] == b"-1" or suffix in {".uff", ".unv"}:
         return read_universal
-    if suffix in TEXTS:
-        return read_text
+    if suffix in TEXTS or head[:2] in (b"\xff\xfe", b"\xfe\xff") or not _BINARY.search(head):
+        return functools.partial(read_text, decimal=decimal)
     raise FileFormatError(
-        f"{path.name} isn't a file that robustid reads; give .csv, .tsv or .txt with column names in the first line,"
+        f"{path.name} isn't a file that robustid reads; give a table of text (.csv, .txt, ...),"
         " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .uff (58) or Touchstone (.s1p, .s2p, ...)"
     )
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import as_array, as_positive
+from robustid.core import as_array, as_float, as_positive
 from robustid.data.frequency_response import FrequencyResponse
-from robustid.data.io import units
+from robustid.data.io import axes, units
 from robustid.data.io.lookup import Lookup, seconds
 from robustid.data.io.names import axis_role
 from robustid.data.time_record import TimeRecord
@@ -70,14 +70,30 @@ def _omega(lookup: Lookup, frequency_unit: str | None) -> np.ndarray:
     return column * scale if scale != 1 else column
 
 
-def as_frequency(lookup: Lookup, options: dict[str, Any], frequency_unit: str | None) -> FrequencyResponse:
-    """The frequency response that the columns hold."""
-    omega = _omega(lookup, frequency_unit)
-    values = _values(lookup)
+def _omega_of(lookup: Lookup, grid: tuple[float, float], frequency_unit: str | None, points: int) -> np.ndarray:
+    """The frequencies of a file that has none, in rad/s."""
+    if given := {"omega", "freq_hz"} & set(lookup.fields):
+        raise InputError(f"`start` and `step` and `fields[{given.pop()!r}]` are given; give one axis of frequencies")
+    if frequency_unit is None:
+        raise InputError("`start` and `step` need their unit: give `frequency_unit` ('Hz' or 'rad/s')")
+    start, step = as_float("start", grid[0]), as_positive("step", grid[1])
+    return (start + step * np.arange(points)) * (units.factor(units.FREQUENCY, frequency_unit) or 1.0)
+
+
+def as_frequency(
+    lookup: Lookup, options: dict[str, Any], frequency_unit: str | None, grid: tuple[float, float] | None = None
+) -> FrequencyResponse:
+    """The frequency response that the columns hold; at a first frequency and steps from there, where `grid` gives both."""
+    if grid is None:
+        omega = _omega(lookup, frequency_unit)
+        values = _values(lookup)
+    else:
+        values = _values(lookup)
+        omega = _omega_of(lookup, grid, frequency_unit, len(values))
     if values.ndim == 3 and values.shape[0] != omega.size == values.shape[-1]:
         raise InputError(
             f"the values have shape {values.shape} with the frequency last, as MATLAB has it; frequency is"
-            " the first axis here: store permute(G, [3 1 2]), or call FrequencyResponse(omega,"
+            " the first axis here: give axes='output,input,frequency', store permute(G, [3 1 2]), or call FrequencyResponse(omega,"
             " numpy.moveaxis(values, -1, 0))"
         )
     if "bound" not in options and (name := lookup.find("bound")) is not None:
@@ -146,13 +162,23 @@ def _check_unit(lookup: Lookup, role: str) -> None:
             raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")
 
 
-def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:
-    """The time record that the columns hold."""
+def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRecord]:
+    """The time record that the columns hold; a list where `axes` names an axis of realisations.
+
+    Periods follow each other in one record, which is in steady state unless `initial` says otherwise.
+    """
     if "dt" in options and "time" in lookup.fields:
         raise InputError("`dt` and `fields['time']` are both given; give one")
     if not lookup.fields:
         options = {**lookup.facts.get("time", {}), **options}
     names = {role: lookup.need(role) for role in ("u", "y")}
+    for role in ("reference", "bound"):
+        if role not in options and (name := lookup.find(role)) is not None:
+            names[role] = name
+            if role == "bound":
+                _same_unit(lookup, name, [names["y"]])
+    if lookup.named_axes is not None:
+        return _realisations(lookup, lookup.named_axes, names, options)
     signals = {role: lookup.signal(role, name) for role, name in names.items()}
     for side, role in (("inputs", "u"), ("outputs", "y")):
         labels = lookup.labels(names[role])
@@ -160,12 +186,26 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord:
             options[side] = labels
     if "dt" not in options:
         options["dt"] = time_step(lookup, len(signals["u"]))
-    for role in ("bound", "reference"):
-        if role not in options and (name := lookup.find(role)) is not None:
-            if role == "bound":
-                _same_unit(lookup, name, [names["y"]])
-            options[role] = lookup.signal(role, name)
     return TimeRecord(**signals, **options)
+
+
+def _realisations(lookup: Lookup, named: Sequence[str], names: dict[str, Any], options: dict[str, Any]) -> Any:
+    """The records of arrays whose axes are named."""
+    arrays = {role: lookup.arranged(role, name, axes.TIME) for role, name in names.items()}
+    if len({array.shape[:3] for array in arrays.values()}) != 1:
+        shapes = ", ".join(f"{role} {array.shape[:3]}" for role, array in arrays.items())
+        raise InputError(f"the signals differ in their numbers of realisations, periods and samples: {shapes}")
+    count, _, samples, _ = arrays["u"].shape
+    for side, role in (("inputs", "u"), ("outputs", "y")):
+        title, signals = lookup.title(names[role]), arrays[role].shape[-1]
+        options.setdefault(side, [f"{title} {k + 1}" if signals > 1 else title for k in range(signals)])
+    if "dt" not in options:
+        options["dt"] = time_step(lookup, samples)
+    if "period" in named:
+        options.setdefault("initial", "periodic")
+    flat = {role: array.reshape(count, -1, array.shape[-1]) for role, array in arrays.items()}
+    records = [TimeRecord(**{role: array[k] for role, array in flat.items()}, **options) for k in range(count)]
+    return records if "realisation" in named else records[0]
 
 
 def time_step(lookup: Lookup, samples: int) -> float:

@@ -36,6 +36,7 @@ class Table:
     # Arrays without entries, of their shape.
     empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict[str, np.ndarray])
     how: str = ""  # format, and for text what its lines were taken for
+    text: bool = False
 
 
 def check_growth(path: Path, name: str, declared: int, stored: int) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
+from robustid.data.io.layout import Layout, is_comment, layout_of, whole_row, with_point
 from robustid.data.io.table import Table
 from robustid.errors import FileFormatError
 
@@ -18,22 +19,53 @@ Column = np.ndarray | FileFormatError  # the error is raised where somebody asks
 _MARK = "# robustid "
 _LONGEST = 2**24  # characters in a line: the header of a covariance of a 10 x 10 response has 2e6
 _BLOCK = 20_000  # lines
+_HEAD = 500  # lines from which the layout is taken
+_REMARKS = 200  # lines of remarks of which the last may hold the names
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
-def read_text(path: Path) -> Table:
-    """Columns of a text file, by their names."""
+def read_text(path: Path, decimal: str | None = None) -> Table:
+    """Columns of a text file, by their names; without names by their addresses.
+
+    Parameters
+    ----------
+    path : Path
+    decimal : {".", ","}, optional
+        The decimal mark, where the numbers don't say.
+    """
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        with path.open(encoding=(encoding := _encoding(path))) as file:
             meta = file.readline(_LONGEST)
             file.seek(0)
-            columns = _columns(path, _rows(path, file))
+            rows = _rows(path, file)
+            head = list(itertools.islice(rows, _HEAD))
+            layout = layout_of(path.name, head, decimal)
+            columns = _columns(path, (row for row in itertools.chain(head, rows) if row[0] >= layout.first), layout)
     except UnicodeDecodeError:
         raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
-    return Table(path, columns, meta[len(_MARK) :] if meta.startswith(_MARK) else None, how="text")
+    how = layout.words + ("" if encoding.startswith("utf-8") else f", {encoding}")
+    description = meta[len(_MARK) :] if meta.startswith(_MARK) else None
+    return Table(path, columns, description, how=how, text=True)
+
+
+def _encoding(path: Path) -> str:
+    """UTF-8; UTF-16 where the file says so; Latin-1 where it can't be UTF-8 and has no bytes that no text has."""
+    with path.open("rb") as file:
+        start = file.read(_LONGEST)
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    try:
+        start.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # Cut within a character at the end of what was read, it is UTF-8 nonetheless.
+        if error.start < _LONGEST - 4 and not _BINARY.search(start):
+            return "latin-1"
+    return "utf-8-sig"
 
 
 def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:
-    """Number and text of every line that isn't empty and no comment."""
+    """Number and text of every line that isn't empty; remarks above the numbers too."""
+    remarks = 0
     for k in itertools.count(1):
         if not (line := file.readline(_LONGEST)):
             return
@@ -41,30 +73,19 @@ def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:
             raise FileFormatError(
                 f"{path.name}, line {k} is longer than {_LONGEST} characters; is it a table of numbers?"
             )
-        if line.strip() and not line.startswith("#"):
+        if is_comment(line):
+            remarks += 1
+        if line.strip() and (remarks < _REMARKS or not is_comment(line)):
             yield k, line
 
 
-def _columns(path: Path, rows: Iterator[tuple[int, str]]) -> dict[str, np.ndarray | FileFormatError]:
-    header = next(rows, (0, ""))[1]
-    delimiter = next((mark for mark in "\t;," if mark in header), None)
-    blocks = iter(lambda: list(itertools.islice(rows, _BLOCK)), [])
-    first = next(blocks, None)
-    if first is None:
-        raise FileFormatError(f"{path.name} holds no data; expected a line of column names, then lines of numbers")
-    names = _cells(header, delimiter)
-    if all(_is_number(name) for name in names):
-        raise FileFormatError(f"{path.name} has no line of column names; put one at the top, such as time,u,y")
-    if len(set(names)) != len(names):
-        equal = sorted({name for name in names if names.count(name) > 1})[:5]
-        raise FileFormatError(
-            f"{path.name}: the column names are not all different: {equal} several times; rename them"
-        )
-    parts: list[list[Column]] = [[] for _ in names]
-    for block in itertools.chain([first], blocks):
-        for part, values in zip(parts, _parsed(path, block, names, delimiter), strict=True):
+def _columns(path: Path, rows: Iterator[tuple[int, str]], layout: Layout) -> dict[str, np.ndarray | FileFormatError]:
+    numbers = (row for row in rows if not is_comment(row[1]))
+    parts: list[list[Column]] = [[] for _ in layout.names]
+    for block in iter(lambda: list(itertools.islice(numbers, _BLOCK)), []):
+        for part, values in zip(parts, _parsed(path, block, layout), strict=True):
             part.append(values)
-    return {name: _joined(part) for name, part in zip(names, parts, strict=True)}
+    return {name: _joined(part) for name, part in zip(layout.names, parts, strict=True)}
 
 
 def _joined(parts: list[Column]) -> np.ndarray | FileFormatError:
@@ -72,53 +93,48 @@ def _joined(parts: list[Column]) -> np.ndarray | FileFormatError:
     return np.concatenate(parts) if wrong is None else wrong  # type: ignore[arg-type]
 
 
-def _parsed(path: Path, block: list[tuple[int, str]], names: list[str], delimiter: str | None) -> list[Column]:
+def _parsed(path: Path, block: list[tuple[int, str]], layout: Layout) -> list[Column]:
     """The columns of one block of lines."""
+    count = len(layout.names)
     try:
-        numbers = np.loadtxt([line for _, line in block], delimiter=delimiter, comments=None, ndmin=2)
-        if numbers.shape == (len(block), len(names)):
+        lines = [line for _, line in block]
+        if layout.decimal == ",":
+            lines = [line.replace(".", "'").replace(",", ".") for line in lines]
+        numbers = np.loadtxt(lines, delimiter=layout.separator, comments=None, ndmin=2)
+        if numbers.shape == (len(block), count):
             return list(numbers.T)
     except ValueError:
         pass  # something else than real numbers: cell by cell
-    cells = [_cells(line, delimiter) for _, line in block]
+    cells = [whole_row(line, layout.separator, count) for _, line in block]
     for (k, _), row in zip(block, cells, strict=True):
-        if len(row) != len(names):
+        if len(row) != count:
             raise FileFormatError(
-                f"{path.name}, line {k}: {len(row)} cells where the header has {len(names)}; is the file cut off?"
+                f"{path.name}, line {k}: {len(row)} cells where the lines above have {count}; is the file cut off?"
             )
     lines = [k for k, _ in block]
-    return [_column(path, name, column, lines) for name, column in zip(names, zip(*cells, strict=True), strict=True)]
+    return [
+        _column(path, name, column, lines, layout)
+        for name, column in zip(layout.names, zip(*cells, strict=True), strict=True)
+    ]
 
 
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    if delimiter is None:
-        return line.split()
+def _column(
+    path: Path, name: str, cells: tuple[str, ...], lines: list[int], layout: Layout
+) -> np.ndarray | FileFormatError:
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error:  # a cell of more than 128 kB
-        return [cell.strip() for cell in line.split(delimiter)]
-
-
-def _column(path: Path, name: str, cells: tuple[str, ...], lines: list[int]) -> np.ndarray | FileFormatError:
-    try:
-        return np.array([float(cell) for cell in cells])
+        return np.array([float(with_point(cell, layout.decimal)) for cell in cells])
     except ValueError:
         pass
     values: list[complex] = []
     for cell, line in zip(cells, lines, strict=True):
         try:
-            values.append(complex(cell.replace(" ", "").replace("i", "j")))
+            values.append(complex(with_point(cell, layout.decimal)))
         except ValueError:
+            other = (
+                "" if layout.decimal == "," or "," not in cell else "; if commas are decimal marks, give decimal=','"
+            )
             return FileFormatError(
                 f"{path.name}, line {line}, column {name!r}: {cell[:40]!r} is not a number; numbers are"
-                " written 0.5 (with a point) or 1+2j"
+                f" written 0.5 (with a point) or 1+2j{other}"
             )
     return np.array(values)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -14,12 +14,13 @@ TIME = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec":
 PHASE = {"deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
          "rad": 1.0, "radian": 1.0, "radians": 1.0}  # fmt: skip
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", re.DOTALL)
+_ADDRESS = re.compile(r"\[[^\[\]]*(?::|\.\.\.)[^\[\]]*\]\s*$")  # of a slice: no unit
 _SUFFIX = re.compile(r"(?:(.*?)_)?(k?hz|mhz|ghz|rad_s|ms|us|ns|s|deg|degrees|rad|db)", re.IGNORECASE)
 
 
 def in_brackets(name: str) -> tuple[str, str]:
     """``"current [A]"`` or ``"current (A)"`` to its name and unit; the unit is "" where there is none."""
-    match = _BRACKETS.fullmatch(name.strip())
+    match = None if _ADDRESS.search(name) else _BRACKETS.fullmatch(name.strip())
     return (match[1], (match[2] or match[3] or "").strip()) if match else (name.strip(), "")
 
 

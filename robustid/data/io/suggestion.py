@@ -1,0 +1,128 @@
+"""The line that makes a file readable, where its names don't say what is what: an example with the addresses of its arrays."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from robustid.data.io.addresses import written
+from robustid.data.io.names import UNSURE, axis_role
+from robustid.data.io.table import NAMELESS, Table
+
+_MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
+_STEADY = 1e-6
+_SIDES = {"u": "its input", "y": "its output"}
+_PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),
+          ("inputs", "outputs"), ("outputs", "inputs"))  # fmt: skip
+
+
+def example(table: Table, *, dt: bool) -> str:
+    """One sentence with arguments that `load` takes, as far as the arrays can be signals; else "".
+
+    Parameters
+    ----------
+    table : Table
+    dt : bool
+        Whether the sample time must be given: neither the file nor the user says it.
+    """
+    array = table.columns.get(NAMELESS)
+    if isinstance(array, np.ndarray) and array.ndim > 2:
+        return _axes(table, array, dt)
+    columns = list(_columns(table))
+    if not columns:
+        return ""
+    lengths = [len(values) for _, values in columns]
+    length = max(set(lengths), key=lambda count: (lengths.count(count), count))
+    columns = [(address, values) for address, values in columns if len(values) == length]
+    timed = (column for column in columns if axis_role(column[0]) == "time")
+    axis = next(timed, columns[0]) if len(columns) > 1 else columns[0]
+    axis = axis if len(columns) > 1 and _increases(axis[1]) else None
+    rest = [address for address, _ in columns if axis is None or address != axis[0]]
+    if any(np.iscomplexobj(values) for _, values in columns):
+        values = next(address for address, values in columns if np.iscomplexobj(values))
+        return _frequency(axis, {"values": values})
+    words: list[str] = []
+    if len(rest) >= 2 or axis is None:
+        words.append(_time(table, axis, rest, dt))
+    if axis is not None and len(rest) >= 2:
+        words.append(_frequency(axis, {"real": rest[0], "imag": rest[1]}))
+    return " ".join(word for word in words if word)
+
+
+def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
+    """Vectors that can be signals or axes, with their addresses."""
+    for name, values in table.columns.items():
+        if not isinstance(values, np.ndarray) or values.size < 2:
+            continue
+        if values.size == max(values.shape):
+            yield ("[:]" if name == NAMELESS else name), values.reshape(-1)
+        elif values.ndim >= 2 and values.shape[1] <= _MOST_SIGNALS < values.shape[0]:
+            inner = (0,) * (values.ndim - 2)
+            for k in range(values.shape[1]):
+                yield written(name, (slice(None), k, *inner)), values[(slice(None), k, *inner)]
+
+
+def _increases(values: np.ndarray) -> bool:
+    return np.isrealobj(values) and bool(np.all(np.diff(values.astype(float)) > 0))
+
+
+def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> str:
+    """As a time record: the first half are inputs where nothing is named, else one."""
+    fields: dict[str, object] = {}
+    if axis is not None:
+        steps = np.diff(axis[1].astype(float))
+        if np.ptp(steps) > _STEADY * steps.mean() or (axis_role(axis[0]) or "").startswith(UNSURE):
+            return ""
+        fields["time"], dt = axis[0], False
+    if len(rest) == 1:
+        return _alone(table, rest[0], dt)
+    half = len(rest) // 2 if all("[:," in name for name in rest) else 1
+    fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
+    return f"As a time record, if these are its inputs and outputs: {arguments(fields, dt)}."
+
+
+def _alone(table: Table, name: str, dt: bool) -> str:
+    """One signal: the other is in another file."""
+    mine, other, sibling = _beside(table.path)
+    pair = {mine: name, other: sibling}
+    return f"As a time record with {_SIDES[other]} in another file: {arguments({r: pair[r] for r in 'uy'}, dt)}."
+
+
+def _axes(table: Table, array: np.ndarray, dt: bool) -> str:
+    """An array of several axes: their order must be said."""
+    mine, other, sibling = _beside(table.path)
+    pair, order = {mine: "[:]", other: sibling}, ",".join(("time", "signal", "realisation", "period")[: array.ndim])
+    given = arguments({r: pair[r] for r in "uy"}, dt, f', axes="{order}"')
+    return f"With {_SIDES[other]} in another file, and the axes in their order: {given}."
+
+
+def _beside(path: Path) -> tuple[str, str, str]:
+    """Role that the name of a file says, the other role, and the name of the file for that, which may be there."""
+    for word, other in _PAIRS:
+        name = re.sub(rf"(?<![a-z]){word}(?![a-z])", other, path.name, flags=re.IGNORECASE)
+        if name != path.name and path.with_name(name).is_file():
+            mine = "u" if word in ("u", "in", "input", "inputs") else "y"
+            return mine, "y" if mine == "u" else "u", name
+    return "y", "u", f"OTHER{path.suffix}"
+
+
+def _one(names: list[str]) -> str | list[str]:
+    return names[0] if len(names) == 1 else names
+
+
+def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) -> str:
+    if axis is None:
+        return f'As a frequency response: `fields={json.dumps(parts)}, start=1.0, step=1.0, frequency_unit="Hz"`, with its numbers.'
+    if axis_role(axis[0]) == "omega":
+        return f"As a frequency response: {arguments({'omega': axis[0], **parts}, False)}."
+    return f"As a frequency response in Hz ('omega' for rad/s): {arguments({'freq_hz': axis[0], **parts}, False)}."
+
+
+def arguments(fields: dict[str, object], dt: bool, more: str = "") -> str:
+    """Arguments of `load`; the sample time stands for one that nobody has said."""
+    step = ", dt=1.0` with the sample time in s for 1.0" if dt else "`"
+    return f"`fields={json.dumps(fields, ensure_ascii=False)}{more}{step}"
