@@ -10,8 +10,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from robustid.app.reading_words import in_run_file
 from robustid.app.run_file import DELAY_NOTE, RunFile
-from robustid.app.sources import RecordSource
+from robustid.app.sources import RecordSource, reading
 from robustid.app.withheld import Split, split
 from robustid.core import digest
 from robustid.data import (
@@ -24,7 +25,7 @@ from robustid.data import (
     estimate_delay,
     estimate_frf,
 )
-from robustid.data.io import read_file
+from robustid.data.io import read_said
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 
@@ -82,9 +83,11 @@ def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[
         name = source.file or source.dataset
         place = f"[[record]] {k}, {name}"
         with _said_of(place):
-            raw = _read_record(source, folder)
+            raw, how = _read_record(source, folder)
             made = [_prepared(record, source) for record in raw]
-        say(f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}")
+        say(
+            f"read {name} ({how}): {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}"
+        )
         sources.append(_with_digest(_with_past(source, raw[0]), raw, place))
         records.append((source.use, made))
     return dataclasses.replace(run, record=tuple(sources)), records
@@ -95,10 +98,9 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
     sources, responses = [], []
     for k, source in enumerate(run.frequency, start=1):
         place = f"[[frequency]] {k}, {source.file}"
-        given = {"fields": source.fields, "dt": source.dt, "bound": source.bound, "frequency_unit": source.unit}
         with _said_of(place):
-            frf: Any = read_file(folder / str(source.file), kind="frequency", **given)
-        say(f"read {source.file}: {frf.omega.size} frequency points")
+            frf, how = read_said(folder / str(source.file), kind="frequency", **reading(source))
+        say(f"read {source.file} ({how}): {frf.omega.size} frequency points")
         sources.append(_with_digest(source, [frf], place))
         if frf.dt is None:
             say(
@@ -114,21 +116,20 @@ def _said_of(place: str) -> Iterator[None]:
     try:
         yield
     except (InputError, InputTypeError, FileFormatError) as error:
-        raise type(error)(f"{place}: {error}") from None
+        raise type(error)(f"{place}: {in_run_file(str(error))}") from None
 
 
-def _read_record(source: RecordSource, folder: Path) -> list[TimeRecord]:
-    options = {
-        name: value for name in ("fields", "dt", "bound", "initial") if (value := getattr(source, name)) is not None
-    }
+def _read_record(source: RecordSource, folder: Path) -> tuple[list[TimeRecord], str]:
+    """The records of a source, and as what its file was read."""
+    options = {name: value for name, value in reading(source).items() if value is not None}
     if source.file is not None:
-        found: Any = read_file(folder / source.file, kind="time", **options)
-        return [found]
-    found = datasets.load(str(source.dataset), **options)
+        found, how = read_said(folder / source.file, kind="time", **options)
+        return found if isinstance(found, list) else [found], how
+    found: Any = datasets.load(str(source.dataset), **options)
     found = found if isinstance(found, list) else [found]
     if not all(isinstance(record, TimeRecord) for record in found):
         raise InputError("this data set is a model, not a record")
-    return found
+    return found, "published data set"
 
 
 def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:

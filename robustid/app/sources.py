@@ -25,6 +25,17 @@ _positive = number(above=0)
 _names = table(either(text(), several(either(text(), several(text())))))
 _DIGEST = "Digest of the data that were read, by which other data are noticed; written by the program."
 _DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
+_RATE: dict[str, Any] = {"help": "Sample rate, in place of the sample time.", "unit": "Hz", "flag": "--rate"}
+_AXES: dict[str, Any] = {
+    "help": "Names of the axes of the arrays in the file, in their order: time,signal,realisation,period or"
+    " output,input,frequency; every realisation is a record, and periods follow each other.",
+    "flag": "--axes",
+}
+_DECIMAL: dict[str, Any] = {
+    "help": "Decimal mark of a text, a point or a comma, where its numbers don't say.",
+    "flag": "--decimal",
+}
+_READ = ("fields", "dt", "rate", "axes", "decimal", "bound")
 
 
 def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
@@ -47,8 +58,9 @@ def _response_fields() -> str:
 
 def _record_fields() -> str:
     return (
-        "Name in the file of every role, repeated for several signals: time=t, u=current, y=angle, y=speed, reference=setpoint"
-        f" (closed loop), bound=eps. Recognised without it, with numbers for several (u1, u2, ...): {_recognised('TIME')}."
+        "Name or address in the file of every role, repeated for several signals: time=t, u=current, y=angle, y=speed,"
+        " reference=setpoint (closed loop), bound=eps; u=x[:,0] is the first column of the array x. Recognised without it, with"
+        f" numbers for several (u1, u2, ...): {_recognised('TIME')}."
     )
 
 
@@ -74,6 +86,9 @@ class RecordSource:
         _names, help=_record_fields, flag="--time-field", text=_signal_roles, metavar="ROLE=NAME"
     )
     dt: float | None = key(_positive, **_DT)
+    rate: float | None = key(_positive, **_RATE)
+    axes: str | None = key(text(), **_AXES)
+    decimal: str | None = key(text((".", ",")), **_DECIMAL)
     bound: float | None = key(
         _positive, help="Half-width of the error interval of every sample, in units of y.", flag="--time-bound"
     )
@@ -106,6 +121,17 @@ class ResponseSource:
         _names, help=_response_fields, flag="--frequency-field", text=roles, metavar="ROLE=NAME"
     )
     dt: float | None = key(_positive, **_DT)
+    rate: float | None = key(_positive, **_RATE)
+    axes: str | None = key(text(), **_AXES)
+    decimal: str | None = key(text((".", ",")), **_DECIMAL)
+    start: float | None = key(
+        number(least=0),
+        help="First frequency of a file that has none, in the unit that is given.",
+        flag="--frequency-start",
+    )
+    step: float | None = key(
+        _positive, help="Distance of the frequencies of a file that has none.", flag="--frequency-step"
+    )
     bound: float | None = key(
         _positive,
         help="Radius of the error disc of every frequency point, in units of the response.",
@@ -118,6 +144,14 @@ class ResponseSource:
     )
     member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
+
+
+def reading(source: RecordSource | ResponseSource) -> dict[str, Any]:
+    """Arguments of `load` that a source states."""
+    given = {name: getattr(source, name) for name in _READ}
+    if isinstance(source, RecordSource):
+        return given | {"initial": source.initial}
+    return given | {"frequency_unit": source.unit, "start": source.start, "step": source.step}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -86,7 +86,7 @@ def test_a_comma_between_two_numbers_or_in_one(tmp_path):
 
 def test_decimal_commas_after_many_whole_numbers(tmp_path):
     (tmp_path / "step.csv").write_text("t;u;y\n" + "".join(f"{k};0;0\n" for k in range(600)) + "600;1,5;2\n")
-    with pytest.raises(FileFormatError, match="line 602, column 'u': '1,5' is not a number.*give decimal=','"):
+    with pytest.raises(FileFormatError, match=r"line 602, column 'u': '1,5' is not a number.*give decimal=','"):
         load(tmp_path / "step.csv")
     assert load(tmp_path / "step.csv", decimal=",").u[-1, 0] == 1.5
 

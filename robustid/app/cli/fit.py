@@ -46,7 +46,7 @@ def fit(
     limits: Annotated[Fit, only("feedthrough", "time_limit")],
     points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
-    response: Annotated[ResponseSource, only("dt", "unit", "fields")],
+    response: Annotated[ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
     force: Force = False,

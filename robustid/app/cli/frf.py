@@ -38,7 +38,7 @@ def frf(
             " times in a period (local: in the record; welch: in a segment). Default: those that are excited."
         ),
     ] = None,
-    source: Annotated[RecordSource, only("fields", "dt", "initial")],
+    source: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial")],
     first: First = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="The response: .npz, .csv or .mat.")] = Path("frf.npz"),
     report: Report = None,

@@ -13,11 +13,13 @@ import numpy as np
 
 from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
-from robustid.app.sources import RecordSource, ResponseSource
+from robustid.app.reading_words import in_options
+from robustid.app.sources import RecordSource, ResponseSource, reading
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.data.io import Origin, origin, read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
+_SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
 _NOTE = "given on the command line"
 _SAME_STEP = 1e-6
 _MOST_NAMED = 4
@@ -50,7 +52,7 @@ class Files:
 
     def __post_init__(self) -> None:
         stated = {option.flag: getattr(self.source, field.name) for field, option in options(self.source)}
-        stated |= {"--band": self.band_hz, "--first": self.first, "--dt": None, None: None}
+        stated |= {"--band": self.band_hz, "--first": self.first, None: None} | dict.fromkeys(_SHARED)
         if not self.paths and (given := [flag for flag, value in stated.items() if value is not None]):
             raise InputError(f"{given[0]} is given without a file: add --{self.kind} FILE, or leave {given[0]} out")
         if self.first is not None and self.first < 1:
@@ -68,33 +70,29 @@ class Files:
         seen: set[Path] = set()
         data = []
         for path in self.paths:
-            data.append(self._read_one(out, path))
+            data += self._read_one(out, path)
             if path.resolve() in seen:
                 warn(out, f"{path} is given twice: its samples count twice")
             seen.add(path.resolve())
         return data
 
-    def _read_one(self, out: Any, path: Path) -> Any:
+    def _read_one(self, out: Any, path: Path) -> list[Any]:
+        """The measurements of a file: several records where its axes have realisations."""
         how, unit = self.source, getattr(self.source, "unit", None)
         with _named(path, self.kind):
-            found = origin(path, self.kind, how.fields)
+            found = origin(path, self.kind, how.fields, how.decimal)
             if found.kind not in (None, self.kind):
                 other = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
                 wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
                 raise InputError(
                     f"{path.name} holds {found.kind} data; {other if self.bounded else f'{wanted} is needed'}"
                 )
-            initial = getattr(how, "initial", None)
-            data: Any = read_file(path, kind=self.kind, fields=how.fields, dt=how.dt, bound=how.bound,
-                                  frequency_unit=unit, initial=initial)  # fmt: skip
-            if self.bounded:
-                self._check_bounded(path, data)
-            if how.bound is not None:
-                data = data.with_bound(data.bound, note=_NOTE)
-            words, data = self._entry_of(data, path)
-            data = self._part_of(data)
-        say(out, f"read {path}: " + _described(data, words) + _unit_words(found, unit))
-        if found.unit_known and unit is not None:
+            several: Any = read_file(path, kind=self.kind, **reading(how))
+            read = [self._taken(data, path) for data in (several if isinstance(several, list) else [several])]
+        words, data = read[0]
+        count = f"{len(read)} realisations, each " if len(read) > 1 else ""
+        say(out, f"read {path} ({found.how}): {count}{_described(data, words)}{_unit_words(found, unit)}")
+        if found.unit_known and unit is not None and getattr(how, "step", None) is None:
             warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
         if self.bounded and data.dt is None:
             warn(
@@ -103,7 +101,16 @@ class Files:
             )
         if how.dt and found.dt and abs(found.dt - how.dt) > _SAME_STEP * how.dt:
             warn(out, f"--dt {how.dt:g} s is used; {path.name} has {found.dt:.6g} s ({found.dt_from})")
-        return data
+        return [data for _, data in read]
+
+    def _taken(self, data: Any, path: Path) -> tuple[str, Any]:
+        """The part that is asked for, with its bound, and what it is in words."""
+        if self.bounded:
+            self._check_bounded(path, data)
+        if self.source.bound is not None:
+            data = data.with_bound(data.bound, note=_NOTE)
+        words, data = self._entry_of(data, path)
+        return words, self._part_of(data)
 
     def _check_bounded(self, path: Path, data: Any) -> None:
         if data.bound is None:
@@ -187,12 +194,16 @@ def _in_options(text: str, kind: str) -> str:
             f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
             " --frequency-unit: an omega column is in rad/s unless it says Hz"
         )
+    text = in_options(text, kind)
     field = f"--{kind}-field"
     for pattern, words in (
         (r"`fields=\{'(\w+)': \.\.\.\}`", rf"{field} \1=NAME"),
         (r"`fields\['(\w+)'\]`", rf"{field} \1"),
         (r"`fields`", f"{field} ROLE=NAME"),
         (r"`dt`", "--dt"),
+        (r"`(rate|axes|decimal)`", r"--\1"),
+        (r"\b(axes|decimal)='([^']*)'", r"--\1 \2"),
+        (r"`(start|step)`", r"--frequency-\1"),
         (r"`frequency_unit`", "--frequency-unit"),
         (r"`low_hz` = (\S+) and `high_hz` = (\S+) Hz", r"\1 and \2 Hz (--band)"),
     ):

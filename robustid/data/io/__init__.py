@@ -1,7 +1,7 @@
 """Files, readers and writers."""
 
 from robustid.data.io.contents import Contents, Item, contents
-from robustid.data.io.files import Origin, origin, read_file
+from robustid.data.io.files import Origin, origin, read_file, read_said
 from robustid.data.io.model_files import load_model, save_model
 from robustid.data.io.names import FREQUENCY, TIME
 from robustid.data.io.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
@@ -21,6 +21,7 @@ __all__ = [
     "load_model",
     "origin",
     "read_file",
+    "read_said",
     "save_model",
     "scattering_model",
     "scattering_of",

@@ -25,7 +25,12 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 _log = logging.getLogger("robustid")
 
 
-def read_file(
+def read_file(path: str | os.PathLike[str], **options: Any) -> Any:
+    """Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result, with its arguments."""
+    return read_said(path, **options)[0]
+
+
+def read_said(
     path: str | os.PathLike[str],
     *,
     kind: str | None = None,
@@ -36,8 +41,8 @@ def read_file(
     start: float | None = None,
     step: float | None = None,
     **stated: Any,
-) -> Any:
-    r"""Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result.
+) -> tuple[Any, str]:
+    r"""Read a file as `read_file` does, and say as what.
 
     Parameters
     ----------
@@ -49,7 +54,9 @@ def read_file(
 
     Returns
     -------
-    FrequencyResponse, TimeRecord, a list of them, a TangentialResponse that `save` wrote, Excitation or control.StateSpace
+    thing : FrequencyResponse, TimeRecord, list of them, TangentialResponse that `save` wrote, Excitation or control.StateSpace
+    how : str
+        Format of the file, and of a text its layout.
 
     Raises
     ------
@@ -69,14 +76,14 @@ def read_file(
     _log.info("%s: read as %s", table.path.name, table.how)
     if kind == "model" or (kind is None and table.meta is None and not fields and _is_model(table)):
         _refuse([name for name in options if name != "dt"], "a model")
-        return model_of(table, options.get("dt"))
+        return model_of(table, options.get("dt")), table.how
     if kind is None and not fields and is_excitation(table):
         _refuse(list(options), "an excitation")
-        return excitation_of(table)
+        return excitation_of(table), table.how
     if table.meta is not None and not fields:
-        return _loaded(lambda: unpack(table, kind, options), table)
+        return _loaded(lambda: unpack(table, kind, options), table), table.how
     asked = _Asked(kind or (None if grid is None else "frequency"), dict(fields or {}), frequency_unit, axes, grid)
-    return _loaded(lambda: _assigned(table, asked, options), table)
+    return _loaded(lambda: _assigned(table, asked, options), table), table.how
 
 
 class _Asked(NamedTuple):
@@ -130,19 +137,22 @@ def _assigned(table: Table, asked: _Asked, options: dict[str, Any]) -> Any:
 
 
 class Origin(NamedTuple):
-    """Facts that a file states itself: its kind, whether the unit of its frequencies is known, and its sample time."""
+    """Facts that a file states itself: kind, whether the unit of its frequencies is known, sample time, and format."""
 
     kind: str | None
     unit_known: bool
     dt: float | None
     dt_from: str
+    how: str
 
 
-def origin(path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | None) -> Origin:
+def origin(
+    path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | None, decimal: str | None = None
+) -> Origin:
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
-    table = read_table(path)
+    table = read_table(path, decimal)
     if table.meta is not None and not fields:
-        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data")
+        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data", table.how)
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
             table = from_structure(table, kind, None)
@@ -156,7 +166,7 @@ def origin(path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | 
         else:
             samples = len(lookup.signal("u", lookup.need("u")))
             step, source = time_step(lookup, samples), "its time axis"
-    return Origin(None if fields else lookup.looks(), unit_known, step, source)
+    return Origin(None if fields else lookup.looks(), unit_known, step, source, table.how)
 
 
 def _write(path: str | os.PathLike[str], data: Any) -> None:

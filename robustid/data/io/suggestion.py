@@ -40,14 +40,14 @@ def example(table: Table, *, dt: bool) -> str:
     columns = [(address, values) for address, values in columns if len(values) == length]
     timed = (column for column in columns if axis_role(column[0]) == "time")
     axis = next(timed, columns[0]) if len(columns) > 1 else columns[0]
-    axis = axis if len(columns) > 1 and _increases(axis[1]) else None
+    enough = len(columns) > 2 or axis_role(axis[0]) == "time"
+    axis = axis if len(columns) > 1 and enough and _increases(axis[1]) else None
     rest = [address for address, _ in columns if axis is None or address != axis[0]]
     if any(np.iscomplexobj(values) for _, values in columns):
         values = next(address for address, values in columns if np.iscomplexobj(values))
         return _frequency(axis, {"values": values})
     words: list[str] = []
-    if len(rest) >= 2 or axis is None:
-        words.append(_time(table, axis, rest, dt))
+    words.append(_time(table, axis, rest, dt))
     if axis is not None and len(rest) >= 2:
         words.append(_frequency(axis, {"real": rest[0], "imag": rest[1]}))
     return " ".join(word for word in words if word)
@@ -79,17 +79,19 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
             return ""
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
-        return _alone(table, rest[0], dt)
+        return _alone(table, rest[0], fields, dt)
     half = len(rest) // 2 if all("[:," in name for name in rest) else 1
     fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
     return f"As a time record, if these are its inputs and outputs: {arguments(fields, dt)}."
 
 
-def _alone(table: Table, name: str, dt: bool) -> str:
+def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> str:
     """One signal: the other is in another file."""
     mine, other, sibling = _beside(table.path)
     pair = {mine: name, other: sibling}
-    return f"As a time record with {_SIDES[other]} in another file: {arguments({r: pair[r] for r in 'uy'}, dt)}."
+    return (
+        f"As a time record with {_SIDES[other]} in another file: {arguments(fields | {r: pair[r] for r in 'uy'}, dt)}."
+    )
 
 
 def _axes(table: Table, array: np.ndarray, dt: bool) -> str:
