@@ -100,7 +100,7 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
             frf, how = read_said(folder / str(source.file), kind="frequency", **reading(source))
-        say(f"read {source.file} ({how}): {frf.omega.size} frequency points")
+        say(f"read {source.file}: {frf.omega.size} frequency points; {how}")
         sources.append(_with_digest(source, [frf], place))
         if frf.dt is None:
             say(

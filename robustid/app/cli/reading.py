@@ -91,7 +91,7 @@ class Files:
             read = [self._taken(data, path) for data in (several if isinstance(several, list) else [several])]
         words, data = read[0]
         count = f"{len(read)} realisations, each " if len(read) > 1 else ""
-        say(out, f"read {path} ({found.how}): {count}{_described(data, words)}{_unit_words(found, unit)}")
+        say(out, f"read {path}: {count}{_described(data, words)}{_unit_words(found, unit)}; {found.how}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:
             warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
         if self.bounded and data.dt is None:

@@ -81,7 +81,7 @@ def read_said(
         _refuse(list(options), "an excitation")
         return excitation_of(table), table.how
     if table.meta is not None and not fields:
-        return _loaded(lambda: unpack(table, kind, options), table), table.how
+        return _loaded(lambda: unpack(table, kind, options), table), "as it was saved"
     asked = _Asked(kind or (None if grid is None else "frequency"), dict(fields or {}), frequency_unit, axes, grid)
     return _loaded(lambda: _assigned(table, asked, options), table), table.how
 
@@ -152,7 +152,7 @@ def origin(
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path, decimal)
     if table.meta is not None and not fields:
-        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data", table.how)
+        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data", "as it was saved")
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
             table = from_structure(table, kind, None)

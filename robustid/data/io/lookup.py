@@ -121,8 +121,7 @@ class Lookup:
     def help(self) -> str:
         """The inventory, and a line that works as far as the arrays say it."""
         said = "" if self.fields else example(self.table, dt=not self.dt_known and self.sample_time() is None)
-        how = f"Read as {self.how}. " if self.text else ""
-        return f"{how}{self.inventory()}{'. ' * bool(said)}{said}"
+        return ". ".join(part for part in (self.inventory(), f"Read as {self.how}" * self.text, said) if part)
 
     def need(self, role: str) -> Any:
         """As `find`, or say what is missing."""

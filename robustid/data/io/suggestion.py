@@ -48,7 +48,7 @@ def example(table: Table, *, dt: bool) -> str:
         return _frequency(axis, {"values": values})
     words: list[str] = []
     words.append(_time(table, axis, rest, dt))
-    if axis is not None and len(rest) >= 2:
+    if axis is not None and len(rest) >= 2 and axis_role(axis[0]) != "time":
         words.append(_frequency(axis, {"real": rest[0], "imag": rest[1]}))
     return " ".join(word for word in words if word)
 
