@@ -32,6 +32,7 @@ from .data import FrequencyResponse as FrequencyResponse
 from .data import TangentialResponse as TangentialResponse
 from .data import TimeRecord as TimeRecord
 from .data import bounds_from_noise_floor as bounds_from_noise_floor
+from .data import correct as correct
 from .data import datasets as datasets
 from .data import decimate as decimate
 from .data import detrend as detrend
@@ -41,6 +42,7 @@ from .data import flexible_structure as flexible_structure
 from .data import multisine as multisine
 from .data import nonlinear_records as nonlinear_records
 from .data import record_problems as record_problems
+from .data import response_problems as response_problems
 from .data import sample_time as sample_time
 from .data import with_delay as with_delay
 

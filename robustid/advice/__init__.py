@@ -1,8 +1,9 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
+from robustid.advice.causes import Cause, Trial
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
-from robustid.advice.diagnosis import Diagnosis, Trial, diagnose
+from robustid.advice.diagnosis import Diagnosis, diagnose
 from robustid.advice.gains import entry_sizes, response_sizes
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
@@ -15,6 +16,7 @@ from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
 __all__ = [
+    "Cause",
     "ClassCandidate",
     "ClassSuggestion",
     "Content",

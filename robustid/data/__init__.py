@@ -2,6 +2,7 @@
 
 from robustid.core import save
 from robustid.data.bound import Bound
+from robustid.data.corrections import correct
 from robustid.data.error_sets import bound_ratio, stacked, tilted
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
@@ -14,6 +15,7 @@ from robustid.data.io.excitation_files import load_excitation
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time
 from robustid.data.problems import record_problems
+from robustid.data.response_problems import Fault, response_faults, response_problems
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
@@ -26,6 +28,7 @@ __all__ = [
     "Delay",
     "DelayedModel",
     "Excitation",
+    "Fault",
     "FrequencyResponse",
     "NoiseFloor",
     "SimulatedExperiment",
@@ -35,6 +38,7 @@ __all__ = [
     "as_records",
     "bound_ratio",
     "bounds_from_noise_floor",
+    "correct",
     "datasets",
     "decimate",
     "detrend",
@@ -45,6 +49,8 @@ __all__ = [
     "multisine",
     "nonlinear_records",
     "record_problems",
+    "response_faults",
+    "response_problems",
     "sample_time",
     "save",
     "signal_index",

@@ -1,0 +1,345 @@
+"""Causes of a contradiction, or of data that no class can be blamed for: what was tried, what shows it, the change to make."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.bases import ParametricBasis, as_basis, kautz
+from robustid.core import Budget, Complex, Plane, Real
+from robustid.data import Fault, FrequencyResponse, correct, response_faults
+from robustid.errors import InputError
+from robustid.identification import MixedProblem
+from robustid.identification.formulation import formulate
+from robustid.identification.solver import margin_path
+
+_DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
+_HELPS = 3.0  # a correction that makes the margin so many times smaller is a cause
+_MOST, _POINTS = (
+    100,
+    30,
+)  # coefficients above which corrections are tried with so many frequency points of each response
+_SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
+_SPARE = 1.1  # of bounds that are widened
+_OF_UNITS = 300.0
+_IN_PER_CENT = 0.1  # damping ratios from here on may be in per cent
+_AS_UNITS = ", as where values are in a unit 1000 times smaller than their bound"
+SLIGHTLY = 1.5  # margin up to which bounds are the first suspicion
+
+_UNIT = "times 0.001"
+_SHORT_OF_UNIT = (
+    "times 0.03"  # a response that is consistent after this is no unit too large: the gain bound is too small
+)
+
+# Corrections of a response beside records, or within a passive class; then those that the response alone contradicts.
+_AGAINST = (
+    ("negate", "the response has the opposite sign"),
+    ("exchange", "input and output of the response are exchanged"),
+    (_UNIT, "the response is in a unit 1000 times smaller (mm for m)"),
+    ("times 1000", "the response is in a unit 1000 times larger (m for mm)"),
+    ("times 0.5", "the response is twice too large (a one-sided spectrum, or peak for amplitude)"),
+    ("times 2", "the response is half too small (a two-sided spectrum)"),
+    ("times 57.29578", "the response is per degree, or in rad for degrees"),
+    ("times 0.017453293", "the response is in degrees for rad"),
+    ("times 1e-06", "the response is in a unit 10^6 times smaller (µm for m)"),
+    ("times 1e+06", "the response is in a unit 10^6 times larger"),
+)
+_ALONE = (
+    ("conjugate", "the phase has the wrong sign (the response is conjugated)"),
+    ("transpose", "the matrices are transposed (rows are inputs)"),
+    ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s"),
+    ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz"),
+    ("frequency times 1000", "the frequencies are in kHz"),
+    ("phase in radians", "the phase is in radians and was taken as degrees"),
+    ("advance 1", "the response has one sample of delay too much"),
+    ("delay 1", "one sample of delay was taken out of the response that it doesn't have"),
+    ("integrate", "the response is the derivative of what was measured elsewhere (velocity for position)"),
+    ("differentiate", "the response is the integral (position for velocity)"),
+    ("integrate twice", "the response is of an acceleration, not of a position"),
+    ("magnitude linear", "the magnitude is a plain number and was taken as decibels"),
+)
+_OF_RECORDS = (
+    ("negate", "the outputs of the record have the opposite sign"),
+    ("exchange", "input and output of the record are exchanged"),
+    ("advance 1", "the outputs of the record come one sample late"),
+    ("delay 1", "the outputs of the record come one sample early"),
+)
+_STARTS = (
+    ("periodic", "the record is in periodic steady state, and was taken to start at rest"),
+    ("free", "the record doesn't start at rest: what went in before still shows"),
+)
+_OF_MODES = (
+    (2 * math.pi, 1.0, "the frequencies of the modes are in Hz and were taken as rad/s"),
+    (1 / (2 * math.pi), 1.0, "the frequencies of the modes are in rad/s and were taken as Hz"),
+    (1.0, 0.01, "the damping of the modes is in per cent and was taken as a ratio"),
+)
+
+
+class Trial(NamedTuple):
+    """One change of the class, the margin that it brings (to 0.1 %), and the changed problem."""
+
+    change: str
+    margin: float
+    problem: MixedProblem
+
+
+class Cause(NamedTuple):
+    """A possible cause, what shows it, the change to make in Python and for the program, and the problem with the change.
+
+    The margin is that of the changed problem, reached by a system to 0.1 %; None where it was not computed, or nothing here can
+    make the change.
+    """
+
+    cause: str
+    evidence: str
+    change: str
+    option: str
+    margin: float | None = None
+    problem: MixedProblem | None = None
+
+    @property
+    def solves(self) -> bool:
+        """Whether the data are consistent with the change."""
+        return self.margin is not None and self.margin <= 1
+
+    @property
+    def sentence(self) -> str:
+        """The change to make."""
+        return self.change + (f"; for the program: {self.option}" if self.option else "")
+
+
+def corrected(problem: MixedProblem, *corrections: str, records: bool = False) -> MixedProblem:
+    """The problem with corrections of all responses, or of all records (`correct`)."""
+    words = [each for one in corrections for each in (["integrate"] * 2 if one == "integrate twice" else [one])]
+    if records:
+        return dataclasses.replace(problem, time=[correct(record, *words) for record in problem.time])
+    changed = [correct(frf, *words) for frf in problem.frequency]
+    prior = problem.prior
+    if not problem.prior.positive_real:
+        return dataclasses.replace(problem, frequency=changed)
+    # Constant and modes of such a class are posed anew.
+    modes = problem.parametric if problem.functions else None
+    prior = dataclasses.replace(prior, gain_bound=None)
+    return MixedProblem(frequency=changed, prior=prior, parametric=modes, symmetric=problem.symmetric)
+
+
+def correction_change(correction: str, records: bool = False) -> tuple[str, str]:
+    """How a correction is made in Python, and with the program."""
+    name, flag = ("record", "--time-correct") if records else ("frf", "--frequency-correct")
+    words = ["integrate", "integrate"] if correction == "integrate twice" else [correction]
+    return (
+        f"{name} = rid.correct({name}, {', '.join(repr(word) for word in words)})".replace("'", '"'),
+        " ".join(f'{flag} "{word}"' for word in words),
+    )
+
+
+def faults_of(problem: MixedProblem) -> list[Fault]:
+    """Faults of the responses that no class has to be assumed for, each once."""
+    found: dict[str, Fault] = {}
+    for frf in problem.frequency:
+        if isinstance(frf, FrequencyResponse):
+            for fault in response_faults(frf):
+                found.setdefault(fault.cause, fault)
+    return list(found.values())
+
+
+def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -> list[Cause]:
+    """Causes that the data show by themselves, with the margin after their correction."""
+    causes: list[Cause] = []
+    for fault in faults_of(problem):
+        if not fault.correction:
+            causes.append(Cause(fault.cause, fault.evidence, "read the file again with the role phase_deg", ""))
+            continue
+        change, option = correction_change(fault.correction)
+        evidence, after, changed = fault.evidence, None, None
+        try:
+            changed = corrected(problem, fault.correction)
+            after = judged_margin(changed, max(1.0, margin / _HELPS), budget)
+            evidence += f"; with the correction the margin is {after:.3g} in place of {margin:.4g}"
+        except InputError:
+            pass
+        causes.append(Cause(fault.cause, evidence, change, option, after, changed))
+    causes += [Cause(words, "the records show it", "", "") for words in problem.data_problems]
+    return causes
+
+
+def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
+    """Corrections that can be tried: cause, change in Python, option of the program, and the corrected problem."""
+    responses = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
+    if len(responses) < len(problem.frequency):
+        return
+    tried: list[tuple[str, str, bool]] = []
+    if responses:
+        both = bool(problem.time) or bool(problem.prior.physical)
+        tried += [(*one, False) for one in (*_ALONE[:2], *(_AGAINST if both else ()), *_ALONE[2:])]
+        if not both:
+            tried.append((_UNIT, "the response is in a unit 1000 times smaller (mm for m)", False))
+    of_records = _OF_RECORDS[1:] if responses else _OF_RECORDS
+    tried += [(*one, True) for one in of_records if problem.time]
+    for correction, cause, records in tried:
+        if correction == "transpose" and len(problem.outputs) * len(problem.inputs) == 1:
+            continue
+        try:
+            changed = corrected(problem, correction, records=records)
+        except InputError:  # frequencies beyond pi/dt, no sample time, a frequency 0
+            continue
+        yield cause, *correction_change(correction, records), changed
+    for start, cause in _STARTS:
+        if problem.time and all(record.initial == "rest" for record in problem.time):
+            try:
+                began = [dataclasses.replace(record, initial=start) for record in problem.time]
+                changed = dataclasses.replace(problem, time=began)
+            except InputError:  # no whole number of periods, functions that are infinite there
+                continue
+            yield cause, f'TimeRecord(..., initial="{start}")', f"--initial {start}", changed
+    yield from _other_modes(problem)
+
+
+def _other_modes(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
+    """The modes of the parametric part in other units."""
+    basis = problem.parametric
+    if basis is None or problem.prior.physical or problem.parameter_bounds is not None or not np.all(basis.poles.imag):
+        return
+    modes = modes_of(problem)
+    for factor, scale, cause in _OF_MODES:
+        parts: list[ParametricBasis] = []
+        omega, damping = zip(*(mode_of(pole, problem.plane) for pole, _ in modes), strict=True)
+        omega, damping = factor * np.concatenate(omega), np.concatenate(damping)
+        damping = np.where(damping >= _IN_PER_CENT, scale * damping, damping)
+        if problem.dt and np.any(omega * np.sqrt(np.maximum(1 - damping**2, 0)) * problem.dt >= np.pi):
+            continue
+        for at, ratio, (_, count) in zip(omega, damping, modes, strict=True):
+            parts.append(kautz(at, ratio, dt=problem.dt, repeat=count, delay=int(problem.dt > 0)))
+        try:
+            changed = dataclasses.replace(problem, parametric=as_basis(parts, problem.plane))
+        except InputError:
+            continue
+        numbers = [f"{at:.6g}" for at in omega], [f"{ratio:.4g}" for ratio in damping]
+        change = f"rid.kautz([{', '.join(numbers[0])}], [{', '.join(numbers[1])}], ...)  # rad/s, ratio"
+        option = " ".join(f"--mode {at / (2 * np.pi):.6g}:{r:.4g}" for at, r in zip(omega, damping, strict=True))
+        yield cause, change, option, changed
+
+
+# Either of the axis of the data or of the modes can be in the wrong unit: both are tried.
+_AXES = {cause for correction, cause in _ALONE if correction.startswith("frequency in")} | {
+    cause for factor, _, cause in _OF_MODES if factor != 1
+}
+
+
+def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Any], budget: Budget) -> list[Cause]:
+    """Corrections that leave a margin at least three times smaller; no more after one that makes the data consistent."""
+    small = _smaller(problem, active)
+    before = margin
+    found: list[Cause] = []
+    for cause, change, option, changed in corrections_of(problem):
+        solved = any(one.solves for one in found)
+        if budget.over:
+            break
+        if solved and cause not in _AXES:
+            continue
+        try:
+            if (
+                _UNIT in change
+                and not problem.time
+                and judged_margin(corrected(problem, _SHORT_OF_UNIT), 1.0, budget) <= 1
+            ):
+                continue
+            tried = changed if small is None else _part(changed, small)
+            after = judged_margin(tried, max(1.0, before / _HELPS), budget)
+            if small is not None and after <= max(1.0, before / _HELPS):
+                after = judged_margin(changed, max(1.0, before / _HELPS), budget)
+        except InputError:
+            continue
+        if after <= before / _HELPS:
+            words = f"with it the margin is {after:.3g} in place of {before:.4g}"
+            found.append(Cause(cause, words, change, option, after, changed))
+    found.sort(key=lambda one: float(one.margin or 0.0))
+    solved = [one for one in found if one.solves]
+    return solved or found
+
+
+def judged_margin(problem: MixedProblem, enough: float, budget: Budget) -> float:
+    """A margin that some system reaches: to 0.1 %, or less exactly where it is surely above `enough`."""
+    margin = np.inf
+    for _, margin, gap in margin_path(formulate(problem, accuracy=_DIGITS).data):
+        if gap <= _DIGITS * max(margin, 1.0) or margin - 2 * gap > enough or budget.over:
+            break
+    return float(margin)
+
+
+def bound_cause(problem: MixedProblem, margin: float) -> Cause:
+    """Bounds that are too small: the factor with which the class is consistent, and a little more."""
+    factor = _rounded_up(_SPARE * margin)
+    frequency = [frf.with_bound(frf.bound.inflated(factor), frf.note) for frf in problem.frequency]
+    time = [record.with_bound(record.bound.inflated(factor), record.note) for record in problem.time]
+    sorts = (("frf", problem.frequency), ("record", problem.time))
+    changes = [f'{name} = rid.correct({name}, "bound times {factor:g}")' for name, data in sorts if data]
+    options: list[str] = []
+    for kind, data in (("frequency", problem.frequency), ("time", problem.time)):
+        radii = [np.asarray(item.bound.radius)[np.isfinite(item.bound.radius)] for item in data]
+        if not radii:
+            continue
+        sizes = np.concatenate(radii)
+        constant = np.ptp(sizes) <= 1e-9 * sizes.max()
+        options.append(
+            f"--{kind}-bound {factor * sizes[0]:.4g}" if constant else f'--{kind}-correct "bound times {factor:g}"'
+        )
+    changed = dataclasses.replace(problem, frequency=frequency, time=time)
+    return Cause(
+        "the bounds on the errors are too small for this class",
+        f"it needs {margin:.4g} times as much" + (_AS_UNITS if margin > _OF_UNITS else ""),
+        "; ".join(changes),
+        " ".join(options),
+        margin / factor,
+        changed,
+    )
+
+
+def _rounded_up(factor: float) -> float:
+    """Three digits, not less."""
+    unit = 10.0 ** (math.floor(math.log10(factor)) - 2)
+    return math.ceil(factor / unit - 1e-9) * unit
+
+
+def _smaller(problem: MixedProblem, active: Sequence[Any]) -> list[Any] | None:
+    """Frequency points of each response to try with: those of the active constraints, and some spread over all; None for all."""
+    if problem.coefficients <= _MOST or not problem.frequency:
+        return None
+    chosen: list[Any] = []
+    for k, frf in enumerate(problem.frequency):
+        spread = [round(at) for at in np.linspace(0, len(frf.omega) - 1, min(_POINTS, len(frf.omega))).tolist()]
+        at = [omega for kind, index, omega, _ in active if kind == "frequency" and index == k]
+        own = [int(np.argmin(np.abs(frf.omega - omega))) for omega in at]
+        chosen.append(np.array(sorted({*spread, *own})))
+    return chosen
+
+
+def _part(problem: MixedProblem, chosen: list[Any]) -> MixedProblem:
+    frequency = [frf.select(points) for frf, points in zip(problem.frequency, chosen, strict=True)]
+    return dataclasses.replace(problem, frequency=frequency)
+
+
+# --- modes of the parametric part -----------------------------------------------------------------------------------------------
+
+
+def mode_of(poles: Complex, plane: Plane) -> tuple[Real, Real]:
+    """Natural frequency in rad/s and damping ratio of complex poles."""
+    logs = np.log(poles)
+    size = np.abs(logs)
+    return plane.modes(size, -np.log(np.abs(poles)) / size)
+
+
+def modes_of(problem: MixedProblem) -> list[tuple[Complex, int]]:
+    """Complex poles of the parametric part, upper half, each with its multiplicity."""
+    poles = np.zeros(0) if problem.parametric is None else problem.parametric.poles
+    left = list(poles[poles.imag > 0])
+    modes: list[tuple[Complex, int]] = []
+    while left:
+        same = [a for a in left if abs(a - left[0]) <= _SAME_POLE * (1 - abs(left[0]))]
+        left = [a for a in left if a not in same]
+        modes.append((np.array([np.mean(same)], complex), len(same)))
+    return modes

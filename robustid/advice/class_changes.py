@@ -1,0 +1,144 @@
+"""Changes of a class that diagnose() tries, one respect at a time, and of the data of a passive one."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.advice.causes import corrected, correction_change, mode_of, modes_of
+from robustid.advice.kautz import further_mode
+from robustid.bases import ParametricBasis, as_basis, kautz
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.identification import MixedProblem
+
+_log = logging.getLogger("robustid")
+_UNWEIGHTED = "a bound that does not fall with the frequency"
+
+# What a response may be in the place of that of a passive plant.
+_TURNED = (
+    ("conjugate", "the phase with the opposite sign (exp(-j omega t))"),
+    ("negate", "the response with the opposite sign"),
+    ("differentiate", "the response times j omega (of a displacement the velocity)"),
+    ("integrate", "the response over j omega (of an acceleration the velocity, of a velocity the displacement)"),
+)
+
+
+class Change(NamedTuple):
+    """A change to try: its name, the cause that it speaks for, how it is made in Python and for the program, and what it gives."""
+
+    name: str
+    cause: str
+    change: str
+    option: str
+    problem: MixedProblem
+
+
+def changes_of(problem: MixedProblem) -> list[Change]:
+    """The class changed in one respect at a time."""
+    rate = problem.prior.rate
+    changes = _other_data(problem) if problem.prior.physical else [*_more_modes(problem), *_larger_gains(problem)]
+    slower, name = (1 + (rate - 1) / 2, "rho - 1 halved") if problem.dt else (rate / 2, "decay halved")
+    key = "decay_rate" if problem.dt else "decay"
+    python, option = f"Prior({key}={slower:.6g}, ...)", f"--{key.replace('_', '-')} {slower:.6g}"
+    posed = problem.with_prior(rate=slower)
+    changes.append(Change(name, "the decay that was stated is too fast", python, option, posed))
+    if problem.prior.weighted:
+        posed = problem.with_prior(roll_off=None, corner=None, weight=None)
+        words = "the response doesn't fall as fast as the weight of the class"
+        changes.append(Change(_UNWEIGHTED, words, "Prior(...) without its weight", "without --roll-off", posed))
+    if problem.parameter_bounds is not None and not problem.prior.physical:
+        posed = dataclasses.replace(problem, parameter_bounds=None)
+        words = "a coefficient is outside its interval"
+        changes.append(Change("coefficients without intervals", words, "parameter_bounds=None", "", posed))
+    return changes
+
+
+def _larger_gains(problem: MixedProblem) -> list[Change]:
+    """A larger gain bound."""
+    changes: list[Change] = []
+    for factor in (2, 10):
+        K = factor * problem.prior.gain_bound
+        words, python = "the gain bound K is too small", f"Prior(gain_bound={K:.4g}, ...)"
+        posed = problem.with_prior(gain_bound=K)
+        changes.append(Change(f"K times {factor}", words, python, f"--gain {K:.4g}", posed))
+    return changes
+
+
+def _more_modes(problem: MixedProblem) -> list[Change]:
+    """The pairs repeated, and one more."""
+    changes: list[Change] = []
+    if (terms := _further_terms(problem)) is not None:
+        count = 1 + max(count for _, count in modes_of(problem))
+        words = "the poles of the modes are not quite where they were stated"
+        python, posed = f"rid.kautz(..., repeat={count})", _with_functions(problem, terms)
+        changes.append(Change("each pair repeated once more", words, python, f"--repeat {count}", posed))
+    if (pair := _missing_pair(problem)) is not None:
+        (at, damping), basis = pair
+        hz = at / (2 * np.pi)
+        where = f"at {hz:.4g} Hz with damping {damping:.2g}"
+        python = f"parametric=[..., rid.kautz({at:.6g}, {damping:.3g}, ...)]"
+        option = f"--mode {hz:.6g}:{damping:.3g} beside those that are there"
+        posed = _with_functions(problem, basis)
+        changes.append(Change(f"one more pair, {where}", f"a mode is missing, {where}", python, option, posed))
+    return changes
+
+
+def _other_data(problem: MixedProblem) -> list[Change]:
+    """Data as they may have been measured in the place of those of a passive plant: another sign, phase, or derivative."""
+    turns = (0, 1, 3) if problem.prior.passive == "negative imaginary" else (0, 1, 2, 3)
+    changes: list[Change] = []
+    for correction, cause in (_TURNED[k] for k in (turns if problem.prior.positive_real else (0,))):
+        try:
+            changed = corrected(problem, correction)
+        except InputError as error:  # a frequency 0
+            _log.info("%s: left out (%s)", correction, error)
+            continue
+        changes.append(Change(cause, cause, *correction_change(correction), changed))
+    return changes
+
+
+def mode_options(problem: MixedProblem) -> str:
+    """The modes of a problem as options of the program."""
+    found: list[str] = []
+    for pole, _ in modes_of(problem):
+        omega, damping = mode_of(pole, problem.plane)
+        found.append(f"--mode {omega.item() / (2 * np.pi):.6g}:{damping.item():.4g}")
+    return " ".join(found)
+
+
+def _with_functions(problem: MixedProblem, basis: ParametricBasis) -> MixedProblem:
+    parts = (basis,) if problem.parametric is None else (problem.parametric, basis)
+    bounds = problem.parameter_bounds
+    if bounds is not None:
+        free = np.broadcast_to([-np.inf, np.inf], (basis.size, *bounds.shape[1:]))
+        bounds = np.concatenate([bounds, free])
+    return dataclasses.replace(problem, parametric=parts, parameter_bounds=bounds)
+
+
+def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
+    """The next derivative terms k^j a^k of every complex pole pair of the parametric part."""
+    parts: list[ParametricBasis] = []
+    for pole, count in modes_of(problem):
+        chain = kautz(*mode_of(pole, problem.plane), dt=problem.dt, repeat=count + 1, delay=int(problem.dt > 0))
+        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))
+    return as_basis(parts, problem.plane) if parts else None
+
+
+def _missing_pair(problem: MixedProblem) -> tuple[tuple[float, float], ParametricBasis] | None:
+    """The pair that the frequency points ask for most, beside those that are there."""
+    lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    if not lines:
+        return None
+    omega, value, bound = (
+        np.concatenate(parts) for parts in zip(*((f.omega, f.values, f.bound.outer_radius) for f in lines), strict=True)
+    )
+    poles = np.concatenate([pole for pole, _ in modes_of(problem)] or [np.zeros(0, complex)])
+    if 2 * omega.size < 4 * (poles.size + 1) + 4:
+        return None
+    data = FrequencyResponse(omega, value, bound=bound, dt=problem.dt or None)
+    new = further_mode(data, *mode_of(poles, problem.plane))
+    return new, kautz(*new, dt=problem.dt, delay=int(problem.dt > 0))

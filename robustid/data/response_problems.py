@@ -1,0 +1,191 @@
+"""Problems of measured responses, in words, before any class is assumed: phase, magnitude, frequency axis, scatter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.data.corrections import correct
+from robustid.data.estimate.pole_fit import PoleFit
+from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
+from robustid.errors import InputError
+
+_POLES, _POINTS, _FEWEST, _ENTRIES = 20, 400, 16, 4
+# A correction is believed when a stable model then leaves a third of what it left, and at most so much of the response.
+_BETTER, _GOOD, _BAD = 3.0, 0.3, 0.05
+_JUMPS, _SMOOTH = (
+    0.5,
+    0.15,
+)  # median change of the phase in rad, and of the logarithm of the magnitude, from point to point
+_FLAT = 1.2 * np.pi**2 / 180  # rad: the phase of -pi to pi rad that was taken as degrees
+_WHOLE = 1e-4  # a number of samples so near to a whole one is whole
+_MOST_SAMPLES = 10**6
+_CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
+_DECIBELS = 6.0  # by which a magnitude in decibels varies at least
+_OF_STABLE = {
+    "conjugate": "the phase has the wrong sign (the response is conjugated)",
+    "phase in radians": "the phase is in radians and was taken as degrees",
+    "magnitude linear": "the magnitude is a plain number and was taken as decibels",
+    "magnitude in dB": "the magnitude is in decibels and was taken as a plain number",
+    "exchange": "input and output are exchanged",
+}
+
+
+class Fault(NamedTuple):
+    """What is probably wrong with a response, what shows it, and the correction (see `correct`); "" where none can undo it."""
+
+    cause: str
+    evidence: str
+    correction: str
+
+
+def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
+    """Faults of a response that no class has to be assumed for, one sentence each, with the correction.
+
+    A response of a stable plant is close to a stable rational function; that of its conjugate, of its inverse, or with a phase or a
+    magnitude in another unit, is not. Frequencies of a DFT are whole multiples of 1/(N dt) Hz.
+
+    Parameters
+    ----------
+    frf : FrequencyResponse
+
+    Returns
+    -------
+    tuple of str
+        Empty where nothing is wrong, or fewer than 16 frequency points say nothing.
+
+    Raises
+    ------
+    InputTypeError
+        Something that isn't a FrequencyResponse.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> s = 1j * np.linspace(1, 20, 60)
+    >>> G = 1 / (s**2 + 0.2 * s + 100)
+    >>> rid.response_problems(rid.FrequencyResponse(s.imag, G))
+    ()
+    >>> print(*rid.response_problems(rid.FrequencyResponse(s.imag, G.conj())))
+    the phase has the wrong sign (the response is conjugated): a stable model of 14 poles leaves 86 % of it, and 0 % after the
+    correction "conjugate"
+    """
+    return tuple(
+        f"{fault.cause}: {fault.evidence}" + (f' after the correction "{fault.correction}"' if fault.correction else "")
+        for fault in response_faults(as_frequency_response("frf", frf))
+    )
+
+
+def response_faults(frf: FrequencyResponse) -> list[Fault]:
+    """What `response_problems` says, in parts: the most telling first."""
+    return [*_axis(frf), *_stable(frf)]
+
+
+def _axis(frf: FrequencyResponse) -> list[Fault]:
+    """Numbers of an axis that are those of a DFT in the other unit."""
+    omega = frf.omega[frf.omega > 0]
+    if frf.dt is None or omega.size < _FEWEST:
+        return []
+    steps = np.diff(frf.omega)
+    step = float(np.min(steps[steps > 0], initial=np.inf))
+    if not np.isfinite(step) or not _multiples(omega, step):
+        return []
+    found: list[Fault] = []
+    for correction, cause, of, other in (
+        ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s", 1.0, "Hz"),
+        ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz", 4 * np.pi**2, "rad/s"),
+    ):
+        samples, given = of / (step * frf.dt), 2 * np.pi / (step * frf.dt)
+        if _is_whole(samples) and not _is_whole(given) and (of > 1 or omega[-1] * frf.dt * 2 <= 1 + _WHOLE):
+            words = (
+                f"as numbers in {other} they are those of a DFT of {round(samples)} samples of {frf.dt:g} s; as they were taken, of"
+                f" {given:.6g}, which is none;"
+            )
+            found.append(Fault(cause, words + " they are right", correction))
+    return found
+
+
+def _multiples(omega: Real, step: float) -> bool:
+    """Whether all frequencies are whole multiples of the smallest step."""
+    return bool(np.all(np.abs(omega / step - np.round(omega / step)) < _WHOLE * np.maximum(omega / step, 1)))
+
+
+def _is_whole(samples: float) -> bool:
+    return 2 <= samples <= _MOST_SAMPLES and abs(samples - round(samples)) < _WHOLE
+
+
+def _stable(frf: FrequencyResponse) -> list[Fault]:
+    """Corrections after which a stable model fits, where none does before."""
+    whole = ~frf.missing.any(axis=(1, 2))
+    if int(whole.sum()) < _FEWEST or not np.any(frf.values[whole]):
+        return []
+    part = _representative(frf.select(whole))
+    before, poles = misfit(part)
+    if jumping := _jumping(part, before):
+        return jumping
+    after: dict[str, float] = {}
+    for correction in _OF_STABLE:
+        if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
+            continue
+        if correction == "magnitude in dB" and np.ptp(np.abs(part.values)) < _DECIBELS:
+            continue
+        try:
+            changed = [correct(one, correction) for one in _entries(part)]
+        except InputError:
+            continue
+        after[correction] = max(misfit(one)[0] for one in changed)
+    best = min(after, key=lambda name: after[name], default=None)
+    if best is not None and before >= _BAD and after[best] <= min(_GOOD, before / _BETTER):
+        words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, and {100 * after[best]:.2g} %"
+        return [Fault(_OF_STABLE[best], words, best)]
+    return []
+
+
+def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
+    """A phase that jumps where the magnitude is smooth."""
+    phase = np.abs(np.angle(frf.values[1:] * frf.values[:-1].conj()))
+    size = np.abs(np.diff(np.log(np.maximum(np.abs(frf.values), np.finfo(float).tiny)), axis=0))
+    jump, smooth = float(np.median(phase)), float(np.median(size))
+    if before < _GOOD or jump < _JUMPS or smooth > _SMOOTH:
+        return []
+    words = (
+        f"from one frequency point to the next it changes by {jump:.2g} rad, the magnitude by {100 * smooth:.2g} %. Read the file"
+        " again with the phase as phase_deg"
+    )
+    return [Fault("the phase is in degrees and was taken as radians", words, "")]
+
+
+def _representative(frf: FrequencyResponse) -> FrequencyResponse:
+    """At most 400 frequency points, without what a fit of plain least squares doesn't use."""
+    points = np.unique(np.linspace(0, frf.omega.size - 1, _POINTS).astype(int))
+    return dataclasses.replace(frf.select(points), covariance=None, bound=None)
+
+
+def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:
+    """The largest entries, each alone."""
+    nu = len(frf.inputs)
+    size = np.linalg.norm(frf.values, axis=0).ravel()
+    largest = np.argsort(size)[::-1][:_ENTRIES]
+    return [frf.entry(*divmod(int(k), nu)) for k in largest if size[k] > 0]
+
+
+def misfit(frf: FrequencyResponse) -> tuple[float, int]:
+    """Part that the best stable model of up to 20 poles leaves of each of the largest entries, and the number of poles.
+
+    The largest part, rms, of what varies: a constant says nothing.
+    """
+    poles = min(_POLES, frf.omega.size // 4) // 2 * 2
+    left = [0.0]
+    for one in _entries(frf):
+        fit = PoleFit(one, feedthrough=True)
+        values: Complex = one.values
+        varies = float(np.linalg.norm(values - np.mean(np.real(values))))
+        if varies <= _CONSTANT * float(np.linalg.norm(values)):
+            continue
+        fit.weight = np.full(fit.values.shape, 1 / varies)
+        costs, _ = fit.search(poles, np.zeros(1))
+        left.append(float(np.sqrt(costs[0])))
+    return max(left), poles
