@@ -128,7 +128,7 @@ def corrected(problem: MixedProblem, *corrections: str, records: bool = False) -
 
 
 def correction_change(correction: str, records: bool = False) -> tuple[str, str]:
-    """How a correction is made in Python, and with the program."""
+    """Spelling of a correction in Python, and for the program."""
     name, flag = ("record", "--time-correct") if records else ("frf", "--frequency-correct")
     words = ["integrate", "integrate"] if correction == "integrate twice" else [correction]
     return (
@@ -163,7 +163,8 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
         except InputError:
             pass
         causes.append(Cause(fault.cause, evidence, change, option, after, changed))
-    causes += [Cause(words, "the records show it", "", "") for words in problem.data_problems]
+    of_records = dict.fromkeys(words for frf in problem.frequency for words in getattr(frf, "problems", ()))
+    causes += [Cause(words, "the records show it", "", "") for words in of_records]
     return causes
 
 

@@ -8,6 +8,7 @@ from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, wi
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.data.excitation import Excitation, multisine
+from robustid.data.faults import Fault, response_faults, response_problems
 from robustid.data.frequency_points import signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.io import datasets
@@ -15,7 +16,6 @@ from robustid.data.io.excitation_files import load_excitation
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time
 from robustid.data.problems import record_problems
-from robustid.data.response_problems import Fault, response_faults, response_problems
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records

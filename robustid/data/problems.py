@@ -8,6 +8,7 @@ import numpy as np
 
 from robustid.core import Real, as_count
 from robustid.data.estimate.drift import without_drift
+from robustid.data.feedback import feedback_problems
 from robustid.data.time_record import TimeRecord, as_records
 
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
@@ -27,7 +28,8 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     """Faults of records, one sentence each, before anything is estimated from them.
 
     Of every record: signals that are constant, get stuck, or stay at their extreme value; input that repeats although nothing says
-    with which period, or doesn't although something does. Of periodic ones, with `period`: drifts, and noise of the input. Of
+    with which period, or doesn't although something does; input that follows earlier outputs, in a closed loop without reference, or
+    exchanged with the output. Of periodic ones, with `period`: drifts, and noise of the input. Of
     several: noise or level of one that is unlike the others'.
 
     Parameters
@@ -88,7 +90,10 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[s
     for side, signals, channels in sides:
         for signal, channel in zip(signals.T, channels, strict=True):
             found += [f"{side} {channel.name} {words}" for words in (*_at_ends(signal), *_stuck(signal, record.u))]
-    return found + _repeating(record, period)
+    repeating = _repeating(record, period)
+    # A periodic input is like its own past: it is correlated with earlier outputs too.
+    random = period is None and record.initial != "periodic" and not repeating
+    return found + repeating + (feedback_problems(record) if random else [])
 
 
 def _at_ends(signal: Real) -> list[str]:

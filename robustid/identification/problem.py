@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, response_problems
 from robustid.errors import InputError, InputTypeError
 from robustid.identification.entries import Entries
 from robustid.identification.passive import centred, check_passive
@@ -152,10 +153,12 @@ class MixedProblem(Frozen):
         sentences = (item.bound.about for item in (*self.frequency, *self.time))
         return tuple(dict.fromkeys(words for words in sentences if words))
 
-    @property
+    @functools.cached_property
     def data_problems(self) -> tuple[str, ...]:
-        """Faults of the records from which the responses were estimated (`FrequencyResponse.problems`)."""
-        return tuple(dict.fromkeys(words for item in self.frequency for words in getattr(item, "problems", ())))
+        """Faults of the records from which the responses were estimated, and of the responses (`response_problems`)."""
+        responses = [item for item in self.frequency if isinstance(item, FrequencyResponse)]
+        found = [words for item in responses for words in (*item.problems, *response_problems(item))]
+        return tuple(dict.fromkeys(found))
 
     @property
     def unknown_bounds(self) -> Real:
