@@ -18,11 +18,9 @@ from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path
 
 _DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
-_HELPS = 3.0  # a correction that makes the margin so many times smaller is a cause
-_MOST, _POINTS = (
-    100,
-    30,
-)  # coefficients above which corrections are tried with so many frequency points of each response
+HELPS = 3.0  # a correction that makes the margin so many times smaller is a cause
+# Coefficients above which corrections are tried with so many frequency points of each response.
+_MOST, _POINTS = 100, 30
 _SAME_POLE = 1e-2  # of the distance to the circle: eigenvalue routines split repeated poles, by far less
 _SPARE = 1.1  # of bounds that are widened
 _OF_UNITS = 300.0
@@ -31,9 +29,9 @@ _AS_UNITS = ", as where values are in a unit 1000 times smaller than their bound
 SLIGHTLY = 1.5  # margin up to which bounds are the first suspicion
 
 _UNIT = "times 0.001"
-_SHORT_OF_UNIT = (
-    "times 0.03"  # a response that is consistent after this is no unit too large: the gain bound is too small
-)
+_SHORT_OF_UNIT = "times 0.03"
+_SMALLER = 0.5
+_FEWEST = 10  # samples that can tell corrections apart
 
 # Corrections of a response beside records, or within a passive class; then those that the response alone contradicts.
 _AGAINST = (
@@ -91,7 +89,7 @@ class Cause(NamedTuple):
     """A possible cause, what shows it, the change to make in Python and for the program, and the problem with the change.
 
     The margin is that of the changed problem, reached by a system to 0.1 %; None where it was not computed, or nothing here can
-    make the change.
+    make the change. One that is `unsure` could as well be a class that is too small.
     """
 
     cause: str
@@ -100,6 +98,7 @@ class Cause(NamedTuple):
     option: str
     margin: float | None = None
     problem: MixedProblem | None = None
+    unsure: bool = False
 
     @property
     def solves(self) -> bool:
@@ -158,7 +157,7 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
         evidence, after, changed = fault.evidence, None, None
         try:
             changed = corrected(problem, fault.correction)
-            after = judged_margin(changed, max(1.0, margin / _HELPS), budget)
+            after = judged_margin(changed, max(1.0, margin / HELPS), budget)
             evidence += f"; with the correction the margin is {after:.3g} in place of {margin:.4g}"
         except InputError:
             pass
@@ -171,14 +170,12 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
 def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
     """Corrections that can be tried: cause, change in Python, option of the program, and the corrected problem."""
     responses = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
-    if len(responses) < len(problem.frequency):
+    if len(responses) < len(problem.frequency) or problem.samples < _FEWEST:
         return
     tried: list[tuple[str, str, bool]] = []
     if responses:
         both = bool(problem.time) or bool(problem.prior.physical)
         tried += [(*one, False) for one in (*_ALONE[:2], *(_AGAINST if both else ()), *_ALONE[2:])]
-        if not both:
-            tried.append((_UNIT, "the response is in a unit 1000 times smaller (mm for m)", False))
     of_records = _OF_RECORDS[1:] if responses else _OF_RECORDS
     tried += [(*one, True) for one in of_records if problem.time]
     for correction, cause, records in tried:
@@ -243,24 +240,42 @@ def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Any], bu
         if solved and cause not in _AXES:
             continue
         try:
-            if (
-                _UNIT in change
-                and not problem.time
-                and judged_margin(corrected(problem, _SHORT_OF_UNIT), 1.0, budget) <= 1
-            ):
+            if _only_smaller(problem, changed, budget):
                 continue
             tried = changed if small is None else _part(changed, small)
-            after = judged_margin(tried, max(1.0, before / _HELPS), budget)
-            if small is not None and after <= max(1.0, before / _HELPS):
-                after = judged_margin(changed, max(1.0, before / _HELPS), budget)
+            after = judged_margin(tried, max(1.0, before / HELPS), budget)
+            if small is not None and after <= max(1.0, before / HELPS):
+                after = judged_margin(changed, max(1.0, before / HELPS), budget)
         except InputError:
             continue
-        if after <= before / _HELPS:
+        if after <= before / HELPS:
             words = f"with it the margin is {after:.3g} in place of {before:.4g}"
             found.append(Cause(cause, words, change, option, after, changed))
     found.sort(key=lambda one: float(one.margin or 0.0))
     solved = [one for one in found if one.solves]
     return solved or found
+
+
+def _only_smaller(problem: MixedProblem, changed: MixedProblem, budget: Budget) -> bool:
+    """Return whether a response without records need only be smaller to fit below K, so that its correction shows nothing."""
+    if problem.time or problem.prior.physical or changed.frequency is problem.frequency:
+        return False
+    before, after = (float(np.median([np.median(np.abs(f.values)) for f in p.frequency])) for p in (problem, changed))
+    factor = after / max(before, np.finfo(float).tiny)
+    return 0 < factor < _SMALLER and judged_margin(corrected(problem, f"times {factor!r}"), 1.0, budget) <= 1
+
+
+def unit_cause(problem: MixedProblem, margin: float, budget: Budget) -> list[Cause]:
+    """A response without records in a unit 1000 times smaller: where a class that is 30 times larger is too small too."""
+    if problem.time or problem.prior.physical or problem.samples < _FEWEST or budget.over:
+        return []
+    responses = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
+    if len(responses) < len(problem.frequency) or judged_margin(corrected(problem, _SHORT_OF_UNIT), 1.0, budget) <= 1:
+        return []
+    changed = corrected(problem, _UNIT)
+    after = judged_margin(changed, 1.0, budget)
+    words = f"with it the margin is {after:.3g} in place of {margin:.4g}; a K that is 30 times larger isn't enough"
+    return [Cause(_AGAINST[2][1], words, *correction_change(_UNIT), after, changed, unsure=True)] if after <= 1 else []
 
 
 def judged_margin(problem: MixedProblem, enough: float, budget: Budget) -> float:

@@ -8,6 +8,7 @@ import logging
 import numpy as np
 
 from robustid.advice.causes import (
+    HELPS,
     SLIGHTLY,
     Cause,
     Trial,
@@ -15,6 +16,7 @@ from robustid.advice.causes import (
     causes_without_class,
     judged_margin,
     tried_causes,
+    unit_cause,
 )
 from robustid.advice.class_changes import Change, changes_of, mode_options
 from robustid.advice.pole_search import improve_kautz
@@ -36,6 +38,7 @@ _RANKS = (
     "coefficient",
     "decay",
 )
+_AN_ORDER = 30.0  # margin up to which bounds alone may be the cause
 _MOST_NAMED = 3  # causes in a summary
 _ASKS_LESS = (
     "More pairs add assumptions that the data can test; a larger K or a slower decay only asks less, and its guarantee between the"
@@ -98,14 +101,15 @@ class Diagnosis(Frozen):
         if names:
             lines.append("Active constraints, with their dual weight in the proof: " + ", ".join(names) + ".")
         changed = "classes and data" if self.passive else "classes"
-        lines.append(f"What other {changed} would bring, all else equal (margin = factor on the bounds):")
+        if self.trials or self.left_out:
+            lines.append(f"What other {changed} would bring, all else equal (margin = factor on the bounds):")
         lines += [
             f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
             for trial in self.trials
         ]
         if self.left_out:
             lines.append(f"  no time was left for: {', '.join(self.left_out)}")
-        if not self.passive:
+        if self.trials and not self.passive:
             lines.append(_ASKS_LESS)
             lines += [] if consistent else [_NO_KNOWLEDGE]
         return "\n".join([*lines, *self._last()])
@@ -182,6 +186,8 @@ def diagnose(
         causes += causes_without_class(problem, identification.margin, budget)
         if inconsistent and not (problem.prior.physical or any(one.solves for one in causes)):
             causes += tried_causes(problem, identification.margin, active, budget)
+        if any(one.solves for one in causes) and inconsistent:  # another class would only suit the mistake
+            changes, waiting = [], []
         for change in changes:
             if budget.over:
                 break
@@ -199,6 +205,8 @@ def diagnose(
             trials += _moved_poles(problem, budget)
             waiting.remove(_MOVED)
             tell(count, count)
+        if inconsistent and not any(one.solves for one in causes) and all(trial.margin > 1 for trial in trials):
+            causes += unit_cause(problem, identification.margin, budget)
     except KeyboardInterrupt:
         _log.warning("interrupted: the changes that were tried so far are returned")
     return Diagnosis(
@@ -226,7 +234,7 @@ def _ranked(
     bounds = bound_cause(problem, margin)
     known = {change.name: change for change in changes}
     of_class: list[Cause] = []
-    for trial in (trial for trial in trials if trial.margin <= 1):
+    for trial in (trial for trial in trials if trial.margin <= max(1.0, margin / HELPS)):
         words = f"with this change the margin is {trial.margin:.3g} in place of {margin:.4g}"
         made = known.get(trial.change)
         if made is None:  # poles moved
@@ -234,9 +242,15 @@ def _ranked(
             made = Change(trial.change, _ELSEWHERE, text, mode_options(trial.problem), trial.problem)
         of_class.append(Cause(made.cause, words, made.change, made.option, trial.margin, trial.problem))
     of_class.sort(key=lambda one: _rank(one.cause))
-    solved = [one for one in causes if one.margin is None or one.solves]
-    first, last = ([bounds], []) if margin <= SLIGHTLY else ([], [bounds])
-    return [*solved, *first, *of_class, *([] if solved else (one for one in causes if one not in solved)), *last]
+    sure = [one for one in causes if (one.margin is None or one.solves) and not one.unsure]
+    solving, helping = ([one for one in of_class if one.solves is which] for which in (True, False))
+    rest = [] if sure else [one for one in causes if one not in sure]
+    # Bounds that are off by an order are an error of judgement; by two, of something else.
+    if margin <= SLIGHTLY:
+        return [*sure, bounds, *solving, *helping, *rest]
+    if margin <= _AN_ORDER:
+        return [*sure, *solving, bounds, *helping, *rest]
+    return [*sure, *solving, *helping, *rest, bounds]
 
 
 def _rank(cause: str) -> int:

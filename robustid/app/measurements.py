@@ -19,11 +19,13 @@ from robustid.data import (
     FrequencyResponse,
     TimeRecord,
     bounds_from_noise_floor,
+    correct,
     datasets,
     decimate,
     detrend,
     estimate_delay,
     estimate_frf,
+    response_problems,
 )
 from robustid.data.io import read_said
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -100,8 +102,11 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
             frf, how = read_said(folder / str(source.file), kind="frequency", **reading(source))
+            frf = correct(frf, *(source.correct or ()))
         say(f"read {source.file}: {frf.omega.size} frequency points; {how}")
         sources.append(_with_digest(source, [frf], place))
+        for words in response_problems(frf):
+            say(f"{source.file}: {words}")
         if frf.dt is None:
             say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
@@ -145,7 +150,8 @@ def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:
 
 
 def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
-    """Outputs combined, a part cut out, offsets removed, fewer samples: in this order."""
+    """Mistakes undone, outputs combined, a part cut out, offsets removed, fewer samples: in this order."""
+    record = correct(record, *(source.correct or ()))
     if source.combine is not None:
         record = _combined(record, source.combine)
     if source.start is not None or source.stop is not None:

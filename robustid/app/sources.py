@@ -70,6 +70,23 @@ def _probability(name: str, value: Any) -> float:
     return wanted
 
 
+def _separated(name: str, content: str) -> list[str]:
+    """Corrections from one text, with commas between them."""
+    return [part.strip() for part in content.split(",") if part.strip()]
+
+
+def _corrections(kind: str) -> Any:
+    """The key of the corrections of responses or of records."""
+    return key(
+        several(text()),
+        help=f"Mistakes of the file that are undone, one after the other, such as {kind} (commas between them on the command line);"
+        " `robustid.correct` lists them, and what helps where data contradict a class names them.",
+        flag=f"--{'time' if 'late' in kind else 'frequency'}-correct",
+        text=_separated,
+        metavar="CORRECTION",
+    )
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RecordSource:
     """A time record: where it is, what is made of it before use, and what it is used for."""
@@ -96,6 +113,9 @@ class RecordSource:
         text(listed("data", "INITIAL")),
         help="State before the first sample: rest (zero initial conditions, default), free, or periodic (in steady state).",
         flag="--initial",
+    )
+    correct: tuple[str, ...] | None = _corrections(
+        '"negate", "times 0.001" or "advance 1" (outputs come a sample late)'
     )
     combine: Mapping[str, float] | None = key(
         table(number()), help="One output in place of all: a weighted sum of outputs, by name."
@@ -142,6 +162,7 @@ class ResponseSource:
         help="Unit of an omega column that doesn't say it: rad/s (default) or Hz.",
         flag="--frequency-unit",
     )
+    correct: tuple[str, ...] | None = _corrections('"conjugate", "times 0.001" or "frequency in Hz"')
     member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
 

@@ -35,7 +35,7 @@ _OF_STABLE = {
 
 
 class Fault(NamedTuple):
-    """What is probably wrong with a response, what shows it, and the correction (see `correct`); "" where none can undo it."""
+    """A probable fault of a response, what shows it, and its correction (see `correct`); "" where none can undo it."""
 
     cause: str
     evidence: str
@@ -74,7 +74,7 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
     'the phase has the wrong sign (the response is conjugated)'
     """
     return tuple(
-        f"{fault.cause}: {fault.evidence}" + (f' after the correction "{fault.correction}"' if fault.correction else "")
+        f"{fault.cause}: {fault.evidence}" + (f' "{fault.correction}"' if fault.correction else "")
         for fault in response_faults(as_frequency_response("frf", frf))
     )
 
@@ -104,7 +104,7 @@ def _axis(frf: FrequencyResponse) -> list[Fault]:
                 f"as numbers in {other} they are those of a DFT of {round(samples)} samples of {frf.dt:g} s; as they were taken, of"
                 f" {given:.6g}, which is none;"
             )
-            found.append(Fault(cause, words + " they are right", correction))
+            found.append(Fault(cause, words + " they are right after the correction", correction))
     return found
 
 
@@ -139,7 +139,7 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
         after[correction] = max(misfit(one)[0] for one in changed)
     best = min(after, key=lambda name: after[name], default=None)
     if best is not None and before >= _BAD and after[best] <= min(_GOOD, before / _BETTER):
-        words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, and {100 * after[best]:.2g} %"
+        words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
         return [Fault(_OF_STABLE[best], words, best)]
     return []
 

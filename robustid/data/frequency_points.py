@@ -107,6 +107,12 @@ class FrequencyPoints(Frozen, Savable):
         )
 
 
+def _moved(values: Any, points: int) -> str:
+    """Advice where the frequency is another axis than the first."""
+    axes = [axis for axis in range(1, values.ndim) if values.shape[axis] == points]
+    return f". Is axis {axes[0]} the frequency? Then give np.moveaxis(values, {axes[0]}, 0)" if axes else ""
+
+
 def as_points(
     omega: Any, values: Any, dt: Any, axes: str
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], float | None]:
@@ -121,6 +127,7 @@ def as_points(
     if values.ndim != 3 or values.shape[0] != points or 0 in values.shape:
         raise InputError(
             f"`values` must have shape (F,) or (F, {axes}) with F = {points} from `omega`; got {values.shape}"
+            + _moved(values, points)
         )
     if np.any(omega < 0):
         raise InputError(f"`omega` must be >= 0 (conjugate points are implied); got {omega.min():g} rad/s")

@@ -28,9 +28,9 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     """Faults of records, one sentence each, before anything is estimated from them.
 
     Of every record: signals that are constant, get stuck, or stay at their extreme value; input that repeats although nothing says
-    with which period, or doesn't although something does; input that follows earlier outputs, in a closed loop without reference, or
-    exchanged with the output. Of periodic ones, with `period`: drifts, and noise of the input. Of
-    several: noise or level of one that is unlike the others'.
+    with which period, or doesn't although something does; input that follows earlier outputs (a closed loop without reference, or
+    input and output exchanged). Of periodic ones, with `period`: drifts, and noise of the input. Of several: noise or level of
+    one that is unlike the others'.
 
     Parameters
     ----------
@@ -77,7 +77,8 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[s
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
-        if all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
+        step = record.initial == "rest" and signal[0] != 0
+        if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
             found.append(f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing")
     for signal, channel in zip(record.y.T, record.outputs, strict=True):
         if np.all(signal == signal[0]):
@@ -89,11 +90,17 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[s
         sides.append(("input", record.u, record.inputs))
     for side, signals, channels in sides:
         for signal, channel in zip(signals.T, channels, strict=True):
-            found += [f"{side} {channel.name} {words}" for words in (*_at_ends(signal), *_stuck(signal, record.u))]
+            ends = _at_ends(signal[_first_change(record.u) :])  # at rest, a signal is at one value
+            found += [f"{side} {channel.name} {words}" for words in (*ends, *_stuck(signal, record.u))]
     repeating = _repeating(record, period)
     # A periodic input is like its own past: it is correlated with earlier outputs too.
     random = period is None and record.initial != "periodic" and not repeating
     return found + repeating + (feedback_problems(record) if random else [])
+
+
+def _first_change(u: Real) -> int:
+    """Number of samples before an input changes for the first time."""
+    return int(np.argmax(np.any(u != u[0], axis=1)))
 
 
 def _at_ends(signal: Real) -> list[str]:

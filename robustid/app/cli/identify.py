@@ -12,11 +12,13 @@ import typer
 from robustid.app.checks import too_large
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report
-from robustid.app.cli.terminal import counted, shown, step
+from robustid.app.cli.terminal import counted, say, shown, step
 from robustid.app.options import FrequencyPoints, General, Identify, Modes
 from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
+
+_HELPS = "what would help: units, signs, other modes, other priors"
 
 
 def identify(
@@ -44,6 +46,10 @@ def identify(
     how: Identify,
     output: Output = Path("result"),
     report: Report = None,
+    apply: Annotated[
+        bool,
+        typer.Option("--apply", help="Where the data contradict the class: make the change of the most likely cause."),
+    ] = False,
     reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
     force: Force = False,
 ) -> None:
@@ -74,8 +80,26 @@ def identify(
     lines, samples = (one.read(console) for one in asked)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
     result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated, shape=prior.shape)
+    if apply and not result.consistent:
+        result = _applied(console, how, result)
     finish(console, result, output, report, reduce=reduce)
     raise typer.Exit(terminal.EXIT[result.status])
+
+
+def _applied(console: Any, how: Identify, result: Any) -> Any:
+    """The identification with the change of the most likely cause, where that makes the data consistent; said in its notes."""
+    from robustid.advice import diagnose
+    from robustid.identification import identify as solve
+
+    with shown(console, _HELPS) as show:
+        cause = next(iter(diagnose(result, progress=counted(show, _HELPS)).causes), None)
+    if cause is None or cause.problem is None or not cause.solves:
+        say(console, "nothing is applied: no change that was tried makes the data consistent")
+        return result
+    words = f"Applied: {cause.option or cause.change}, because {cause.cause} ({cause.evidence})."
+    say(console, words)
+    changed = solve(cause.problem, **how.arguments)
+    return dataclasses.replace(changed, notes=(words, *result.notes, *changed.notes))
 
 
 def _with_pairs(modes: Modes, texts: list[str] | None, dt: float | None) -> Modes:
@@ -136,8 +160,8 @@ def finish(
         with shown(console, words) as show:
             reduction = reduce_within_bounds(result, progress=counted(show, words))
     if not result.consistent:
-        with step(console, "what would help: other modes, other priors"):
-            diagnosis = diagnose(result).summary()
+        with shown(console, _HELPS) as show:
+            diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
     if report is not None:
         page = render_report(result, reduction=reduction, title=title)
     summary = render_summary(result, reduction)

@@ -15,7 +15,7 @@ from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
 from robustid.app.reading_words import in_options
 from robustid.app.sources import RecordSource, ResponseSource, reading
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TimeRecord, correct, record_problems, response_faults
 from robustid.data.io import Origin, origin, read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
@@ -92,6 +92,8 @@ class Files:
         words, data = read[0]
         count = f"{len(read)} realisations, each " if len(read) > 1 else ""
         say(out, f"read {path}: {count}{_described(data, words)}{_unit_words(found, unit)}; {found.how}")
+        for fault in self._faults([data for _, data in read]):
+            warn(out, f"{path.name}: {fault}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:
             warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
         if self.bounded and data.dt is None:
@@ -109,8 +111,19 @@ class Files:
             self._check_bounded(path, data)
         if self.source.bound is not None:
             data = data.with_bound(data.bound, note=_NOTE)
-        words, data = self._entry_of(data, path)
+        words, data = self._entry_of(correct(data, *(self.source.correct or ())), path)
         return words, self._part_of(data)
+
+    def _faults(self, data: Sequence[Any]) -> list[str]:
+        """Faults that the data show, before any class is assumed."""
+        if all(isinstance(one, FrequencyResponse) for one in data):
+            return [
+                f"{fault.cause}: {fault.evidence}"
+                + (f', --frequency-correct "{fault.correction}"' if fault.correction else "")
+                for one in data
+                for fault in response_faults(one)
+            ]
+        return list(record_problems(data)) if self.bounded and self.kind == "time" else []
 
     def _check_bounded(self, path: Path, data: Any) -> None:
         if data.bound is None:
