@@ -102,7 +102,7 @@ class Cause(NamedTuple):
 
     @property
     def solves(self) -> bool:
-        """Whether the data are consistent with the change."""
+        """True where the data are consistent with the change."""
         return self.margin is not None and self.margin <= 1
 
     @property

@@ -11,6 +11,7 @@ _LAGS = 20
 _FEWEST = 400
 _CERTAIN = 6.0  # standard deviations of a correlation between unrelated signals
 _PART = 0.2  # of the correlation with later outputs, that of an open loop is surely less
+_COPY = 1 - 1e-6
 _PEAKED = 30.0  # fourth moment over squared variance, from which on a signal is a few steps or pulses
 _CONTINUED = 1e-3  # what is new in an input, in part of it, below which it is its own continuation
 _EXACT = 1e-4  # part of an input that the output leaves unexplained, where a controller computes it
@@ -27,9 +28,12 @@ def feedback_problems(record: TimeRecord) -> list[str]:
     tied: list[tuple[float, str]] = []
     for u, name in zip(record.u.T, record.inputs, strict=True):
         for y, other in zip(record.y.T, record.outputs, strict=True):
-            if u.std() == 0 or y.std() == 0:
+            if np.ptp(u) == 0 or np.ptp(y) == 0:
                 continue
+            u, y = ((x - x.mean()) / np.ptp(x) for x in (u, y))
             pair = f"input {name.name} and output {other.name}"
+            if float(u @ y) > _COPY * float(np.linalg.norm(u) * np.linalg.norm(y)):
+                continue  # the output is the input, in another unit
             if (left := _computed(u, y)) < _EXACT:
                 return [
                     f"{pair}: all but {left:.1g} of the changes of the input follow from the output: a controller computes it, and"

@@ -77,7 +77,7 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[s
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
-        step = record.initial == "rest" and signal[0] != 0
+        step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
             found.append(f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing")
     for signal, channel in zip(record.y.T, record.outputs, strict=True):
@@ -99,8 +99,8 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[s
 
 
 def _first_change(u: Real) -> int:
-    """Number of samples before an input changes for the first time."""
-    return int(np.argmax(np.any(u != u[0], axis=1)))
+    """Number of samples, but one, before an input changes for the first time."""
+    return max(int(np.argmax(np.any(u != u[0], axis=1))) - 1, 0)
 
 
 def _at_ends(signal: Real) -> list[str]:

@@ -250,12 +250,11 @@ def test_another_order_of_axes_is_refused_with_the_right_one():
 
 
 def loop(r, noise, gain):
-    """Input and output of PLANT under u[k] = r[k] - gain y[k - 1], with noise at its output."""
-    u, y, x = np.zeros(r.size), np.zeros(r.size), np.zeros(2)
-    for k in range(r.size):
-        y[k] = PLANT.C[0] @ x + noise[k]
+    """Input and output of y[k] = y[k - 1]/2 + u[k - 1]/2 + noise under u[k] = r[k] - gain y[k - 1]."""
+    u, y = np.zeros(r.size), np.zeros(r.size)
+    for k in range(1, r.size):
+        y[k] = 0.5 * y[k - 1] + 0.5 * u[k - 1] + noise[k]
         u[k] = r[k] - gain * y[k - 1]
-        x = PLANT.A @ x + PLANT.B[:, 0] * u[k]
     return u, y
 
 
@@ -269,7 +268,7 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     assert rid.record_problems(rid.TimeRecord(u, y, dt=DT)) == ()
     (said,) = rid.record_problems(rid.TimeRecord(y, u, dt=DT))
     assert "the two are exchanged" in said
-    driven, answer = loop(u, noise, 0.8)
+    driven, answer = loop(u, 4 * noise, 0.8)
     (said,) = rid.record_problems(rid.TimeRecord(driven, answer, dt=DT))
     assert "the loop is closed" in said
     assert rid.record_problems(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
