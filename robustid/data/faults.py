@@ -80,7 +80,7 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
 
 
 def response_faults(frf: FrequencyResponse) -> list[Fault]:
-    """What `response_problems` says, in parts: the most telling first."""
+    """Parts of what `response_problems` says: the most telling first."""
     return [*_axis(frf), *_stable(frf)]
 
 
@@ -109,7 +109,7 @@ def _axis(frf: FrequencyResponse) -> list[Fault]:
 
 
 def _multiples(omega: Real, step: float) -> bool:
-    """Whether all frequencies are whole multiples of the smallest step."""
+    """True where all frequencies are whole multiples of the smallest step."""
     return bool(np.all(np.abs(omega / step - np.round(omega / step)) < _WHOLE * np.maximum(omega / step, 1)))
 
 
