@@ -115,7 +115,8 @@ class Lookup:
 
     def inventory(self) -> str:
         """One sentence that lists the columns of the file; the shape of those that are no vectors."""
-        names = [_shown(name, values) for name, values in self.columns.items()]
+        remarks = {name: f" ({words})" for name, words in self.table.remarks.items()}
+        names = [_shown(name, values) + remarks.get(name, "") for name, values in self.columns.items()]
         return f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}"
 
     def help(self) -> str:

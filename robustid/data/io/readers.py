@@ -12,12 +12,13 @@ from typing import Any
 
 from robustid.core import saved_kind
 from robustid.data.io.archives import read_npy, read_npz
-from robustid.data.io.exchange import read_touchstone, read_universal
 from robustid.data.io.hdf5 import read_hdf5
 from robustid.data.io.matlab4 import read_matlab4
 from robustid.data.io.matlab5 import read_matlab5
 from robustid.data.io.table import Table, said
 from robustid.data.io.text import read_text
+from robustid.data.io.touchstone import read_touchstone
+from robustid.data.io.universal import read_universal
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 FORMAT = 1

@@ -104,12 +104,13 @@ def _axes(table: Table, array: np.ndarray, dt: bool) -> str:
 
 def _beside(path: Path) -> tuple[str, str, str]:
     """Role that the name of a file says, the other role, and the name of the file for that, which may be there."""
+    inner = "" if path.suffix == ".npy" else ":NAME"
     for word, other in _PAIRS:
         name = re.sub(rf"(?<![a-z]){word}(?![a-z])", other, path.name, flags=re.IGNORECASE)
         if name != path.name and path.with_name(name).is_file():
             mine = "u" if word in ("u", "in", "input", "inputs") else "y"
-            return mine, "y" if mine == "u" else "u", name
-    return "y", "u", f"OTHER{path.suffix}"
+            return mine, "y" if mine == "u" else "u", name + inner
+    return "y", "u", f"OTHER{path.suffix}{inner}"
 
 
 def _one(names: list[str]) -> str | list[str]:

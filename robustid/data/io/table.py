@@ -35,6 +35,7 @@ class Table:
     facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict[str, dict[str, Any]])
     # Arrays without entries, of their shape.
     empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict[str, np.ndarray])
+    remarks: dict[str, str] = dataclasses.field(default_factory=dict[str, str])  # on arrays, by their names
     how: str = ""  # format, and for text what its lines were taken for
     text: bool = False
 
@@ -51,3 +52,11 @@ def check_growth(path: Path, name: str, declared: int, stored: int) -> None:
 def said(error: BaseException) -> str:
     """First line of what a foreign library says."""
     return (str(error).splitlines() or [type(error).__name__])[0][:120]
+
+
+def missing(path: Path, package: str, extra: str) -> FileFormatError:
+    """Say which package reads a format, and the extra that brings it."""
+    return FileFormatError(
+        f"{path.name}: this format is read through the package {package}, which isn't installed here:"
+        f" pip install 'robustid[{extra}]'"
+    )

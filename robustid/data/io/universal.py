@@ -1,9 +1,8 @@
-"""Exchange formats of measurement systems, each through a library of its own: universal files (58) and Touchstone."""
+"""Universal files, data set 58, through pyuff: frequency responses and time histories."""
 
 from __future__ import annotations
 
 import io
-import os
 import re
 import warnings
 from contextlib import redirect_stdout
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.data.io.table import Table, said
+from robustid.data.io.table import Table, missing, said
 from robustid.data.io.units import FREQUENCY, TIME, factor
 from robustid.errors import FileFormatError
 
@@ -20,14 +19,11 @@ _MARKS = re.compile(rb"    -1(?:[\r\n]|\Z| {74})")  # before and after every dat
 _TIME_RESPONSE, _FRF = 1, 4
 _FORCE = 13  # specific data type of an excitation; of its answer: displacement, velocity, acceleration
 _ANSWERS = {8: "m", 11: "m/s", 12: "m/s^2"}
+_WORDS = {8: "displacement", 11: "velocity", 12: "acceleration", _FORCE: "force"}
 _ABSCISSA = {_TIME_RESPONSE: (17, TIME, "s"), _FRF: (18, FREQUENCY, "Hz")}
-
-
-def _missing(path: Path, package: str, extra: str) -> FileFormatError:
-    return FileFormatError(
-        f"{path.name}: this format is read through the package {package}, which isn't installed here:"
-        f" pip install 'robustid[{extra}]'"
-    )
+_FUNCTIONS = {_TIME_RESPONSE: "time response", _FRF: "frequency response"}
+_ROLES = {_TIME_RESPONSE: ("time", "u", "y"), _FRF: ("freq_hz", "values")}
+_MOST_LISTED = 20
 
 
 def read_universal(path: Path) -> Table:
@@ -35,7 +31,7 @@ def read_universal(path: Path) -> Table:
     try:
         import pyuff
     except ImportError:
-        raise _missing(path, "pyuff", "uff") from None
+        raise missing(path, "pyuff", "uff") from None
     if len(_MARKS.findall(path.read_bytes())) % 2:
         raise FileFormatError(f"{path.name}: a data set has no end; is the file cut off?")
     try:
@@ -49,10 +45,15 @@ def read_universal(path: Path) -> Table:
             f"{path.name} can't be read as a universal file ({said(error)}); is it cut off?"
         ) from None
     table = Table(path, {}, how="universal file, data sets 58")
+    _check_counts(path, sets)
     for kind, assemble in ((_FRF, _responses), (_TIME_RESPONSE, _histories)):
-        chosen = [s for s in sets if s["func_type"] == kind]
-        if chosen:
-            assemble(table, chosen, _abscissa(path, chosen, kind))
+        chosen = {k: s for k, s in enumerate(sets, start=1) if s["func_type"] == kind}
+        if not chosen:
+            continue
+        try:
+            assemble(table, list(chosen.values()), _abscissa(path, list(chosen.values()), kind))
+        except FileFormatError as error:  # what is no one matrix or record is addressed one by one
+            _one_by_one(table, chosen, kind, error)
     if not table.columns:
         kinds = sorted({s["func_type"] for s in sets})
         raise FileFormatError(
@@ -62,15 +63,39 @@ def read_universal(path: Path) -> Table:
     return table
 
 
-def _abscissa(path: Path, sets: list[dict[str, Any]], kind: int) -> np.ndarray:
-    """The common axis in Hz or s."""
-    expected, units, standard = _ABSCISSA[kind]
-    x, unit = np.asarray(sets[0]["x"]), _unit(sets[0]["abscissa_axis_units_lab"])
+def _check_counts(path: Path, sets: list[dict[str, Any]]) -> None:
     for s in sets:
         if len(s["data"]) != s["num_pts"] or len(s["x"]) != s["num_pts"]:
             raise FileFormatError(
                 f"{path.name}: {_name(s)} declares {s['num_pts']} points and has {len(s['data'])}; is the file cut off?"
             )
+
+
+def _one_by_one(table: Table, sets: dict[int, dict[str, Any]], kind: int, why: FileFormatError) -> None:
+    """Axis and values of every function by its number in the file; the usual roles lead to a table of contents."""
+    listed: list[str] = []
+    for k, s in sets.items():
+        unit = _unit(s["abscissa_axis_units_lab"]) or _ABSCISSA[kind][2]
+        table.columns[f"{k}.x [{unit}]"], table.columns[f"{k}.y"] = np.asarray(s["x"]), np.asarray(s["data"])
+        ends = f"{s['x'][0]:.5g} to {s['x'][-1]:.5g} {unit}" if len(s["x"]) else "none"
+        listed.append(f"{k}: {_FUNCTIONS[kind]} {_dof(s, 'rsp')} / {_dof(s, 'ref')}, {len(s['x'])} points, {ends}")
+    numbers = list(sets)
+    if kind == _FRF:
+        line = f'fields={{"freq_hz": "{numbers[0]}.x", "values": "{numbers[0]}.y"}}'
+    else:
+        line = f'fields={{"time": "{numbers[0]}.x", "u": "{numbers[0]}.y", "y": "{numbers[1 % len(numbers)]}.y"}}'
+    more = f"; and {len(listed) - _MOST_LISTED} more" if len(listed) > _MOST_LISTED else ""
+    error = FileFormatError(
+        f"{why}. Or take functions by their numbers, such as `{line}`. The file has {'; '.join(listed[:_MOST_LISTED])}{more}"
+    )
+    table.columns.update(dict.fromkeys(_ROLES[kind], error))
+
+
+def _abscissa(path: Path, sets: list[dict[str, Any]], kind: int) -> np.ndarray:
+    """The common axis in Hz or s."""
+    expected, units, standard = _ABSCISSA[kind]
+    x, unit = np.asarray(sets[0]["x"]), _unit(sets[0]["abscissa_axis_units_lab"])
+    for s in sets:
         here = _unit(s["abscissa_axis_units_lab"]), s["abscissa_spec_data_type"]
         if here != (unit, sets[0]["abscissa_spec_data_type"]):
             raise FileFormatError(
@@ -130,6 +155,9 @@ def _histories(table: Table, sets: list[dict[str, Any]], time: np.ndarray) -> No
     if any(np.iscomplexobj(s["data"]) for s in sets):
         raise FileFormatError(f"{table.path.name}: a time response is complex; store real samples")
     table.columns.update({name: np.asarray(s["data"]) for name, s in zip(names, sets, strict=True)}, time=time)
+    for name, s in zip(names, sets, strict=True):
+        if (kind := s["ordinate_spec_data_type"]) in _WORDS:
+            table.remarks[name] = f"{_WORDS[kind]} {_unit(s['ordinate_axis_units_lab'])}".strip()
     types = [s["ordinate_spec_data_type"] for s in sets]
     if all(kind == _FORCE or kind in _ANSWERS for kind in types):
         sides = {
@@ -156,59 +184,3 @@ def _name(s: dict[str, Any]) -> str:
 
 def _unit(label: str) -> str:
     return "" if label.strip().upper() == "NONE" else label.strip()
-
-
-def _touchstone_lines(path: Path) -> int:
-    """Count the lines that begin a frequency: those with an odd number of numbers. Refuses what would allocate without end."""
-    size, odd, options = os.path.getsize(path), 0, 0
-    ports = re.fullmatch(r"\.[sgyzh](\d+)p", path.suffix.lower())
-    stated = [int(ports[1][:9])] if ports else []
-    with path.open(encoding="latin-1") as file:
-        for line in file:
-            words = line.partition("!")[0].split()
-            options += line.lstrip().startswith("#")
-            if words[:3] and line.lstrip().lower().startswith(("[number of ports]", "[number of noise")):
-                stated += [int(word[:9]) for word in words[-1:] if word.isdigit()]
-            elif words and words[0][0] not in "#[":
-                odd += len(words) % 2
-    if not options:
-        raise FileFormatError(
-            f"{path.name} has no option line such as '# Hz S RI R 50', which says the unit of its frequencies"
-        )
-    if any(4 * n * n > size for n in stated[:1]) or any(n > size for n in stated):
-        raise FileFormatError(f"{path.name} declares {max(stated)} ports and has {size} bytes only; is it cut off?")
-    return odd
-
-
-def read_touchstone(path: Path) -> Table:
-    """S-parameters: outgoing waves b from incoming waves a."""
-    try:
-        from skrf.io.touchstone import Touchstone
-    except ImportError:
-        raise _missing(path, "scikit-rf", "touchstone") from None
-    counts = _touchstone_lines(path)
-    try:
-        with warnings.catch_warnings(), redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            file = Touchstone(str(path))
-    except Exception as error:  # scikit-rf raises whatever the broken bytes lead it to
-        raise FileFormatError(
-            f"{path.name} can't be read as Touchstone ({said(error)}); is it cut off, or the number of ports in its"
-            " ending wrong?"
-        ) from None
-    if file.parameter != "s":
-        raise FileFormatError(
-            f"{path.name} holds {str(file.parameter).upper()}-parameters; convert them to S-parameters (scikit-rf does) first"
-        )
-    lines, ports = len(file.f), int(file.rank or 0)
-    rows = 0 if file.noise is None else len(file.noise)
-    if not lines or counts != lines + rows:
-        raise FileFormatError(
-            f"{path.name}: {counts} lines begin a frequency where {lines} frequencies of {ports} x {ports} parameters were"
-            " read; is the file cut off, or the number of ports in its ending wrong?"
-        )
-    table = Table(path, {"freq_hz": np.asarray(file.f), "values": np.asarray(file.s)}, how="Touchstone, S-parameters")
-    table.facts["frequency"] = {
-        side: [f"{wave}{k + 1}" for k in range(ports)] for side, wave in (("inputs", "a"), ("outputs", "b"))
-    }
-    return table
