@@ -12,7 +12,7 @@ from robustid.errors import InputError
 
 
 def load(
-    path: str | os.PathLike[str],
+    path: Any,
     *,
     kind: str | None = None,
     fields: Mapping[str, Any] | None = None,
@@ -36,7 +36,7 @@ def load(
 
     Parameters
     ----------
-    path : str or path
+    path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `WorstCaseError`, a `WorstCaseOverPoles` or a `MatrixFraction`
           that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
@@ -46,7 +46,9 @@ def load(
           refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers such as ``dt`` as
           attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
           and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
-          extra ``robustid[touchstone]``). Contents decide before the ending.
+          extra ``robustid[touchstone]``). Contents decide before the ending;
+        * objects: a dictionary of arrays, an array of NumPy, a DataFrame or Series of pandas (a named index, or one of instants, is
+          a column), a Dataset or DataArray of xarray (units in the attribute ``units``), a `control.FRD`.
     kind : {"frequency", "time", "model"}, optional
         What the file holds; default: by what was saved, by the roles in `fields`, else by the names in the file.
     fields : mapping, optional
@@ -122,7 +124,7 @@ def load(
 
     stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
               "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
-    if core.saved_kind(path) is None:
+    if not isinstance(path, str | os.PathLike) or core.saved_kind(path) is None:
         return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:

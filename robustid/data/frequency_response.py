@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
 
     Parameters
     ----------
-    omega : (F,) array, rad/s
+    omega : (F,) array, rad/s, or control.FRD in place of `omega` and `values`
         Frequencies, >= 0, at most pi/dt; sorted on entry together with what belongs to them. One frequency
         may come several times (repeated measurements).
     values : (F,) or (F, ny, nu) complex array
@@ -84,7 +84,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
 
     PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance")
     omega: np.ndarray
-    values: np.ndarray
+    values: np.ndarray = cast("np.ndarray", None)  # only beside a control.FRD
     _: dataclasses.KW_ONLY
     bound: Any = None
     covariance: Any = None
@@ -99,6 +99,14 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     problems: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if cast("Any", self.values) is None:
+            if not hasattr(self.omega, "frdata"):
+                raise InputError("`values` is missing: give frequencies and values, or a control.FRD in place of both")
+            given = {
+                f.name: value for f in dataclasses.fields(self)[1:] if (value := getattr(self, f.name)) is not f.default
+            }
+            self._set(**vars(FrequencyResponse.from_control(self.omega, **given)))
+            return
         omega, values, dt = as_points(self.omega, self.values, self.dt, "ny, nu")
         points, ny, nu = values.shape
         bound = Bound.of(self.bound, values.shape)

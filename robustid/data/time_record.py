@@ -45,7 +45,7 @@ class TimeRecord(Frozen, Savable):
     past_input_bound : float, optional
         For ``initial="free"``: a bound on |u| before the record; default max |u| of the record.
     inputs, outputs : sequence of str or (name, unit), optional
-        Signal names and units.
+        Signal names and units; default: the columns of a DataFrame.
     note : str, optional
         Where the bound comes from, for reports.
 
@@ -94,8 +94,8 @@ class TimeRecord(Frozen, Savable):
             bound=bound,
             reference=None if reference is None else freeze(reference),
             past_input_bound=past,
-            inputs=as_signals("inputs", self.inputs, u.shape[1], "u"),
-            outputs=as_signals("outputs", self.outputs, y.shape[1], "y"),
+            inputs=as_signals("inputs", _labels(self.inputs, self.u), u.shape[1], "u"),
+            outputs=as_signals("outputs", _labels(self.outputs, self.y), y.shape[1], "y"),
         )
 
     def __repr__(self) -> str:
@@ -277,6 +277,15 @@ def _later(signal: np.ndarray, samples: float) -> np.ndarray:
         )
     turn = np.exp(-2j * np.pi * np.arange(len(spectrum)) * samples / total)
     return np.fft.irfft(spectrum * turn[:, None], total, axis=0)
+
+
+def _labels(stated: Any, values: Any) -> Any:
+    """The names that are stated, else those that pandas gives the columns."""
+    names = getattr(values, "columns", None) if stated is None else None
+    if names is None:
+        return stated
+    names = list(cast("Sequence[Any]", names))
+    return names if all(isinstance(name, str) for name in names) else None
 
 
 def _signal(name: str, value: Any) -> np.ndarray:

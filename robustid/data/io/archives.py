@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.data.io.table import MOST_TEXTS, NAMELESS, Table, check_growth, said
+from robustid.data.io.table import NAMELESS, Table, check_growth, keep, said
 from robustid.errors import FileFormatError
 
 
@@ -28,7 +27,7 @@ def read_npz(path: Path) -> Table:
     meta = arrays.pop("robustid", None)
     table = Table(path, {}, None if meta is None else str(meta), how="NumPy archive")
     for name, value in arrays.items():
-        _store(name, value, table)
+        keep(name, value, table)
     return table
 
 
@@ -43,7 +42,7 @@ def read_npy(path: Path) -> Table:
     except Exception as error:  # numpy raises whatever the broken bytes lead it to
         raise _broken(path, "npy", error) from None
     table = Table(path, {}, how="NumPy array")
-    _store(NAMELESS, array, table)
+    keep(NAMELESS, array, table)
     return table
 
 
@@ -55,20 +54,6 @@ def _broken(path: Path, kind: str, error: Exception) -> FileFormatError:
             f" store plain arrays of numbers with {store}"
         )
     return FileFormatError(f"{path.name} can't be read as .{kind} ({said(error)}); is the file cut off?")
-
-
-def _store(name: str, value: Any, table: Table) -> None:
-    """Keep numbers and texts; nothing else is plain."""
-    if not isinstance(value, np.ndarray):
-        return
-    array = cast("NDArray[Any]", value)
-    if array.dtype.names is not None:
-        for field in array.dtype.names:
-            _store(f"{name}.{field}" if name else field, array[field], table)
-    elif array.dtype.kind in "biufc":
-        (table.columns if array.size else table.empty)[name] = array
-    elif array.dtype.kind in "US" and array.size <= MOST_TEXTS:
-        table.texts[name] = [str(text) for text in array.reshape(-1).astype(str)]
 
 
 def _check_shape(path: Path, name: str, member: Any, size: int) -> None:

@@ -83,7 +83,7 @@ def is_excitation(table: Table) -> bool:
     """Return whether a file holds an excitation: by its first line, or the names of its arrays."""
     if set(table.columns) == {"u", "lines", *_FACTS}:
         return True
-    return any(name.endswith("_exp1") for name in table.columns) and _first_line(table).startswith(_MARK)
+    return table.text and any(name.endswith("_exp1") for name in table.columns) and _first_line(table).startswith(_MARK)
 
 
 def excitation_of(table: Table) -> Excitation:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from robustid.core import as_positive, written_by
+from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io.axes import parse
 from robustid.data.io.excitation_files import excitation_of, is_excitation
 from robustid.data.io.lookup import Lookup
@@ -72,6 +73,12 @@ def read_said(
         if "dt" in options:
             raise InputError("`dt` and `rate` are both given; give one")
         options["dt"] = 1 / as_positive("rate", rate)
+    if type(path).__module__.startswith("control.") and hasattr(path, "frdata"):
+        told = {"fields": fields, "frequency_unit": frequency_unit, "axes": axes, "start": start,
+                "initial": options.get("initial")}  # fmt: skip
+        if given := [name for name, value in told.items() if value is not None]:
+            raise InputError(f"`{given[0]}` isn't needed: a control.FRD says this itself; leave it out")
+        return FrequencyResponse.from_control(path, **options), "control.FRD"
     table = read_table(path, decimal)
     _log.info("%s: read as %s", table.path.name, table.how)
     if kind == "model" or (kind is None and table.meta is None and not fields and _is_model(table)):

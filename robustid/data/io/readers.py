@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from robustid.core import saved_kind
 from robustid.data.io.archives import read_npy, read_npz
 from robustid.data.io.hdf5 import read_hdf5
 from robustid.data.io.matlab4 import read_matlab4
 from robustid.data.io.matlab5 import read_matlab5
+from robustid.data.io.objects import table_of
 from robustid.data.io.table import Table, said
 from robustid.data.io.text import read_text
 from robustid.data.io.touchstone import read_touchstone
@@ -31,10 +33,13 @@ def read_table(path: Any, decimal: str | None = None) -> Table:
 
     `decimal` is the decimal mark of a text, where its numbers don't say it.
     """
-    try:
-        path = Path(path)
-    except TypeError:
-        raise InputTypeError(f"`path` must be the name of a file; got {type(path).__name__}") from None
+    if not isinstance(path, str | os.PathLike):
+        if (table := table_of(path)) is None:
+            raise InputTypeError(
+                f"`path` must be the name of a file; got {type(path).__name__}, which is no table of arrays either"
+            )
+        return _with_numbers(table)
+    path = Path(cast("str", path))
     if path.is_dir():
         raise InputError(f"`path` = {str(path)!r} is a folder; give the name of a file in it")
     try:
@@ -55,9 +60,16 @@ def read_table(path: Any, decimal: str | None = None) -> Table:
             f"{path.name} declares more data than this machine has memory for; is it damaged?"
         ) from None
     meta = table.meta or "".join(table.texts.get("robustid", []))
-    if not table.columns:
-        raise FileFormatError(f"{path.name} holds no numeric arrays; store plain vectors or matrices{export(table)}")
+    _with_numbers(table)
     return dataclasses.replace(table, meta=_checked(path, meta) if meta else None)
+
+
+def _with_numbers(table: Table) -> Table:
+    if not table.columns:
+        raise FileFormatError(
+            f"{table.path.name} holds no numeric arrays; store plain vectors or matrices{export(table)}"
+        )
+    return table
 
 
 def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Table]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.errors import FileFormatError
 
@@ -38,6 +39,20 @@ class Table:
     remarks: dict[str, str] = dataclasses.field(default_factory=dict[str, str])  # on arrays, by their names
     how: str = ""  # format, and for text what its lines were taken for
     text: bool = False
+
+
+def keep(name: str, value: Any, table: Table) -> None:
+    """Keep numbers and texts; nothing else is plain."""
+    if not isinstance(value, np.ndarray):
+        return
+    array = cast("NDArray[Any]", value)
+    if array.dtype.names is not None:
+        for field in array.dtype.names:
+            keep(f"{name}.{field}" if name else field, array[field], table)
+    elif array.dtype.kind in "biufc":
+        (table.columns if array.size else table.empty)[name] = array
+    elif array.dtype.kind in "US" and array.size <= MOST_TEXTS:
+        table.texts[name] = [str(text) for text in array.reshape(-1).astype(str)]
 
 
 def check_growth(path: Path, name: str, declared: int, stored: int) -> None:

@@ -1,0 +1,112 @@
+"""Shared by the tests: files as other programs write them, made from the descriptions of their formats."""
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Function(NamedTuple):
+    """One function of a universal file (58)."""
+
+    kind: int  # 1 time response, 4 frequency response
+    response: tuple[int, int]
+    reference: tuple[int, int]
+    start: float
+    step: float  # 0: uneven
+    data: np.ndarray
+    quantity: int = 12
+    x: np.ndarray | None = None
+    double: bool = True
+
+
+def uff58(path, functions, *, binary=False):
+    """Universal file, data set 58, records 1 to 12 as "Universal File Datasets Summary" of SDRC describes them."""
+    parts = []
+    for f in functions:
+        is_complex = np.iscomplexobj(f.data)
+        code = (6 if is_complex else 4) if f.double else (5 if is_complex else 2)
+        flat = np.column_stack([f.data.real, f.data.imag]) if is_complex else f.data[:, None]
+        if f.step == 0:
+            flat = np.column_stack([f.x, flat])
+        axis, label, unit = (18, "Frequency", "Hz") if f.kind == 4 else (17, "Time", "s")
+        lines = [
+            "Rig 3, run 7", "NONE", "23-NOV-26 08:00:00", "NONE", "NONE",
+            f"{f.kind:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{f.response[0]:10d}{f.response[1]:4d}"
+            f" {'NONE':10s}{f.reference[0]:10d}{f.reference[1]:4d}",
+            f"{code:10d}{len(f.data):10d}{int(f.step != 0):10d}{f.start:13.5e}{f.step:13.5e}{0.0:13.5e}",
+            f"{axis:10d}{0:5d}{0:5d}{0:5d} {label:20s} {unit:20s}",
+            f"{f.quantity:10d}{0:5d}{0:5d}{0:5d} {'Answer':20s} {'N' if f.quantity == 13 else 'm/s^2':20s}",
+            f"{13 if f.kind == 4 else 0:10d}{0:5d}{0:5d}{0:5d} {'Force':20s} {'N':20s}",
+            f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}",
+        ]  # fmt: skip
+        flat = flat.reshape(-1)
+        if binary:
+            raw = flat.astype("<f8" if f.double else "<f4").tobytes()
+            head = f"{58:6d}b{1:6d}{2:6d}{11:12d}{len(raw):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+            body = raw + b"\n"
+        else:
+            head = f"{58:6d}"
+            width, count = ("20.11e", 4) if f.double else ("13.5e", 6)
+            rows = ["".join(f"{v:{width}}" for v in flat[k : k + count]) for k in range(0, len(flat), count)]
+            body = ("\n".join(rows) + "\n").encode()
+        parts.append("\n".join(["    -1", head, *lines]).encode() + b"\n" + body + b"    -1\n")
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def matlab5(path, variables):
+    """MATLAB v5 file, uncompressed: full double matrices, texts and 1 x 1 structures, from the MAT-file format description."""
+
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    def matrix(name, value):
+        def head(code, shape, flags=0):
+            return (
+                element(6, struct.pack("<II", code | flags, 0))
+                + element(5, struct.pack(f"<{len(shape)}i", *shape))
+                + element(1, name.encode())
+            )
+
+        if isinstance(value, dict):
+            names = b"".join(field.encode().ljust(32, b"\0") for field in value)
+            body = head(2, (1, 1)) + struct.pack("<HHi", 5, 4, 32) + element(1, names)
+            body += b"".join(matrix("", item) for item in value.values())
+        elif isinstance(value, str):
+            body = head(4, (1, len(value))) + element(4, value.encode("utf-16-le"))
+        else:
+            array = np.atleast_2d(np.asarray(value))
+            flags = 0x0800 if np.iscomplexobj(array) else 0
+            body = head(6, array.shape, flags) + element(9, array.real.astype("<f8").tobytes(order="F"))
+            if flags:
+                body += element(9, array.imag.astype("<f8").tobytes(order="F"))
+        return element(14, body)
+
+    header = b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    path.write_bytes(header + b"".join(matrix(name, value) for name, value in variables.items()))
+    return path
+
+
+def matlab4(path, variables):
+    """MATLAB v4 file: full double matrices."""
+    parts = []
+    for name, value in variables.items():
+        array = np.atleast_2d(np.asarray(value))
+        imaginary = int(np.iscomplexobj(array))
+        parts.append(struct.pack("<5i", 0, *array.shape, imaginary, len(name) + 1) + name.encode() + b"\0")
+        parts.append(array.real.astype("<f8").tobytes(order="F"))
+        if imaginary:
+            parts.append(array.imag.astype("<f8").tobytes(order="F"))
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def npy(path, array, *, fortran=False):
+    """NumPy array, version 1.0, from the description of the format."""
+    array = np.asarray(array)
+    header = f"{{'descr': '{array.dtype.str}', 'fortran_order': {fortran}, 'shape': {array.shape}, }}"
+    header = header.ljust(-(len(header) + 11) % 64 + len(header)) + "\n"
+    data = array.tobytes(order="F" if fortran else "C")
+    path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + data)
+    return path
