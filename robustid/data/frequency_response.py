@@ -84,7 +84,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
 
     PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance")
     omega: np.ndarray
-    values: np.ndarray = cast("np.ndarray", None)  # only beside a control.FRD
+    values: np.ndarray = None  # type: ignore[assignment] # only beside a control.FRD
     _: dataclasses.KW_ONLY
     bound: Any = None
     covariance: Any = None
