@@ -40,7 +40,8 @@ def load(
         * NAME, NAME.npz or NAME.json of an `Identification`, a `WorstCaseError`, a `WorstCaseOverPoles` or a `MatrixFraction`
           that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
-        * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model;
+        * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
+          numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
         * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the sentence
           says what to give; lines that start with ``#``, ``%``, ``!`` are remarks), ``.npy`` and ``.npz`` (pickled objects are
           refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers such as ``dt`` as

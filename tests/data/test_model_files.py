@@ -4,9 +4,14 @@ import control
 import numpy as np
 import pytest
 import scipy.io
+import scipy.signal
 
+import robustid as rid
 from robustid.data.io import load_model, save_model
+from robustid.data.io.transfer_functions import of_roots
 from robustid.errors import FileFormatError
+from support.data_files import write_matlab73
+from support.foreign_files import matlab5
 
 pytestmark = pytest.mark.quick
 
@@ -61,3 +66,82 @@ def test_models_come_back_as_they_were(tmp_path, name):
 def test_sparse_matrices_of_matlab_are_read(tmp_path):
     scipy.io.savemat(tmp_path / "m.mat", {"A": scipy.sparse.csc_array(A), "B": B, "C": C})
     np.testing.assert_array_equal(load_model(tmp_path / "m.mat").A, A)
+
+
+POLES = np.array([-0.5 + 40j, -0.5 - 40j, -2.0, -0.1 + 90j, -0.1 - 90j, -7.0, -11.0])
+ZEROS = np.array([-0.2 + 60j, -0.2 - 60j, -5.0])
+
+
+def matlab_structure(form, dt=None):
+    """The fields that a user stores of a MATLAB model."""
+    fields = {
+        "zpk": {"z": ZEROS[:, None], "p": POLES[:, None], "k": 3.0},
+        "zpk, capitals": {"Z": ZEROS[:, None], "P": POLES[:, None], "K": 3.0},
+        "tf": {"num": 3 * np.poly(ZEROS).real, "den": np.poly(POLES).real},
+        "tf, long names": {"Numerator": 3 * np.poly(ZEROS).real, "Denominator": np.poly(POLES).real},
+        "ss": dict(zip("abcd", scipy.signal.zpk2ss(ZEROS, POLES, 3.0), strict=True)),
+    }[form]
+    return fields | ({} if dt is None else {"Ts": dt})
+
+
+@pytest.mark.parametrize("form", ["zpk", "zpk, capitals", "tf", "tf, long names", "ss"])
+@pytest.mark.parametrize("version", ["v5", "v7.3", "top level"])
+def test_models_of_matlab_as_plain_numbers(tmp_path, form, version):
+    path, fields = tmp_path / "g.mat", matlab_structure(form)
+    if version == "v7.3":
+        write_matlab73(path, {f"G.{name}": np.atleast_2d(value) for name, value in fields.items()})
+    else:
+        matlab5(path, fields if version == "top level" else {"G": fields})
+    model = rid.load(path)
+    s = 1j * np.array([0.3, 30.0, 39.9, 60.1, 90.0, 400.0])
+    expected = 3 * np.prod(s[:, None] - ZEROS, axis=1) / np.prod(s[:, None] - POLES, axis=1)
+    np.testing.assert_allclose(model(s), expected, rtol=1e-8 if form != "zpk" else 1e-12)
+    assert (model.nstates, model.dt) == (7, 0)
+
+
+def test_a_cascade_keeps_many_light_modes():
+    """The polynomial of 30 modes has coefficients up to 1e150: its roots are lost, those of the sections are not."""
+    rng = np.random.default_rng(2)
+    upper = np.exp(rng.uniform(0, 7, 30)) * np.exp(1j * (np.pi / 2 + rng.uniform(1e-4, 1e-2, 30)))
+    poles = np.concatenate([upper, upper.conj()])
+    zeros = np.concatenate([1.1 * upper[:-1], 1.1 * upper[:-1].conj(), [-3.0]])
+    model = of_roots(zeros, poles, 2.0, 0)
+    s = 1j * np.abs(upper)
+    expected = 2 * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1)
+    np.testing.assert_allclose(model(s), expected, rtol=1e-9)
+
+
+def test_discrete_models_have_their_sample_time(tmp_path):
+    path = matlab5(
+        tmp_path / "g.mat", {"G": {"z": np.zeros((0, 1)), "p": [[0.5]], "k": 2.0, "Ts": 0.1, "TimeUnit": "seconds"}}
+    )
+    model = rid.load(path)
+    assert model.dt == 0.1
+    np.testing.assert_allclose(model(1j), 2 / (1j - 0.5), rtol=1e-14)
+    path = matlab5(tmp_path / "g.mat", {"num": [[2.0]], "den": [[1.0, -0.5]], "Ts": -1.0})
+    with pytest.raises(FileFormatError, match="`dt` must be >= 0; got -1; give `dt`"):
+        rid.load(path)
+    assert rid.load(path, dt=0.1).dt == 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"p": [[-1 + 1j], [-2.0]]}, "the poles of a real model come in conjugate pairs; -1[+]1j is alone"),
+        ({"z": [[-1.0], [-2.0], [-3.0]]}, "3 zeros and 2 poles; a model is proper"),
+        ({"p": [[np.nan], [-2.0]]}, "`p` must be finite"),
+        ({"InputDelay": 0.1}, "G.InputDelay isn't zero; call absorbDelay"),
+        ({"TimeUnit": "hours"}, "TimeUnit is 'hours'; call chgTimeUnit"),
+    ],
+)
+def test_structures_that_are_no_model(tmp_path, change, sentence):
+    fields = {"z": [[-1.0]], "p": [[-1.0], [-2.0]], "k": 1.0}
+    with pytest.raises(FileFormatError, match=sentence):
+        rid.load(matlab5(tmp_path / "g.mat", {"G": fields | change}))
+
+
+def test_two_models_in_a_file(tmp_path):
+    fields = {"num": [[1.0]], "den": [[1.0, 2.0]]}
+    path = matlab5(tmp_path / "g.mat", {"G": fields, "K": fields})
+    with pytest.raises(FileFormatError, match=r"several models \('G', 'K'\); store one a file"):
+        rid.load(path, kind="model")

@@ -11,7 +11,7 @@ from robustid.data.io.table import Table
 from robustid.data.io.units import FREQUENCY, TIME, factor
 from robustid.errors import FileFormatError, InputError
 
-_TIME_UNITS = {**TIME, **{f"{word}seconds": scale for word, scale in (("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))},
+STRUCTURE_TIME = {**TIME, **{f"{word}seconds": scale for word, scale in (("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))},
                "hours": 3600.0, "days": 86400.0}  # fmt: skip
 _MARKS = {"frequency": ("ResponseData", "Frequency"), "time": ("OutputData", "InputData")}
 
@@ -57,7 +57,7 @@ class _Part:
 
     def time_unit(self) -> float | None:
         word = self.word("TimeUnit")
-        return factor(_TIME_UNITS, word) if word else None
+        return factor(STRUCTURE_TIME, word) if word else None
 
     def step(self) -> float | None:
         """Ts in s; 0 is continuous time and -1 isn't said."""

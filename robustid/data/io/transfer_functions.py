@@ -1,0 +1,67 @@
+"""State spaces of transfer functions that files hold as zeros, poles and gain, or as polynomials."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.errors import InputError
+
+_Complex = NDArray[np.complex128]
+_PAIR = 1e-8  # relative distance of a root from the conjugate of its partner
+
+
+def of_polynomials(numerator: NDArray[Any], denominator: NDArray[Any], dt: float) -> Any:
+    """The `control.StateSpace` of b(s)/a(s), highest power first, in companion form."""
+    import control
+    from scipy.signal import tf2ss
+
+    b, a = (np.trim_zeros(np.asarray(part, dtype=float).reshape(-1), "f") for part in (numerator, denominator))
+    if not a.size:
+        raise InputError("the denominator is zero")
+    if b.size > a.size:
+        raise InputError(f"the numerator has the degree {b.size - 1}, the denominator {a.size - 1}; a model is proper")
+    if a.size == 1:
+        return control.ss([], [], [], (b[0] if b.size else 0.0) / a[0], dt)
+    return control.ss(*tf2ss(b if b.size else [0.0], a), dt)
+
+
+def of_roots(zeros: NDArray[Any], poles: NDArray[Any], gain: float, dt: float) -> Any:
+    """The `control.StateSpace` of ``gain * prod(s - zeros) / prod(s - poles)``: a cascade of sections of order 2 at most.
+
+    A cascade, since the coefficients of the whole polynomial lose lightly damped modes at high orders. Every section takes the
+    zeros nearest to its poles.
+    """
+    import control
+
+    zeros, poles = (np.asarray(part, dtype=complex).reshape(-1) for part in (zeros, poles))
+    if zeros.size > poles.size:
+        raise InputError(f"there are {zeros.size} zeros and {poles.size} poles; a model is proper")
+    model = control.ss([], [], [], float(gain), dt)
+    left = _sections("zeros", zeros)
+    for section in sorted(_sections("poles", poles), key=len):
+        fitting = [k for k, part in enumerate(left) if len(part) <= len(section)]
+        # A section of one pole takes a single zero if there is one; all others the nearest.
+        near = min(fitting, key=lambda k: float(np.abs(left[k][0] - section[0])), default=None)
+        part = left.pop(near) if near is not None else np.array([], dtype=complex)
+        model = of_polynomials(np.poly(part).real, np.poly(section).real, dt) * model
+    return model
+
+
+def _sections(what: str, roots: _Complex) -> list[_Complex]:
+    """Conjugate pairs and pairs of real roots; one real root alone where their number is odd."""
+    scale = np.maximum(np.abs(roots), np.finfo(float).tiny)
+    real = np.sort(roots[np.abs(roots.imag) <= _PAIR * scale].real)
+    upper, lower = (roots[sign * roots.imag > _PAIR * scale] for sign in (1, -1))
+    pairs: list[_Complex] = []
+    for root in upper:
+        partner = int(np.argmin(np.abs(lower - root.conj()))) if lower.size else -1
+        if partner < 0 or abs(lower[partner] - root.conj()) > _PAIR * abs(root):
+            raise InputError(f"the {what} of a real model come in conjugate pairs; {root:.6g} is alone")
+        lower = np.delete(lower, partner)
+        pairs.append(np.array([root, root.conj()]))
+    if lower.size:
+        raise InputError(f"the {what} of a real model come in conjugate pairs; {lower[0]:.6g} is alone")
+    return pairs + [real[k : k + 2].astype(complex) for k in range(0, real.size, 2)]
