@@ -30,8 +30,8 @@ _PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
 class RunFolder:
     """The folder of a run: every finished step is written as soon as it is there. Without a folder: nothing is."""
 
-    def __init__(self, folder: Path | None = None, resume: bool = False) -> None:
-        self.folder, self.resume = folder, resume
+    def __init__(self, folder: Path | None = None, resume: bool = False, static: bool = False) -> None:
+        self.folder, self.resume, self.static = folder, resume, static
 
     @property
     def unfinished(self) -> Path | None:
@@ -124,7 +124,7 @@ class RunFolder:
         save_model(result.model, self.folder / _MODEL)
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")
-        result.report(self.folder / _PAGE)
+        result.report(self.folder / _PAGE, static=self.static)
         self._clear()
         return self._written()
 
@@ -136,7 +136,7 @@ class RunFolder:
             return
         result.family.save(self.folder / "family")
         save_model(result.family.model, self.folder / _MODEL)
-        result.report(self.folder / _PAGE)
+        result.report(self.folder / _PAGE, static=self.static)
         self._clear()
 
 

@@ -77,7 +77,7 @@ class FamilyRun(Frozen):
         """The findings, then the family, in plain text."""
         return "\n".join([*self.findings, *([] if self.family is None else ["", self.family.summary()])])
 
-    def report(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of the family, with the run file in it; nothing where there is none."""
         from robustid.report import write_report
 
@@ -88,6 +88,7 @@ class FamilyRun(Frozen):
             self.family,
             path,
             title=title or self.run_file.title,
+            static=static,
             findings=self.findings,
             withheld=worst,
             run_file=self.run_file.text(),

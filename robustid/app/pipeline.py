@@ -173,6 +173,7 @@ def run(
     *,
     resume: bool = False,
     force: bool = False,
+    static: bool = False,
     executor: Any = None,
     progress: Say | None = None,
 ) -> IdentifiedReduced | FamilyRun:
@@ -191,6 +192,8 @@ def run(
         Go on in a folder that holds an unfinished run of the same run file.
     force : bool
         Replace what an earlier run wrote there.
+    static : bool
+        A report with pictures only, without scripts; see `write_report`.
     executor : concurrent.futures.Executor or int, optional
         As in `worst_case_error`.
     progress : callable (text, done, all), optional
@@ -221,10 +224,10 @@ def run(
     True
     """
     path, folder, say = Path(path), Path(folder), progress or _silent
-    resume, force = as_flag("resume", resume), as_flag("force", force)
+    resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
-    kept = RunFolder(folder, resume)
+    kept = RunFolder(folder, resume, static)
     if asked.members:
         return _family(asked, path, kept, force, Surroundings(say, kept, executor))
     if (before := kept.asked(asked.moved(path.parent, folder))) is not None:

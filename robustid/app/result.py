@@ -86,7 +86,7 @@ class IdentifiedReduced(Frozen):
         """The findings, then the identification, in plain text."""
         return "\n".join([*self.findings, "", self.identification.summary()])
 
-    def report(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of everything, with the run file in it; see `write_report`."""
         from robustid.report import write_report
 
@@ -95,6 +95,7 @@ class IdentifiedReduced(Frozen):
             path,
             reduction=self.reduction,
             title=title or self.run_file.title,
+            static=static,
             worst_case=self.error,
             over_poles=self.over_poles,
             findings=self.findings,

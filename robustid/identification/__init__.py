@@ -23,7 +23,7 @@ from robustid.identification.passive_prior import (
 )
 from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
-from robustid.identification.residuals import Residual, entry_name, largest_ratio, model_residuals
+from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.storage import describe_problem
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
@@ -60,6 +60,7 @@ __all__ = [
     "entry_name",
     "evaluate_support",
     "excited_lines",
+    "fit_percent",
     "from_image",
     "identify",
     "image_of",

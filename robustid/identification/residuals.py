@@ -101,6 +101,30 @@ def largest_ratio(problem: MixedProblem, model: Any) -> float:
     return largest(model_residuals(problem, model))
 
 
+def fit_percent(problem: MixedProblem, model: Any) -> dict[str, float]:
+    """Return ``100 (1 - |y - yhat|/|y - mean(y)|)`` of the worst entry or output, for each kind of experiment.
+
+    Of frequency points the complex values in place of y; those that share their bounds, and combinations of signals, are left
+    out, as are constant ones.
+    """
+    found: dict[str, float] = {}
+    for residual in model_residuals(problem, model):
+        row, column = residual.entry
+        if residual.kind == "time":
+            record = problem.time[residual.index]
+            y: NDArray[Any] = record.y[record.bound.used[:, row or 0], row or 0]
+        elif column is None or residual.error.ndim > 1:
+            continue
+        else:
+            frf: Any = problem.frequency[residual.index]
+            y = frf.values[frf.bound.used[:, row, column], row, column]
+        size = np.linalg.norm(y - y.mean())
+        if size > 0:
+            value = float(100 * (1 - np.linalg.norm(residual.error) / size))
+            found[residual.kind] = min(value, found.get(residual.kind, np.inf))
+    return found
+
+
 def largest(residuals: list[Residual]) -> float:
     """Largest |residual|/bound; NaN where one is."""
     return float(np.max([np.max(r.ratio) for r in residuals]))  # NaN stays NaN

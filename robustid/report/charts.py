@@ -130,6 +130,11 @@ def side_by_side(name: str, charts: Sequence[Chart], columns: int, *further: Seq
     return Chart(name=name, panels=tuple(panels), linked=True, columns=columns, grid=True)
 
 
+def first_panel(chart: Chart) -> Chart:
+    """Keep the first panel of a chart, for the first screen of a page."""
+    return Chart(name="first", panels=chart.panels[:1], linked=True)
+
+
 def in_rows(chart: Chart, columns: int, *groups: Sequence[Panel]) -> Chart:
     """Put the panels of a chart in rows, each with axes of its own, and further groups of panels below them."""
     return dataclasses.replace(side_by_side(chart.name, [], columns, chart.panels, *groups), linked=False)

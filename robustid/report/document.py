@@ -43,6 +43,12 @@ class Verdict:
     numbers: tuple[tuple[str, str], ...] = ()
     id: str = "verdict"
 
+    @property
+    def words(self) -> str:
+        """Word, sentence and numbers as text."""
+        numbers = "; ".join(f"{name} {value}" for name, value in self.numbers)
+        return f"{self.word}: {self.sentence}{f' ({numbers})' if numbers else ''}"
+
 
 @dataclasses.dataclass(frozen=True)
 class Facts:
@@ -137,17 +143,80 @@ Block = Heading | Text | Verdict | Facts | Table | Drawing | Grid | Beside | Cod
 
 
 @dataclasses.dataclass(frozen=True)
+class Glance:
+    """The first screen below the verdict.
+
+    Attributes
+    ----------
+    numbers : sequence of (what, how much)
+    words : str
+        The result in words: of a guarantee its band.
+    chart : Chart or None
+        The one plot.
+    next : sequence of Text
+        What to do next.
+    """
+
+    numbers: Sequence[tuple[str, str]] = ()
+    words: str = ""
+    chart: Chart | None = None
+    next: Sequence[Text] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """A heading with what stands under it, folded until it is opened."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclasses.dataclass(frozen=True)
 class Document:
-    """A page: its title, what stands at its head, its body, and its last lines."""
+    """A page: its title, verdicts and warnings, the rest of its first screen, its body, and its last lines."""
 
     title: str
     head: Sequence[Block]
     body: Sequence[Block]
     foot: Sequence[Text] = ()
+    glance: Glance = Glance()
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The verdict that comes first."""
+        return next((block for block in self.head if isinstance(block, Verdict)), None)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Everything at the head that warns, verdicts beside the first one too."""
+        return [block.words if isinstance(block, Verdict) else block.text for block in self.head if self._warns(block)]
+
+    def _warns(self, block: Block) -> bool:
+        if isinstance(block, Verdict):
+            return block is not self.verdict and block.key != "consistent"
+        return isinstance(block, Text) and block.role == "warning"
+
+    @property
+    def beside(self) -> list[Block]:
+        """Everything at the head that doesn't warn, but for the verdict."""
+        return [block for block in self.head if block is not self.verdict and not self._warns(block)]
+
+    @property
+    def parts(self) -> list[Part]:
+        """The body by its headings; blocks before the first one stand under the heading "Details"."""
+        found: list[Part] = []
+        for block in self.body:
+            if isinstance(block, Heading) and block.level == 2:
+                found.append(Part(block.text, []))
+            else:
+                found = found or [Part("Details", [])]
+                found[-1] = Part(found[-1].title, [*found[-1].blocks, block])
+        return found
 
     def blocks(self) -> Iterator[Block]:
         """Every block in its order, those beside each other one after another."""
-        todo = [*self.head, *self.body, *self.foot]
+        first = [Drawing(self.glance.chart)] if self.glance.chart is not None else []
+        todo = [*self.head, *first, *self.glance.next, *self.body, *self.foot]
         while todo:
             block = todo.pop(0)
             if isinstance(block, Beside):

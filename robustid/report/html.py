@@ -2,38 +2,57 @@
 
 from __future__ import annotations
 
+import base64
 import datetime
 import functools
 import importlib.metadata
 import json
 import platform
+import re
+import zlib
 from typing import Any
 
 from robustid._version import __version__
 from robustid.report.charts import Layer
 from robustid.report.document import Document, Drawing, Grid, Text
+from robustid.report.pictures import pictures
 from robustid.report.with_plotly import Figure, figures
 
+MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
 _COLUMNS = 4  # of small figures on a wide screen
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 
 
-def render(document: Document) -> str:
-    """Render a document as the text of a page."""
+def render(document: Document, *, static: bool = False) -> str:
+    """Render a document as the text of a page; a static one has pictures in place of scripts."""
     drawn = _figures(document)
+    every = [figure for parts in drawn.values() for figure in parts]
     return (
         _environment()
         .get_template("document.html.j2")
         .render(
             document=document,
+            warnings=[_in_short(words) for words in document.warnings],
+            most_warnings=MOST_WARNINGS,
             figures=drawn,
+            pictures=pictures(every) if static else {},
+            static=static,
             versions=_versions(),
             date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-            # The only text that isn't escaped: the library itself, and JSON made safe below.
-            plotly=_plotly(),
-            data=as_json({figure.id: figure.spec for parts in drawn.values() for figure in parts}),
+            # The only text that isn't escaped: the library itself, packed, and JSON made safe below.
+            plotly="" if static else _plotly(),
+            data="" if static else as_json({figure.id: figure.spec for figure in every}),
         )
     )
+
+
+def _in_short(words: str) -> tuple[str, str]:
+    """The first sentence of a warning, and the rest of it."""
+    first, *rest = re.split(r"(?<=[.:]) (?=[A-Z])", words.removeprefix("Warning: "), maxsplit=1)
+    if first.endswith(":") and rest:  # a heading word, then its first sentence
+        second, *rest = re.split(r"(?<=\.) (?=[A-Z])", rest[0], maxsplit=1)
+        first = f"{first} {second}"
+    return first[0].upper() + first[1:], "".join(rest)
 
 
 def _figures(document: Document) -> dict[str, list[Figure]]:
@@ -103,9 +122,8 @@ def as_json(value: Any) -> Any:
 
 
 @functools.cache
-def _plotly() -> Any:
-    """Source of the library that draws the figures, in whose strings an end tag may stand."""
-    import markupsafe
+def _plotly() -> str:
+    """Source of the library that draws the figures, packed; a browser unpacks it before it runs it."""
     from plotly.offline import get_plotlyjs
 
-    return markupsafe.Markup(get_plotlyjs().replace("</script", "<\\/script"))
+    return base64.b64encode(zlib.compress(get_plotlyjs().encode(), 9)).decode()

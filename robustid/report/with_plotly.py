@@ -22,12 +22,21 @@ class Figure:
         self.height = _SQUARE if square else 150 + _PLOT * len(panels)
         if small:
             self.height = 60 + _SMALL * len(panels)
+        self.panels, self.small, self.square = panels, small, square
         self.label = "; ".join(panel.title for panel in panels if panel.title)
         self.spec = plotly_figure(panels, self.height)
         if small:  # one of many, whose legend stands before them all
             self.spec["layout"] |= {"showlegend": False, "margin": {"l": 50, "r": 10, "t": 6, "b": 40}}
             self.spec["layout"]["font"]["size"] = 11
             self.spec["layout"]["xaxis"]["nticks"] = 3 if panels[0].x.log else 5
+
+    @property
+    def alternative(self) -> str:
+        """The figure in words: its title, its curves, its axes."""
+        layers = dict.fromkeys(layer.name for panel in self.panels for layer in panel.layers)
+        axes = dict.fromkeys(panel.y.label for panel in self.panels if panel.layers)
+        drawn = f"{'; '.join(axes)} over {self.panels[-1].x.label}: {', '.join(layers)}"
+        return (f"{self.label}. {drawn}" if self.label else drawn).replace("\n", " ")
 
 
 def figures(chart: Chart, *, small: bool = False) -> list[Figure]:

@@ -59,11 +59,14 @@ def write_report(
     withheld: Coverage | None = None,
     content: Content | None = None,
     worth: ModelWorth | None = None,
+    diagnosis: str | None = None,
     run_file: str | None = None,
+    static: bool = False,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
-    Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
+    The first screen has the verdict, the order, the guaranteed error, one plot, at most three warnings and what to do next;
+    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
     against their bounds, the active constraints, order, poles, verification, versions; of a MIMO problem every entry, the
     singular values, and the modes with the ranks of their residues. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
@@ -111,8 +114,12 @@ def write_report(
         From `model_worth_having`: the small model beside the best least-squares fits, a verdict and a section.
     findings : sequence of str
         What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
+    diagnosis : str, optional
+        From `diagnose(identification).summary()`: its first lines stand on the first screen as the next step, all of it below.
     run_file : str, optional
         The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
+    static : bool
+        Pictures in place of plots that can be zoomed: a page without scripts, mostly below 500 kB, that any mail program shows.
 
     Raises
     ------
@@ -132,8 +139,9 @@ def write_report(
     ...     "Four samples" in page.read_text()
     True
     """
-    parts = {name: part for name, part in locals().items() if name not in ("identification", "path", "title")}
-    text = render_report(identification, title=title, **parts)
+    beside = ("identification", "path", "title", "static")
+    parts = {name: part for name, part in locals().items() if name not in (*beside, "beside")}
+    text = render_report(identification, title=title, static=static, **parts)
     with atomic_write(path) as file:
         file.write(text)
 
@@ -142,6 +150,7 @@ def render_report(
     identification: Identification | MatrixFraction | FrequencyResponse | Family,
     *,
     title: str | None = None,
+    static: bool = False,
     **parts: Any,
 ) -> str:
     """Return the page of `write_report`, which names the parts, as text."""
@@ -151,7 +160,7 @@ def render_report(
     build, belonging = _PAGES[kind]
     given = {name: part for name, part in parts.items() if part is not None and part != ()}
     refuse_foreign(identification, given, belonging)
-    return html.render(build(identification, title=title, **given))
+    return html.render(build(identification, title=title, **given), static=static)
 
 
 _OF_IDENTIFICATIONS = (
@@ -167,6 +176,7 @@ _OF_IDENTIFICATIONS = (
     "withheld",
     "content",
     "worth",
+    "diagnosis",
     "run_file",
 )
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {

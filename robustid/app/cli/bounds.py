@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Output, words_of
+from robustid.app.cli.options import Force, Output, Report, Static, words_of
 from robustid.app.cli.terminal import counted, in_words, say, shown, step
 from robustid.app.options import WorstCase
 from robustid.errors import InputError
@@ -44,21 +44,26 @@ def bounds(
         Path | None, typer.Option(help="Folder for finished frequencies: an interrupted run goes on from there.")
     ] = None,
     output: Output = Path("bounds"),
+    report: Report = None,
+    static: Static = False,
     force: Force = False,
 ) -> None:
     """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
 
-    [bold]Example[/bold]: robustid bounds result --circle --resume unfinished -o bounds
+    [bold]Example[/bold]: robustid bounds result --circle --resume unfinished -o bounds --report bounds.html
 
     Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
     program, 130 interrupted.
     """
     from robustid.app.files import load_result
+    from robustid.report import write_report
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     written, written_poles = outputs.result_files(output), outputs.result_files(_beside(output))
-    outputs.check_outputs([*written, *(written_poles if how.over_poles else ())], outputs.sources(source), force)
+    outputs.check_static(report, static)
+    both = [*written, *(written_poles if how.over_poles else ())]
+    outputs.check_outputs([*both, report], outputs.sources(source), force)
     console = terminal.console()
     identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
@@ -66,7 +71,7 @@ def bounds(
     words = words_of(bounds, executor="--workers", identification="the identification")
     with in_words(words), _resumable(console, resume):
         error = _bounded(console, identification, asked, how, spread)
-    certified = _certified(console, error)
+    certified, band = _certified(console, error), None
     error.save(output)
     say(console, error.summary(), *([circle_words(error)] if how.circle else []))
     terminal.say_written(console, *written)
@@ -81,6 +86,10 @@ def bounds(
             say(console, "with every pole in the pole-uncertainty box that the data leave:", *_unfinished(error, band))
             say(console, band.summary())
             terminal.say_written(console, *written_poles)
+    if report is not None:
+        with step(console, "drawing the report"):
+            write_report(identification, report, static=static, worst_case=error, over_poles=band)
+        terminal.say_written(console, report)
     terminal.repeat_warnings(console, identification)
     if not certified:
         terminal.warn(console, "a certificate does not hold: robustid verify names it")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Report, only, words_of
+from robustid.app.cli.options import Force, Report, Static, only, words_of
 from robustid.app.cli.stabilisation import Stabilisation
 from robustid.app.cli.terminal import in_words, shown, step, warn
 from robustid.app.options import Fit, FrequencyPoints
@@ -49,6 +50,7 @@ def fit(
     response: Annotated[ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step")],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
+    static: Static = False,
     force: Force = False,
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
@@ -67,6 +69,7 @@ def fit(
 
     wanted, model_file = _order(order), _model_file(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
+    outputs.check_static(report, static)
     outputs.check_outputs([model_file, report], [source], force)
     console = terminal.console()
     (frf,) = asked_files.read(console)
@@ -80,7 +83,9 @@ def fit(
         asked |= _weight(source, frf, relative)
         sweep: Any = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, wanted or sweep.suggested, asked)
-    page = "" if report is None else _drawn(console, render_report, result, frf, sweep)
+    page = (
+        "" if report is None else _drawn(console, functools.partial(render_report, static=static), result, frf, sweep)
+    )
     _write(result, model_file, report, page)
     if sweep is not None:
         terminal.say(console, sweep.summary())

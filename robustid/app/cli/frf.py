@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.excite import samples_of
-from robustid.app.cli.options import First, Force, Report, only, words_of
+from robustid.app.cli.options import First, Force, Report, Static, only, words_of
 from robustid.app.cli.terminal import in_words, step
 from robustid.app.sources import Estimate, RecordSource
 from robustid.errors import InputError
@@ -42,6 +42,7 @@ def frf(
     first: First = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="The response: .npz, .csv or .mat.")] = Path("frf.npz"),
     report: Report = None,
+    static: Static = False,
     force: Force = False,
 ) -> None:
     """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all spectral lines at once.
@@ -60,6 +61,7 @@ def frf(
     from robustid.report import render_summary
 
     outputs.check_ending(output, tuple(WRITERS))
+    outputs.check_static(report, static)
     outputs.check_outputs([output, report], record, force)
     for k, path in enumerate(record):
         if path.resolve() in [other.resolve() for other in record[:k]]:
@@ -75,7 +77,7 @@ def frf(
         except InputError as error:
             text = str(error).replace("`period` in samples", "`period` in s")
             raise InputError(re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", text)) from None
-    _write(found, records, output, report)
+    _write(found, records, output, report, static)
     console.print(render_summary(found))
     terminal.say_written(console, output, report)
     terminal.say(console, *_next(found, output))
@@ -114,13 +116,13 @@ def _numbers(text: str, samples: int) -> list[int]:
     return found
 
 
-def _write(found: Any, records: list[Any], output: Path, report: Path | None) -> None:
+def _write(found: Any, records: list[Any], output: Path, report: Path | None, static: bool) -> None:
     """Everything is computed and drawn before the first file is written."""
     from robustid.core import atomic_write
     from robustid.data import save
     from robustid.report import render_report
 
-    page = "" if report is None else render_report(found, records=records)
+    page = "" if report is None else render_report(found, static=static, records=records)
     save(output, found)
     if report is not None:
         with atomic_write(report) as file:

@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.checks import too_large
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import First, Force, Output, Report
+from robustid.app.cli.options import First, Force, Output, Report, Static
 from robustid.app.cli.terminal import counted, say, shown, step
 from robustid.app.options import FrequencyPoints, General, Identify, Modes
 from robustid.app.prior_options import PriorChoice
@@ -50,6 +50,7 @@ def identify(
         bool,
         typer.Option("--apply", help="Where the data contradict the class: make the change of the most likely cause."),
     ] = False,
+    static: Static = False,
     reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
     force: Force = False,
 ) -> None:
@@ -71,6 +72,7 @@ def identify(
         raise InputError("--frequency and --time are both missing; give at least one file")
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner"})
+    outputs.check_static(report, static)
     outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry
     asked = [
@@ -82,7 +84,7 @@ def identify(
     result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated, shape=prior.shape)
     if apply and not result.consistent:
         result = _applied(console, how, result)
-    finish(console, result, output, report, reduce=reduce)
+    finish(console, result, output, report, reduce=reduce, static=static)
     raise typer.Exit(terminal.EXIT[result.status])
 
 
@@ -146,7 +148,14 @@ def identified(console: Any, how: Identify, **data: Any) -> Any:
 
 
 def finish(
-    console: Any, result: Any, output: Path, report: Path | None, *, reduce: bool, title: str | None = None
+    console: Any,
+    result: Any,
+    output: Path,
+    report: Path | None,
+    *,
+    reduce: bool,
+    static: bool = False,
+    **shown_too: Any,
 ) -> None:
     """Compute and render everything; only then write, and show what was found."""
     from robustid.advice import diagnose
@@ -163,7 +172,7 @@ def finish(
         with shown(console, _HELPS) as show:
             diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
     if report is not None:
-        page = render_report(result, reduction=reduction, title=title)
+        page = render_report(result, static=static, reduction=reduction, diagnosis=diagnosis or None, **shown_too)
     summary = render_summary(result, reduction)
     result.save(output)
     if report is not None:

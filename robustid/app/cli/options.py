@@ -17,6 +17,9 @@ from robustid.app.options import PARTS
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="Where results go: NAME.npz and NAME.json.")]
 Report = Annotated[Path | None, typer.Option("--report", help="Write the HTML report here.")]
+Static = Annotated[
+    bool, typer.Option("--static", help="Write the report with pictures only: small, and without scripts.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 First = Annotated[
     int | None, typer.Option("--first", help="Use only the first so many samples of every record.", metavar="SAMPLES")
@@ -27,7 +30,7 @@ FLAGS = {
     for field, option in options(kind)
     if option.flag and field.name not in ("bound", "fields")
 }
-_BESIDE = ("output", "report", "force", "source")  # of every command: no arguments of the library
+_BESIDE = ("output", "report", "static", "force", "source")  # of every command: no arguments of the library
 _METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
 
 

@@ -46,6 +46,12 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force:
             raise InputError(f"the folder {path.parent} can't be written to; choose another one")
 
 
+def check_static(report: Path | None, static: bool) -> None:
+    """Refuse to write pictures into a report that isn't written."""
+    if static and report is None:
+        raise InputError("--static says how the report is written; give --report FILE.html too")
+
+
 def new_folder(wanted: Path) -> Path:
     """Create the folder, or the next free of its name with -2, -3, …"""
     folder, k = wanted, 1

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force
+from robustid.app.cli.options import Force, Static
 from robustid.app.cli.terminal import step
 from robustid.errors import InputError
 
@@ -31,6 +31,7 @@ def report(
     output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
+    static: Static = False,
     force: Force = False,
 ) -> None:
     """Write the report of a saved identification again; its claims are verified again from the numbers.
@@ -55,7 +56,7 @@ def report(
     if sensitivity:
         shown["sensitivity"] = _sensitivity(console, result.problem)
     with step(console, "verifying every certificate"):
-        write_report(result, output, reduction=reduction, title=title, **shown)
+        write_report(result, output, reduction=reduction, title=title, static=static, **shown)
     console.print(render_summary(result, reduction))
     terminal.say_written(console, output)
     terminal.repeat_warnings(console, result)

@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.checks import options
 from robustid.app.cli import terminal
-from robustid.app.cli.options import FLAGS
+from robustid.app.cli.options import FLAGS, Static
 from robustid.app.cli.terminal import counted, in_words, shown
 from robustid.app.options import PARTS
 
@@ -48,6 +48,7 @@ def run(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Number of processes for the worst-case error. Default: one.")
     ] = None,
+    static: Static = False,
     force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
     keys: Annotated[
         bool,
@@ -107,6 +108,7 @@ def run(
                 folder,
                 resume=resume,
                 force=force,
+                static=static,
                 executor=None if workers in (None, 1) else workers,
                 progress=_told(show),
             )

@@ -61,7 +61,7 @@ class SarasonMap(Frozen, abc.ABC):
     graded: ClassVar[bool] = True
     conic: ClassVar[bool] = False
     entrywise: ClassVar[bool] = True
-    inside: ClassVar[str] = "||X||: the non-parametric part is in the ball"
+    inside: ClassVar[str] = "size of the non-parametric part over its bound: it is in the ball"
 
     @property
     def size(self) -> int:

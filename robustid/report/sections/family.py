@@ -9,9 +9,21 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.guarantees import Family, WorstCaseOverPoles
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, side_by_side
+from robustid.report.charts import Axis, Chart, Layer, Panel, first_panel, frequency_axis, side_by_side
 from robustid.report.curves import magnitude_range
-from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Grid,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+)
 from robustid.report.identified import transfer
 from robustid.report.sections.claims import certificates
 from robustid.report.sections.run import findings_section, run_file_section
@@ -69,6 +81,31 @@ def family_page(
             ],
             withheld,
         ),
+        glance=_glance(family, charts[0], withheld),
+    )
+
+
+def _glance(family: Family, entry: Chart, withheld: Any) -> Glance:
+    """The first screen: order, band in words, the first entry, what to do next."""
+    contradicted = withheld is not None and withheld.contradicted
+    at, largest = family.omega[np.argmax(family.sigma_upper)] / HZ, at_most(family.sigma_upper.max(), 3)
+    worst = max(family.drivers(), key=lambda row: row.upper)
+    numbers = [
+        ("members", f"{len(family.members)}"),
+        ("model order", f"{family.model.nstates}"),
+        *([] if contradicted else [("guaranteed error", f"≤ {largest}")]),
+        *family_verdict(family).numbers[:1],
+    ]
+    steps = [
+        f"The band is widest at {number(at, 5)} Hz; {worst.member} drives it there: more data of this member narrow it first."
+    ]
+    if contradicted:
+        steps = ["Take the withheld data into the family as a further member: see “Withheld data”."]
+    return Glance(
+        numbers=numbers,
+        words="" if contradicted else guarantee_words(family),
+        chart=first_panel(entry),
+        next=[Text(step) for step in steps],
     )
 
 

@@ -6,11 +6,25 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.mfd import FitStatus, MatrixFraction, ModeRow, OrderSweep
+from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Grid,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+)
 from robustid.report.sections.claims import checks_table
 from robustid.report.sections.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
 from robustid.report.sections.fit_view import FitView
+from robustid.report.sections.matrices import matrices_section
 from robustid.report.sections.order_sweep import order_sweep_section
 from robustid.report.words import HZ, drawn_words, number, title
 
@@ -37,6 +51,7 @@ _PARTICIPATION = (
     "f is the natural frequency |s|/2π. Participation: peak of the mode’s own response, every entry relative to the largest such"
     " peak of that entry, relative to that of the largest mode."
 )
+_COMMANDS = ("robustid identify --frequency FILE --report report.html", "--time-limit", "--order auto", "--band")
 _MOST_MODES = 40  # at the terminal
 
 
@@ -50,6 +65,7 @@ def fit_page(
     """Build the page of a fit."""
     view = FitView(fit, data)
     sure = view.covariance is not None
+    entries = response_charts(view)
     return Document(
         title or _title(view),
         head=[fit_verdict(view)],
@@ -61,7 +77,7 @@ def fit_page(
             checks_table(view.checks),
             Heading("Frequency response"),
             Text(_response_words(view, sure), "soft"),
-            Grid(response_charts(view), view.nu),
+            Grid(entries, view.nu),
             Heading("Convergence"),
             Text(_CONVERGENCE, "soft"),
             Drawing(convergence_chart(view)),
@@ -70,8 +86,24 @@ def fit_page(
             modes_table(view),
             Text(f"{_PARTICIPATION} {SIGMA if sure else ''}".rstrip(), "soft"),
             *([] if order_sweep is None else order_sweep_section(order_sweep)),
+            *matrices_section(f"model, order {view.model.nstates}", view.model, view.dt or 0.0),
         ],
+        glance=_glance(view, entries[0]),
     )
+
+
+def _glance(view: FitView, entry: Chart) -> Glance:
+    """The first screen: order, fit, residual, the first entry, what to do next."""
+    said = fit_verdict(view)
+    worst = ", worst entry" if view.ny * view.nu > 1 else ""
+    numbers = [said.numbers[0], (f"fit of the response{worst}", f"{number(view.fit_percent, 3)} %"), *said.numbers[1:]]
+    steps = ["A model with a proof, and a bound of its error: robustid identify --frequency FILE --report report.html"]
+    if said.key in ("undecided", "failed"):
+        steps = ["Let it run longer (--time-limit), or fit a lower order: --order auto compares them."]
+    if said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
+        steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
+    steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
+    return Glance(numbers=numbers, chart=first_panel(entry), next=[Text(step, code=_COMMANDS) for step in steps])
 
 
 def fit_summary(view: FitView) -> list[Block]:

@@ -163,6 +163,17 @@ class FitView:
         """Modes of the model, with their standard deviations where there are any."""
         return mode_table(self.fit, self.covariance)
 
+    @cached_property
+    def fit_percent(self) -> float:
+        """``100 (1 - |P_o - P|/|P_o - mean(P_o)|)`` of the worst entry, over the samples that have a weight; NaN without any."""
+        found: list[float] = []
+        for i, j in np.ndindex(self.ny, self.nu):
+            here = (self.used[:, i, j], i, j)
+            data, left = self.values[here], self.values[here] - self.fitted[here]
+            size = np.linalg.norm(data - data.mean()) if data.size else 0.0
+            found += [float(100 * (1 - np.linalg.norm(left) / size))] if size else []
+        return min(found, default=np.nan)
+
     @property
     def equations(self) -> int:
         """Number of real equations."""

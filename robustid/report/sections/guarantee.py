@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.guarantees import WorstCaseError
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import lighter
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
@@ -17,7 +17,7 @@ from robustid.report.sections.guarantee_charts import (
     worst_case_charts,
     worst_case_sigma_chart,
 )
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_least, at_most, function_words, number
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -82,9 +82,16 @@ def sentence(error: WorstCaseError) -> str:
     )
 
 
-def _response(error: WorstCaseError) -> np.ndarray:
+def _response(error: WorstCaseError | WorstCaseOverPoles) -> np.ndarray:
     """Size of the response of the model, (F,): its largest singular value."""
     return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
+
+
+def at_resonance(error: WorstCaseError | WorstCaseOverPoles) -> tuple[float, float]:
+    """Frequency in Hz of the largest response among those that are bounded, and the error there as a share of it."""
+    size, upper = _response(error), error.sigma_upper
+    place = int(np.argmax(np.where(np.isfinite(upper), size, -1.0)))
+    return float(error.omega[place]) / HZ, float(upper[place] / max(size[place], _TINY))
 
 
 def rows(error: WorstCaseError) -> list[tuple[str, str]]:
@@ -220,7 +227,7 @@ def parameter_table(error: WorstCaseError) -> Table:
     for place in np.ndindex(found.lower.shape):
         if not np.isfinite(found.lower[place]):
             continue
-        label = identification.problem.parametric.labels[place[0]]
+        label = function_words(identification.problem.parametric.labels[place[0]])
         if not siso(identification):
             label += f": {transfer(identification, *place[1:])}"
         low, high, value = (float(part[place]) for part in (found.lower, found.upper, values))

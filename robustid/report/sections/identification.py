@@ -23,12 +23,14 @@ from robustid.report.sections.assumptions import (
 from robustid.report.sections.claims import checks_table
 from robustid.report.sections.content import content_section, content_verdict
 from robustid.report.sections.frequency import frequency_section
+from robustid.report.sections.glance import glance
 from robustid.report.sections.guarantee import guarantee_section
+from robustid.report.sections.matrices import matrices_section
 from robustid.report.sections.pole_box import pole_box_section
 from robustid.report.sections.poles import modes_table, poles_section, slowest_poles
 from robustid.report.sections.reduction import order_section, reduction_words
 from robustid.report.sections.residuals import active_section, active_table, residual_section
-from robustid.report.sections.run import findings_section, run_file_section
+from robustid.report.sections.run import diagnosis_section, findings_section, run_file_section
 from robustid.report.sections.sensitivity import sensitivity_section
 from robustid.report.sections.stability import stability_section
 from robustid.report.sections.time import time_section
@@ -36,7 +38,7 @@ from robustid.report.sections.tube import tube_section
 from robustid.report.sections.weights import weights_section
 from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.sections.worth import worth_section, worth_verdict
-from robustid.report.words import number
+from robustid.report.words import function_words, number
 
 if TYPE_CHECKING:
     import control
@@ -65,6 +67,7 @@ def identification_page(
     withheld: Coverage | None = None,
     content: Content | None = None,
     worth: ModelWorth | None = None,
+    diagnosis: str | None = None,
     run_file: str | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
@@ -87,6 +90,7 @@ def identification_page(
         head=[*_verdicts(identification, reduction, withheld, content, worth), *_warnings(identification)],
         body=[
             *findings_section(findings),
+            *diagnosis_section(diagnosis),
             *withheld_section(withheld),
             Heading("Consistency margin"),
             Text(margin_words(identification)),
@@ -100,6 +104,7 @@ def identification_page(
             *order_section(identification, reduction),
             *worth_section(worth),
             *poles_section(identification, shown),
+            *_matrices(identification, reduction),
             Heading("Verification"),
             Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
             checks_table(identification.verification.checks),
@@ -107,7 +112,24 @@ def identification_page(
             *run_file_section(run_file),
         ],
         foot=_foot(identification),
+        glance=glance(
+            identification,
+            margin_interval(identification),
+            reduction=reduction,
+            models=shown,
+            worst_case=worst_case,
+            over_poles=over_poles,
+            withheld=withheld,
+            advice=diagnosis or "",
+        ),
     )
+
+
+def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:
+    """The section of the small model in numbers, or of the nominal one."""
+    nominal = f"nominal model, order {identification.order}", identification.model
+    name, model = nominal if reduction is None else (f"reduced model, order {reduction.order}", reduction.model)
+    return matrices_section(name, model, identification.problem.dt)
 
 
 def _verdicts(
@@ -244,7 +266,8 @@ def _parameters_section(identification: Identification) -> list[Block]:
     problem = identification.problem
     if problem.parametric is None:
         return []
-    labels, values, what = problem.parametric.labels, identification.parameters, unit(identification)
+    labels = [function_words(label) for label in problem.parametric.labels]
+    values, what = identification.parameters, unit(identification)
     if siso(identification):
         columns = [Column("Function", "text"), Column(f"Coefficient [{what}]" if what else "Coefficient", "n")]
         rows = [(label, number(float(value), 6)) for label, value in zip(labels, values, strict=True)]

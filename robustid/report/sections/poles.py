@@ -11,7 +11,7 @@ from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel
 from robustid.report.document import Beside, Block, Column, Drawing, Heading, Table, Text
 from robustid.report.identified import Models, band, shown_models, siso, transfer, unit
-from robustid.report.poles import PoleRow, pole_table
+from robustid.report.poles import PoleRow, pole_rows, pole_table
 from robustid.report.style import DATA, FAINT, NOMINAL
 from robustid.report.words import HZ, number
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LIGHT = 0.05  # damping, below which a pole stands out
+_SAME = 1e-5  # relative distance of a pole of the model from the one that was asked for
 _MOST = 10  # poles or modes at the terminal
 _RANKS = (
     "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
@@ -29,7 +30,10 @@ _RANKS = (
 
 def poles_section(identification: Identification, models: Models) -> list[Block]:
     """Build the section of the poles of every model, and of the modes of a MIMO parametric part."""
-    tables = [(Heading(one.name, 3), _table(pole_table(one.model))) for one in shown_models(identification, models)]
+    nominal, *others = shown_models(identification, models)
+    own, rest = _told_apart(identification)
+    tables: list[tuple[Block, ...]] = [(Heading(nominal.name, 3), _table(own), *_counted(rest))]
+    tables += [(Heading(one.name, 3), _table(pole_table(one.model))) for one in others]
     blocks: list[Block] = [
         Heading("Poles"),
         Drawing(pole_chart(identification, models), beside=True),
@@ -41,6 +45,30 @@ def poles_section(identification: Identification, models: Models) -> list[Block]
     ]
     modes = modes_table(identification)
     return [*blocks, Heading("Modes"), modes, Text(_RANKS, "soft")] if modes.rows else blocks
+
+
+def _told_apart(identification: Identification) -> tuple[list[PoleRow], list[PoleRow]]:
+    """Poles of the nominal model: those outside the region of the non-parametric part, or of the parametric part; and the others.
+
+    Without a parametric part the slowest are told apart.
+    """
+    rows, problem = pole_table(identification.model), identification.problem
+    if problem.parametric is None or problem.prior.physical:
+        slow = sorted(rows, key=lambda row: -row.time_constant if row.time_constant > 0 else -np.inf)
+        return sorted(slow[:_MOST], key=lambda row: row.hz), slow[_MOST:]
+    known = pole_rows(problem.parametric.in_s().poles, problem.dt)
+    own = [row for row in rows if any(abs(row.pole - one.pole) <= _SAME * max(abs(one.pole), 1e-3) for one in known)]
+    return own, [row for row in rows if row not in own]
+
+
+def _counted(rows: list[PoleRow]) -> list[Text]:
+    """Say how many poles are left out, and how slow they are."""
+    if not rows:
+        return []
+    slowest = max(row.time_constant for row in rows)
+    states = sum(row.count for row in rows)
+    words = f"{states} further states are left out here: none has a time constant above {number(slowest, 3)} s."
+    return [Text(words, "soft")]
 
 
 def slowest_poles(identification: Identification, reduction: Reduction | None) -> Table:

@@ -16,6 +16,7 @@ from robustid.report.words import number
 if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
+_HANKEL_FLOOR = 1e-8  # of the largest Hankel singular value
 _FLOOR = 1e-3  # what lies below, an interpolation of the samples, is drawn here
 
 
@@ -84,7 +85,8 @@ def hankel_chart(identification: Identification, reduction: Any = None) -> Chart
     values = shown.hankel
     held = shown.bounds.size - 1 - values.size
     top = float(values.max(initial=0.0)) or 1.0
-    floor = 1e-17 * top
+    floor = _HANKEL_FLOOR * top
+    values = values[: max(np.count_nonzero(values >= floor), shown.order - held, 1)]  # the others are rounding
     index = np.arange(1, values.size + 1)
     kept = index <= shown.order - held
     groups = [(kept, "kept", NOMINAL, "circle"), (~kept, "truncated", FAINT, "circle-open")]

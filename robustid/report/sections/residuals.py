@@ -56,7 +56,12 @@ def active_constraints(identification: Identification) -> list[Active]:
         at = residual.axis[index]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated points the worst
         place = f"{number(at / HZ, 5)} Hz" if residual.kind == "frequency" else f"{number(at, 5)} s"
-        experiment = f"{residual.kind} {residual.index + 1}"
+        kinds = {
+            "frequency": ("response", identification.problem.frequency),
+            "time": ("record", identification.problem.time),
+        }
+        kind, given = kinds[residual.kind]
+        experiment = f"{kind} {residual.index + 1}" if len(given) > 1 else kind
         rows.append(Active(experiment, where(identification, residual), place, share, ratio))
     return rows
 

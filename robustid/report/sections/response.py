@@ -8,9 +8,21 @@ import numpy as np
 
 from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.data.estimate import joint_radius
-from robustid.report.charts import Chart
+from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.document import Block, Column, Document, Drawing, Facts, Grid, Heading, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Grid,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+)
 from robustid.report.sections.assumptions import bound_source
 from robustid.report.sections.response_charts import entry_charts, overview_charts, spectrum_charts
 from robustid.report.sections.response_view import ResponseView
@@ -29,6 +41,7 @@ _LEVELS = (
     "Medians over the frequency points; bound, noise and distortion relative to the response. σ is the standard deviation of the"
     " values; that of the distortion is for one realisation of the excitation. What is below its bound has no known phase."
 )
+_COMMAND = "robustid identify --frequency FILE --report report.html"
 _MOST_ENTRIES = 16  # at the terminal
 
 
@@ -42,6 +55,7 @@ def response_page(
     view = ResponseView(frf, records)
     several, points, spectra = view.ny * view.nu > 1, frf.omega.size, spectrum_charts(view)
     of_each = " of every entry; outputs below each other, inputs beside each other" if several else ""
+    entries = entry_charts(view)
     left_out = drawn_words(points, most_drawn(points, view.ny * view.nu), "level")
     return Document(
         title or _title(view),
@@ -53,11 +67,20 @@ def response_page(
             Text(_LEVELS, "soft"),
             Heading("Frequency response"),
             Text(f"Magnitude and phase{of_each}. Drag to zoom, double click to go back.{left_out}", "soft"),
-            Grid(entry_charts(view), view.nu, small=view.nu > 1, titled=several),
+            Grid(entries, view.nu, small=view.nu > 1, titled=several),
             *(block for chart in overview_charts(view) for block in _overview(view, chart)),
             *_spectra(view, spectra),
         ],
+        glance=_glance(view, entries[0]),
     )
+
+
+def _glance(view: ResponseView, entry: Chart) -> Glance:
+    """The first screen: points, relative bound, the first entry, what to do next."""
+    steps = [Text(f"A model with a proof: {_COMMAND}", code=(_COMMAND,))]
+    if view.frf.bound is None:
+        steps = [Text("Give a bound of the errors (--frequency-bound), or estimate it from records: robustid frf.")]
+    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=steps)
 
 
 def response_summary(view: ResponseView) -> list[Block]:

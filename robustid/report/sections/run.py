@@ -16,6 +16,11 @@ def findings_section(findings: Sequence[str]) -> list[Block]:
     return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
 
 
+def diagnosis_section(diagnosis: str | None) -> list[Block]:
+    """Build the section of what would make the data consistent."""
+    return [Heading("What would help"), Code(diagnosis)] if diagnosis else []
+
+
 def run_file_section(run_file: str | None) -> list[Block]:
     """Build the section of the run file."""
     if run_file is None:

@@ -1,0 +1,113 @@
+"""The first screen of an identification: order, guaranteed error, error at the resonance, fit, one plot, what to do next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robustid.errors import Status
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.identification import Identification, fit_percent
+from robustid.report.charts import Chart, first_panel
+from robustid.report.document import Glance, Text
+from robustid.report.identified import Models, in_unit, siso
+from robustid.report.sections import guarantee, pole_box
+from robustid.report.sections.frequency import frequency_charts, sigma_chart
+from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
+from robustid.report.sections.time import time_chart
+from robustid.report.words import HZ, at_most, number
+
+if TYPE_CHECKING:
+    from robustid.guarantees import Coverage
+    from robustid.reduction import Reduction
+
+_FIT = {"frequency": "fit of the response", "time": "fit of the records"}
+_BOUND = "robustid bounds RESULT --report bounds.html"
+_STABLE = "error.robust_stability_margin(K)"
+_UNBOUNDED = (
+    "How far the machine may be from this model is not bounded on this page yet: samples are kept, and nothing is said between"
+    " them."
+)
+
+
+def glance(
+    identification: Identification,
+    margin: str,
+    *,
+    reduction: Reduction | None = None,
+    models: Models = None,
+    worst_case: WorstCaseError | None = None,
+    over_poles: WorstCaseOverPoles | None = None,
+    withheld: Coverage | None = None,
+    advice: str = "",
+) -> Glance:
+    """Return numbers, words, plot and next steps; `advice`: sentences of what would make inconsistent data consistent."""
+    bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
+    contradicted = withheld is not None and withheld.contradicted
+    words = ""
+    if bound is not None and not contradicted:
+        words = guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)
+    elif bound is None and identification.status is Status.CONSISTENT:
+        words = _UNBOUNDED
+    return Glance(
+        numbers=[*_numbers(identification, reduction, None if contradicted else bound), ("consistency margin", margin)],
+        words=words,
+        chart=_chart(identification, models, worst_case),
+        next=_next(identification, worst_case, contradicted, advice),
+    )
+
+
+def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
+    small = identification.model if reduction is None else reduction.model
+    order = f"{identification.order}" + (f" → {reduction.order}" if reduction is not None else "")
+    found = [("model order", order)]
+    if bound is not None:
+        known = np.isfinite(bound.sigma_upper)
+        largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
+        hz, share = guarantee.at_resonance(bound)
+        found += [
+            (f"guaranteed error, order {bound.model.nstates}", f"≤ {largest}"),
+            (f"at the resonance, {number(hz)} Hz", f"≤ {at_most(100 * share, 2)} %"),
+        ]
+    if identification.status is Status.CONSISTENT:
+        worst = ("" if siso(identification) else ", worst entry") + f", order {small.nstates}"
+        fits = fit_percent(identification.problem, small)
+        found += [(f"{_FIT[kind]}{worst}", f"{number(value, 3)} %") for kind, value in fits.items()]
+    return found
+
+
+def _chart(identification: Identification, models: Models, error: WorstCaseError | None) -> Chart | None:
+    """The magnitude with its guaranteed range; of a matrix the singular values; of records alone the first of them."""
+    if error is not None:
+        whole = worst_case_charts(error)[0] if siso(identification) else worst_case_sigma_chart(error)
+    elif not identification.problem.frequency:
+        whole = time_chart(identification, models)
+    else:
+        whole = (
+            frequency_charts(identification, models)[0] if siso(identification) else sigma_chart(identification, models)
+        )
+    return first_panel(whole)
+
+
+def sample_words(sample: str) -> str:
+    """The name of a sample with the kind of its experiment in words."""
+    kinds = {"frequency": "response", "time": "record"}
+    kind, rest = sample.split(" ", 1)
+    return f"{kinds.get(kind, kind)} {rest}"
+
+
+def _next(identification: Identification, error: WorstCaseError | None, contradicted: bool, advice: str) -> list[Text]:
+    if identification.status is Status.INCONSISTENT:
+        return [Text(line) for line in advice.splitlines()[:2]] or [
+            Text("Find the cause: rid.diagnose(result) ranks what would help.", code=("rid.diagnose(result)",))
+        ]
+    if identification.status is not Status.CONSISTENT:
+        return [Text("Ask for a smaller accuracy, or give it more time: see the verdict.")]
+    if contradicted:
+        return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
+    if error is None or not error.omega.size:
+        return [Text(f"Bound the error of the model: {_BOUND}", code=(_BOUND,))]
+    at, *_, sample = error.worst(1)[0]
+    narrower = f"The error is largest at {number(at / HZ, 5)} Hz; a smaller bound of one sample there helps first: {sample_words(sample)}."
+    return [Text(f"Check a controller K against this error: {_STABLE}", code=(_STABLE,)), Text(narrower)]
