@@ -87,6 +87,16 @@ def started(record: Any) -> str:
     return words[record.initial]
 
 
+def sample_words(identification: Identification, sample: str) -> str:
+    """Name a sample by the kind of its experiment, "response at 13 Hz", in place of "frequency 1 at 13 Hz"."""
+    problem = identification.problem
+    for kind, words, given in (("frequency", "response", problem.frequency), ("time", "record", problem.time)):
+        if sample.startswith(f"{kind} "):
+            rest = sample.removeprefix(f"{kind} ")
+            return f"{words} {rest.removeprefix('1 ') if len(given) == 1 else rest}"
+    return sample
+
+
 def numbered(text: str, index: int, count: int) -> str:
     """The text, with a number where there are several such things."""
     return f"{text} ({index + 1})" if count > 1 else text

@@ -66,7 +66,8 @@ def write_report(
     """Write everything there is to know about a result as one self-contained HTML page.
 
     The first screen has the verdict, the order, the guaranteed error, one plot, at most three warnings and what to do next;
-    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every sample against the models, residuals
+    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every
+    sample against the models, residuals
     against their bounds, the active constraints, order, poles, verification, versions; of a MIMO problem every entry, the
     singular values, and the modes with the ranks of their residues. Of a fitted matrix
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition

@@ -101,4 +101,6 @@ class Page(html.parser.HTMLParser):
 
     @property
     def figures(self) -> dict[str, Any]:
-        return json.loads(self.scripts[-2])
+        """Those below the first screen."""
+        every = json.loads(self.scripts[-2])
+        return {name: figure for name, figure in every.items() if name != "first-0"}

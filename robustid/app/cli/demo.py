@@ -23,7 +23,7 @@ def demo(
     static: Static = False,
     seed: Annotated[int, typer.Option(min=0, help="Noise of the simulated measurements.")] = 0,
 ) -> None:
-    """Identify a simulated mass-beam structure, from measurements to a report. About twenty seconds.
+    """Identify a simulated mass-beam structure, from measurements to a report. About ten seconds.
 
     Frequency points from 1 to 21 Hz and a step response, noise bounded by 0.03; modes at 9 Hz (well damped) and 17.67 Hz
     (damping ratio 0.004). The program finds the modes and the prior by itself.

@@ -11,7 +11,7 @@ from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
-from robustid.report.identified import Models, in_unit, siso
+from robustid.report.identified import Models, in_unit, sample_words, siso
 from robustid.report.sections import guarantee, pole_box
 from robustid.report.sections.frequency import frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
@@ -51,7 +51,10 @@ def glance(
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     return Glance(
-        numbers=[*_numbers(identification, reduction, None if contradicted else bound), ("consistency margin", margin)],
+        numbers=[
+            *_numbers(identification, reduction, None if contradicted else bound),
+            *[("consistency margin", margin)] * (identification.status is not Status.CONSISTENT),
+        ],
         words=words,
         chart=_chart(identification, models, worst_case),
         next=_next(identification, worst_case, contradicted, advice),
@@ -90,13 +93,6 @@ def _chart(identification: Identification, models: Models, error: WorstCaseError
     return first_panel(whole)
 
 
-def sample_words(sample: str) -> str:
-    """The name of a sample with the kind of its experiment in words."""
-    kinds = {"frequency": "response", "time": "record"}
-    kind, rest = sample.split(" ", 1)
-    return f"{kinds.get(kind, kind)} {rest}"
-
-
 def _next(identification: Identification, error: WorstCaseError | None, contradicted: bool, advice: str) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
         return [Text(line) for line in advice.splitlines()[:2]] or [
@@ -109,5 +105,6 @@ def _next(identification: Identification, error: WorstCaseError | None, contradi
     if error is None or not error.omega.size:
         return [Text(f"Bound the error of the model: {_BOUND}", code=(_BOUND,))]
     at, *_, sample = error.worst(1)[0]
-    narrower = f"The error is largest at {number(at / HZ, 5)} Hz; a smaller bound of one sample there helps first: {sample_words(sample)}."
+    where, what = f"{number(at / HZ, 5)} Hz", sample_words(identification, sample)
+    narrower = f"The error is largest at {where}. A smaller bound of one sample helps first there: {what}."
     return [Text(f"Check a controller K against this error: {_STABLE}", code=(_STABLE,)), Text(narrower)]

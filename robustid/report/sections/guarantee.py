@@ -8,7 +8,7 @@ from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import lighter
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
-from robustid.report.identified import about, in_unit, siso, transfer, unit
+from robustid.report.identified import about, in_unit, sample_words, siso, transfer, unit
 from robustid.report.sections.assumptions import CAUTION
 from robustid.report.sections.claims import certificates, checked
 from robustid.report.sections.guarantee_charts import (
@@ -196,7 +196,7 @@ def worst_table(error: WorstCaseError) -> Table:
             at_least(low),
             f"{number(100 * (1 - low / high), 2)} %" if high else "–",
             f"{at_most(100 * high / size[w])} %" if size[w] else "–",
-            sample,
+            sample_words(error.identification, sample),
         )
         for w, high, low, sample in error.worst(_ROWS)
     ]

@@ -93,6 +93,7 @@ def identification_page(
             *diagnosis_section(diagnosis),
             *withheld_section(withheld),
             Heading("Consistency margin"),
+            Facts([("Proven interval", margin_interval(identification))]),
             Text(margin_words(identification)),
             *assumptions_section(identification),
             *content_section(content),
