@@ -64,7 +64,17 @@ def test_pages_of_matrices_on_narrow_screens(tmp_path: Path) -> None:
 
 
 def check_identification(found: dict[str, str]) -> None:
-    names = ["frequency-0", "time-0", "time-1", "residuals-0", "hankel-0", "poles-0", "poles-1", "guarantee-0"]
+    names = [
+        "first-0",
+        "frequency-0",
+        "time-0",
+        "time-1",
+        "residuals-0",
+        "hankel-0",
+        "poles-0",
+        "poles-1",
+        "guarantee-0",
+    ]
     names += ["nyquist-0", "nyquist-1", "over_poles-0", "tube-0", "sensitivity-0", "sensitivity-1"]
     assert set(found) == set(names)
     assert "errorbar" in found["frequency-0"]
@@ -121,7 +131,7 @@ def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path
     assert '<title>"Title" &amp; &lt;/title&gt;</title>' in dom
     assert "owned'</script>" not in dom.replace("&lt;/script&gt;", "")
     assert not re.search(r"<img|<b>y", dom)
-    title = plots(dom)["time-0"]
+    title = plots(dom)["first-0"]
     shown = re.search(r'<text class="ytitle"[^>]*>(.*?)</text>', title, re.S)
     assert shown is not None
     assert shown.group(1).startswith("&lt;/script&gt;&lt;img src=x")

@@ -70,7 +70,7 @@ def test_a_contradicting_sample_is_named_with_its_entry() -> None:
     result = rid.identify(problem(spiked))
     assert not result.consistent
     first = active_constraints(result)[0]
-    assert (first.experiment, first.of) == ("frequency 1", "y2 / u1")
+    assert (first.experiment, first.of) == ("response", "y2 / u1")
     assert first.place == f"{frf.freq_hz[4]:.5g} Hz"
     assert first.ratio == pytest.approx(abs(spiked.values - response_of(result.model, frf.omega))[4, 1, 0] / 0.05)
     assert "y2 / u1" in printed(result)
@@ -82,4 +82,4 @@ def test_a_contradicting_sample_of_a_record_is_named_with_its_output() -> None:
     y[5, 1] += 3
     result = rid.identify(problem(measured(lines=6), dataclasses.replace(time, y=y)))
     first = active_constraints(result)[0]
-    assert (first.experiment, first.of, first.place) == ("time 1", "y2", "0.05 s")
+    assert (first.experiment, first.of, first.place) == ("record", "y2", "0.05 s")

@@ -44,12 +44,14 @@ def framed(pages: dict[Path, int], folder: Path) -> tuple[list[Shown], list[str]
             f'<iframe src="{page.as_uri()}" width="{width}" height="800" style="border:0"></iframe>'
             for page, width in pages.items()
         )
-        + '<script>onload = () => setTimeout(() => document.querySelectorAll("iframe").forEach((one) => {'
+        + '<script>onload = () => { document.querySelectorAll("iframe").forEach((one) => {'
+        " one.contentDocument.querySelectorAll('details').forEach((part) => { part.open = true; }); });"
+        ' setTimeout(() => document.querySelectorAll("iframe").forEach((one) => {'
         " const page = one.contentDocument.documentElement, copy = document.createElement('pre');"
         ' copy.title = page.clientWidth + " " + page.scrollWidth;'
         ' page.querySelectorAll("script").forEach((script) => script.remove());'
         " copy.textContent = page.outerHTML; document.body.append(copy);"
-        " }), 3000)</script>",
+        " }), 3000); }</script>",
         encoding="utf-8",
     )
     dom, console = opened(frame, folder / "profile", "--allow-file-access-from-files")

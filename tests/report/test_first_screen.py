@@ -1,0 +1,100 @@
+"""The first screen of a page, its size, and the page with pictures only."""
+
+from __future__ import annotations
+
+import re
+
+import control
+import pytest
+
+import robustid as rid
+from robustid.identification import fit_percent
+from robustid.report import render_report
+from robustid.report.document import Document, Heading, Text, Verdict
+from robustid.report.html import MOST_WARNINGS, render
+from support.report_pages import Page, problem
+
+MOST_BYTES = 3_000_000  # of a page of a SISO identification: plotly, packed, is 1.9 MB of it
+MOST_BYTES_STATIC = 500_000
+
+
+def ids(page: str) -> list[str]:
+    return re.findall(r' id="([^"]+)"', page)
+
+
+def test_parts_of_the_first_screen_stand_in_their_order(error: rid.WorstCaseError) -> None:
+    page = render_report(error.identification, worst_case=error)
+    first, rest = page.split("Open all details</button>")
+    body = first[first.index("<body>") :]
+    places = [ids(body).index(name) for name in ("verdict", "numbers", "band", "glance", "first-0", "next")]
+    assert places == sorted(places)
+    assert "model order" in body
+    assert "guaranteed error" in body
+    assert "at the resonance, 17.6 Hz" in body
+    assert body.count("<figure") == 1
+    assert rest.count("<details") == rest.count("<h2>") > 8
+    assert re.findall("<h[23]", body)[0] == "<h2"
+
+
+@pytest.mark.parametrize("count", [0, 2, 3, 5])
+def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count: int) -> None:
+    warnings = [Text(f"Warning: number {k} is wrong. Its remainder {k}.", "warning") for k in range(count)]
+    page = render(Document("t", [Verdict("weak", "Word", "Sentence."), *warnings], [Heading("Part"), Text("body")]))
+    first = page.split("Open all details</button>")[0]
+    assert len(re.findall("Number . is wrong", first)) == min(count, MOST_WARNINGS)
+    for k in range(count):
+        assert page.count(f"Number {k} is wrong.") == page.count(f"Its remainder {k}.") == 1
+
+
+def test_a_verdict_that_warns_is_a_warning_and_another_stands_below() -> None:
+    head = [Verdict("consistent", "Good", "A."), Verdict("weak", "Poor", "B."), Verdict("consistent", "Fine", "C.")]
+    document = Document("t", head, [Text("lost heading"), Heading("Part")])
+    assert document.warnings == ["Poor: B."]
+    assert document.beside == head[2:]
+    assert [part.title for part in document.parts] == ["Details", "Part"]
+
+
+def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(consistent: rid.Identification) -> None:
+    page = render_report(consistent, static=True)
+    assert len(page) < MOST_BYTES_STATIC
+    assert "<script" not in page
+    assert "script-src" not in page
+    pictures = [attrs for tag, attrs in Page(page).tags if tag == "img"]
+    assert len(pictures) == page.count("<figure") > 5
+    for attrs in pictures:
+        assert (attrs["src"] or "").startswith("data:image/png;base64,")
+        assert " over " in (attrs["alt"] or "")
+    assert not re.search(r"https?://|src=\"(?!data:)", page)
+
+
+def test_the_default_page_is_packed_and_its_plots_have_words(consistent: rid.Identification) -> None:
+    page = render_report(consistent)
+    assert len(page) < MOST_BYTES
+    figures = [attrs for tag, attrs in Page(page).tags if tag == "figure"]
+    assert len(figures) > 5
+    for attrs in figures:
+        assert attrs["role"] == "img"
+        assert " over " in (attrs["aria-label"] or "")
+    outside = re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S)
+    assert not re.search(r"https?://", outside)
+
+
+def test_an_inconsistent_page_leads_on() -> None:
+    result = rid.identify(problem(hz=17.3))
+    text = Page(render_report(result, diagnosis="Most likely cause: a mode at 17.67 Hz.\nAnother line.\nThird.")).text
+    first = text.split("Open all details")[0]
+    assert "Most likely cause: a mode at 17.67 Hz." in first
+    assert "What would help" in text
+    assert "consistency margin" in first
+
+
+def test_fit_in_per_cent_is_that_of_the_residuals() -> None:
+    asked = problem()
+    frf, record, model = asked.frequency[0], asked.time[0], rid.flexible_structure().truth
+    response = control.frequency_response(model, frf.omega).frdata[0, 0]
+    values = frf.values[:, 0, 0]
+    _, simulated = control.forced_response(model, record.time, record.u[:, 0])
+    found = fit_percent(asked, model)
+    for kind, measured, predicted in (("frequency", values, response), ("time", record.y[:, 0], simulated)):
+        left, size = abs(measured - predicted) ** 2, abs(measured - measured.mean()) ** 2
+        assert found[kind] == pytest.approx(100 * (1 - (left.sum() / size.sum()) ** 0.5), abs=1e-6)
