@@ -189,17 +189,18 @@ class Document:
     @property
     def warnings(self) -> list[str]:
         """Everything at the head that warns, verdicts beside the first one too."""
-        return [block.words if isinstance(block, Verdict) else block.text for block in self.head if self._warns(block)]
+        return [words for block in self.head if (words := self._warning(block))]
 
-    def _warns(self, block: Block) -> bool:
+    def _warning(self, block: Block) -> str:
+        """Words of a block that warns; none of another one."""
         if isinstance(block, Verdict):
-            return block is not self.verdict and block.key != "consistent"
-        return isinstance(block, Text) and block.role == "warning"
+            return block.words if block is not self.verdict and block.key != "consistent" else ""
+        return block.text if isinstance(block, Text) and block.role == "warning" else ""
 
     @property
     def beside(self) -> list[Block]:
         """Everything at the head that doesn't warn, but for the verdict."""
-        return [block for block in self.head if block is not self.verdict and not self._warns(block)]
+        return [block for block in self.head if block is not self.verdict and not self._warning(block)]
 
     @property
     def parts(self) -> list[Part]:

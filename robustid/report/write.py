@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robustid.core import atomic_write
+from robustid.core import as_flag, atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
@@ -155,6 +155,7 @@ def render_report(
     **parts: Any,
 ) -> str:
     """Return the page of `write_report`, which names the parts, as text."""
+    static = as_flag("static", static)
     kind = kind_of("identification", identification, _PAGES)
     if title is not None and not isinstance(title, str):
         raise InputTypeError(f"`title` must be text; got {type(title).__name__}")

@@ -32,7 +32,8 @@ CALLS = [
     ("identify_reduced", "worst_case", lambda **flag: rid.identify_reduced(CLASS.frequency, **flag)),
     ("improve_kautz", "repeat", lambda **flag: rid.improve_kautz(PROBLEM, **flag)),
     ("multisine", "minimise_crest", lambda **flag: rid.multisine(band_hz=(1, 31), period=1000, dt=1e-3, **flag)),
-    ("run", "force resume", lambda **flag: rid.run("ask.toml", "results", **flag)),
+    ("run", "force resume static", lambda **flag: rid.run("ask.toml", "results", **flag)),
+    ("write_report", "static", lambda **flag: rid.write_report(FRF, "page.html", **flag)),
     ("subspace_estimate", "feedthrough stable", lambda **flag: subspace_estimate(FRF.values, 1j * OMEGA, 2, **flag)),
 ]
 PASSED_ON = {("Family.on_circle", "everywhere")}  # to WorstCaseError.on_circle of every member
