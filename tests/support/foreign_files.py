@@ -1,9 +1,14 @@
 """Shared by the tests: files as other programs write them, made from the descriptions of their formats."""
 
+import json
 import struct
 from typing import NamedTuple
 
 import numpy as np
+import pytest
+
+from robustid import load
+from robustid.errors import RobustIdError
 
 
 class Function(NamedTuple):
@@ -110,3 +115,54 @@ def npy(path, array, *, fortran=False):
     data = array.tobytes(order="F" if fortran else "C")
     path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + data)
     return path
+
+
+HZ = np.array([1.0, 2.0, 4.0, 5.0, 8.0, 10.0, 12.5, 16.0])
+G = np.array([2 - 1j, 1.5 - 1.25j, 0.5 - 2j, -0.25 - 1j, -0.5 - 0.5j, -0.25 - 0.125j, -0.125 + 0.0625j, 0.5 + 0.25j])
+U = np.array([0.0, 1.0, 1.0, -0.5, 0.25, 2.0, -1.0, 0.5])
+Y = np.array([0.0, 0.0, 0.5, 0.75, 0.125, 0.25, 1.5, -0.25])
+DT = 0.01
+
+
+def same_response(frf, tolerance=1e-12):
+    """The response above, to rounding of what a text holds."""
+    np.testing.assert_allclose(frf.freq_hz, HZ, rtol=max(tolerance, 1e-14))
+    np.testing.assert_allclose(frf.values[:, 0, 0], G, rtol=tolerance, atol=tolerance)
+
+
+def same_record(record, tolerance=1e-12, dt=DT):
+    """The record above."""
+    np.testing.assert_allclose(record.u[:, 0], U, rtol=tolerance, atol=tolerance)
+    np.testing.assert_allclose(record.y[:, 0], Y, rtol=tolerance, atol=tolerance)
+    assert abs(record.dt - dt) <= 1e-9 * dt
+
+
+def rows(*columns, separator=",", digits="{:.17g}", comma=False):
+    """Lines of numbers."""
+    lines = [separator.join(digits.format(value) for value in row) for row in zip(*columns, strict=True)]
+    text = "\n".join(lines) + "\n"
+    return text.replace(".", ",") if comma else text
+
+
+def quoted(name, value):
+    """An argument as the sentences write it."""
+    if name == "fields":
+        return f"fields={json.dumps(value)}"
+    return f"{name}='{value}" if name in ("axes", "decimal") else f"{name}="
+
+
+def followed(path, options):
+    """What a file holds, loaded with only those arguments that the sentences name one after the other."""
+    given = {}
+    while set(given) != set(options):
+        with pytest.raises(RobustIdError) as refused:
+            load(path, **given)
+        told = str(refused.value)
+        named = {
+            name: value
+            for name, value in options.items()
+            if quoted(name, value) in told.replace('="', "='") or quoted(name, value) in told or f"`{name}`" in told
+        }
+        assert not set(named) <= set(given), f"after {given}: {told}"
+        given |= named
+    return load(path, **options)

@@ -137,7 +137,8 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
             " decimal=',' for one"
         )
     remarks = [remark for remark in lines if is_comment(remark[1]) and remark[0] < number]
-    names, words = _names(best, table[: best.start], remarks)
+    ends = best.separator is not None and line.rstrip(" \r\n").endswith(best.separator)
+    names, words = _names(best, table[: best.start], remarks, ends)
     how = f"text, {best.width} columns separated by {_WORDS[best.separator]}" if best.several else "text, one column"
     how += " with decimal commas" * (best.decimal == ",")
     return Layout(best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on")
@@ -168,12 +169,12 @@ def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...]) ->
 
 
 def _names(
-    best: _Reading, above: Sequence[tuple[int, str]], remarks: Sequence[tuple[int, str]]
+    best: _Reading, above: Sequence[tuple[int, str]], remarks: Sequence[tuple[int, str]], ends: bool
 ) -> tuple[tuple[str, ...], str]:
     """Names of the columns, and where they stand in words; without names their addresses."""
     addresses = tuple(f"[:,{k}]" for k in range(best.width))
     bare = [(k, line.strip().lstrip("#%!/*").strip()) for k, line in remarks]
-    rows = _rows_of_text(above, best) or _rows_of_text(bare, best)
+    rows = _rows_of_text(above, best, ends) or _rows_of_text(bare, best, ends)
     if not rows:
         return addresses, "no names"
     *rows, (at, row) = rows
@@ -194,7 +195,7 @@ def _names(
     return tuple(name or address for name, address in zip(names, addresses, strict=True)), f"names in line {at}{words}"
 
 
-def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading) -> list[tuple[int, list[str]]]:
+def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:
     """The lowest lines with one text a column and without numbers, as cells."""
     found: list[tuple[int, list[str]]] = []
     for k, line in reversed(lines[-4:]):
@@ -204,6 +205,8 @@ def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading) -> list[tupl
             *(cells_of(line, mark) for mark in ",; "),
         )
         row = next((cut for cut in cuts if len(cut) == best.width), None)
+        if row is None and ends and len(cuts[0]) == best.width + 1:
+            row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
         if row is None or any(is_number(cell) or is_number(cell, ",") for cell in row) or not any(row):
             break
         found.insert(0, (k, row))

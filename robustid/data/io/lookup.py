@@ -12,7 +12,7 @@ import numpy as np
 from robustid.core import as_positive
 from robustid.data.io import axes, units
 from robustid.data.io.addresses import Address, columns, expanded, parse, taken
-from robustid.data.io.names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, rank
+from robustid.data.io.names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, is_usual, rank
 from robustid.data.io.readers import export, read_table
 from robustid.data.io.suggestion import example
 from robustid.data.io.table import NAMELESS, Table
@@ -60,7 +60,10 @@ class Lookup:
         if role in self.fields:
             return self.fields[role]
         if role in ("omega", "freq_hz", "time", "phase_deg", "phase_rad", "magnitude", "magnitude_db"):
-            return min(self.axes.get(role, []), key=lambda name: rank(role, name), default=None)
+            found = sorted(self.axes.get(role, []), key=lambda name: rank(role, name))
+            # Two magnitudes with other titles than usual are of two channels: neither is taken.
+            unusual = len(found) > 1 and rank(role, found[0])[0] == rank(role, found[1])[0]
+            return None if not found or (unusual and not is_usual(role, found[0])) else found[0]
         for name in NAMES[role]:
             if (match := self._match(name)) is not None:
                 return match

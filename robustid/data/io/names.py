@@ -10,8 +10,8 @@ FREQUENCY = {
     "omega": ("omega", "w", "rad_s", "omega_rad_s"),
     "freq_hz": ("freq_hz", "frequency_hz", "f_hz", "hz"),
     "values": ("values", "frf", "response", "g", "h"),
-    "real": ("real", "re"),
-    "imag": ("imag", "im"),
+    "real": ("real", "re", "real part"),
+    "imag": ("imag", "im", "imaginary", "imaginary part"),
     "magnitude": ("magnitude", "mag", "abs"),
     "magnitude_db": ("magnitude_db", "mag_db", "db"),
     "phase_deg": ("phase_deg", "phase_degrees"),
@@ -37,6 +37,8 @@ _AXES = {
     **dict.fromkeys(("phase", "angle", "arg"), "phase"),
     **dict.fromkeys(("magnitude", "mag", "abs"), "magnitude"),
 }
+_PARTS = {word: kind for word, kind in _AXES.items() if kind in ("phase", "magnitude")}
+_LEVELS = ("gain", "amplitude")  # magnitudes if they are in dB
 UNSURE = "unsure "  # before the kind of an axis: its unit isn't known
 
 
@@ -46,6 +48,8 @@ def axis_role(name: str) -> str | None:
     base = base.lower()
     known = {"hz": "frequency", "rad_s": "frequency", "db": "magnitude"}
     kind = _AXES.get(base) or (known.get(unit.lower()) if not base else None)
+    if kind is None and units.in_brackets(name)[1] and base:  # "H1 Magnitude [dB]"
+        kind = _PARTS.get(base.split()[-1], "level" if base.split()[-1] in _LEVELS else None)
     if kind == "frequency":
         if not unit:
             return "omega" if base in _ANGULAR else UNSURE + kind
@@ -58,6 +62,8 @@ def axis_role(name: str) -> str | None:
     if kind == "phase":
         scale = units.factor(units.PHASE, unit)
         return UNSURE + kind if scale is None else "phase_rad" if scale == 1 else "phase_deg"
+    if kind == "level":
+        return "magnitude_db" if unit.lower() == "db" else None
     if kind == "magnitude":
         return "magnitude_db" if unit.lower() == "db" else UNSURE + kind if "db" in unit.lower() else "magnitude"
     return None
@@ -68,3 +74,8 @@ def rank(role: str, name: str) -> tuple[int, bool]:
     base = units.axis_label(name)[0]
     usual = [*dict.fromkeys(units.axis_label(known)[0] for known in NAMES[role])]
     return usual.index(base.lower()) if base.lower() in usual else len(usual), base != base.lower()
+
+
+def is_usual(role: str, name: str) -> bool:
+    """Return whether a column has a usual name of a role, but for its unit."""
+    return units.axis_label(name)[0].lower() in {units.axis_label(known)[0] for known in NAMES[role]} | set(_AXES)

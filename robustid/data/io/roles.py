@@ -135,7 +135,7 @@ def _values(lookup: Lookup) -> np.ndarray:
             )
         raise InputError(
             "needs 'values' (complex), or 'real' and 'imag', or 'magnitude' or 'magnitude_db' with"
-            f" 'phase_deg' or 'phase_rad'; name them by `fields`. {lookup.inventory()}"
+            f" 'phase_deg' or 'phase_rad'; name them by `fields`. {lookup.help()}"
         )
     for role in way:
         _check_unit(lookup, role)
@@ -180,6 +180,12 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
     if lookup.named_axes is not None:
         return _realisations(lookup, lookup.named_axes, names, options)
     signals = {role: lookup.signal(role, name) for role, name in names.items()}
+    for role, values in signals.items():
+        if values.ndim > 2:
+            raise InputError(
+                f"{names[role]!r} has {values.ndim} axes {values.shape}; name them, such as axes='time,signal,realisation,period',"
+                f" or take a part of it by an address such as '{names[role]}[:,:,0]'"
+            )
     for side, role in (("inputs", "u"), ("outputs", "y")):
         labels = lookup.labels(names[role])
         if side not in options and len(labels) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):

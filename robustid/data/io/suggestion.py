@@ -6,15 +6,18 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from robustid.data.io import units
 from robustid.data.io.addresses import written
-from robustid.data.io.names import UNSURE, axis_role
+from robustid.data.io.names import NAMES, UNSURE, axis_role
 from robustid.data.io.table import NAMELESS, Table
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _STEADY = 1e-6
+_CARTESIAN = ("real", "imag")
 _SIDES = {"u": "its input", "y": "its output"}
 _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),
           ("inputs", "outputs"), ("outputs", "inputs"))  # fmt: skip
@@ -39,18 +42,57 @@ def example(table: Table, *, dt: bool) -> str:
     length = max(set(lengths), key=lambda count: (lengths.count(count), count))
     columns = [(address, values) for address, values in columns if len(values) == length]
     timed = (column for column in columns if axis_role(column[0]) == "time")
-    axis = next(timed, columns[0]) if len(columns) > 1 else columns[0]
-    enough = len(columns) > 2 or axis_role(axis[0]) == "time"
-    axis = axis if len(columns) > 1 and enough and _increases(axis[1]) else None
+    first = next(timed, columns[0])
+    enough = len(columns) > 2 or (len(columns) == 2 and _kind(first[0]) is not None) or _complex(columns[1:])
+    axis = first if enough and _increases(first[1]) else None
     rest = [address for address, _ in columns if axis is None or address != axis[0]]
-    if any(np.iscomplexobj(values) for _, values in columns):
-        values = next(address for address, values in columns if np.iscomplexobj(values))
-        return _frequency(axis, {"values": values})
     words: list[str] = []
-    words.append(_time(table, axis, rest, dt))
-    if axis is not None and len(rest) >= 2 and axis_role(axis[0]) != "time":
-        words.append(_frequency(axis, {"real": rest[0], "imag": rest[1]}))
+    if _kind(first[0]) != "frequency" and not _complex(columns):
+        words.append(_time(table, axis, rest, dt))
+    if _kind(first[0]) != "time" and (parts := _parts([column for column in columns if column[0] in rest], axis)):
+        words.append(_frequency(axis, parts))
     return " ".join(word for word in words if word)
+
+
+def _kind(address: str) -> str | None:
+    """Frequency or time, as far as the name of an axis or its unit says."""
+    role, unit = axis_role(address) or "", units.in_brackets(address)[1]
+    if role in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
+        return "frequency"
+    return "time" if role == "time" or (unit and units.factor(units.TIME, unit)) else None
+
+
+def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
+    return any(np.iscomplexobj(values) for _, values in columns)
+
+
+def _parts(columns: list[tuple[str, np.ndarray]], axis: Any) -> dict[str, object]:
+    """Roles of the parts of a response, by names and units; the first two are taken for real and imaginary part."""
+    if _complex(columns):
+        return {"values": next(address for address, values in columns if np.iscomplexobj(values))}
+    names = [address for address, _ in columns]
+    found: dict[str, object] = {}
+    for name in names:
+        base, unit = (part.lower() for part in units.in_brackets(name))
+        scale = units.factor(units.PHASE, unit) if unit else None
+        phase = "phase_rad" if scale == 1 else "phase_deg"
+        role = (
+            "magnitude_db"
+            if unit == "db"
+            else phase
+            if scale
+            else next((r for r in _CARTESIAN if base in NAMES[r]), "")
+        )
+        found.setdefault(role, name)
+    others = [name for name in names if name not in found.values() or found.get("") == name]
+    found.pop("", None)
+    phases = [role for role in found if role.startswith("phase")]
+    if phases and ("magnitude_db" in found or others):
+        level = {"magnitude_db": found["magnitude_db"]} if "magnitude_db" in found else {"magnitude": others[0]}
+        return level | {phases[0]: found[phases[0]]}
+    if set(found) >= set(_CARTESIAN):
+        return {role: found[role] for role in _CARTESIAN}
+    return {"real": names[0], "imag": names[1]} if axis is not None and len(names) > 1 else {}
 
 
 def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
@@ -80,7 +122,7 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
         return _alone(table, rest[0], fields, dt)
-    half = len(rest) // 2 if all("[:," in name for name in rest) else 1
+    half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name for name in rest) else 1
     fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
     return f"As a time record, if these are its inputs and outputs: {arguments(fields, dt)}."
 
@@ -119,8 +161,10 @@ def _one(names: list[str]) -> str | list[str]:
 
 def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) -> str:
     if axis is None:
-        return f'As a frequency response: `fields={json.dumps(parts)}, start=1.0, step=1.0, frequency_unit="Hz"`, with its numbers.'
-    if axis_role(axis[0]) == "omega":
+        given = arguments(parts, False, ', start=1.0, step=1.0, frequency_unit="Hz"')
+        return f"As a frequency response: {given} with its own numbers."
+    unit = units.in_brackets(axis[0])[1]
+    if axis_role(axis[0]) in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
         return f"As a frequency response: {arguments({'omega': axis[0], **parts}, False)}."
     return f"As a frequency response in Hz ('omega' for rad/s): {arguments({'freq_hz': axis[0], **parts}, False)}."
 

@@ -1,0 +1,183 @@
+"""Arrays in binary files as other programs write them: read right, or refused with the arguments that then read them right."""
+
+import h5py
+import numpy as np
+import pytest
+
+from robustid import load
+from robustid.data import datasets
+from support.foreign_files import (
+    DT,
+    HZ,
+    Function,
+    G,
+    U,
+    Y,
+    followed,
+    matlab4,
+    matlab5,
+    npy,
+    same_record,
+    same_response,
+    uff58,
+)
+
+pytestmark = pytest.mark.quick
+
+T = DT * np.arange(8)
+COLUMNS = np.column_stack([U, Y])
+# More samples than signals by far, as a matrix of signals has.
+LONG = np.random.default_rng(11).standard_normal((40, 3, 2, 2))
+EVEN = np.arange(1.0, 9.0)
+
+
+def same_even(frf):
+    np.testing.assert_array_equal(frf.values[:, 0, 0], G)
+    np.testing.assert_allclose(frf.freq_hz, EVEN, rtol=1e-14)
+
+
+def matlab73(path, variables):
+    """As MATLAB writes them: axes reversed, the class as an attribute, behind 512 bytes of its own."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in variables.items():
+            array = np.atleast_2d(np.asarray(value, dtype=complex if np.iscomplexobj(value) else float)).T
+            if np.iscomplexobj(array):
+                array = np.rec.fromarrays([array.real, array.imag], names="real,imag")
+            file[name] = array
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.attrs["fs"] = 1 / DT
+        file["run/drive"], file["run/sensor"] = U, Y
+        file["run/drive"].attrs["units"] = "V"
+
+
+def universal(*functions, **options):
+    return lambda path: uff58(path, functions, **options)
+
+
+def frequencies(node, values, **changes):
+    return Function(4, (node, 3), (1, 3), 1.0, 1.0, values, **changes)
+
+
+def signal(node, values, **changes):
+    return Function(1, (node, 1), (0, 0), 0.0, DT, values, **changes)
+
+
+IDDATA = {"OutputData": Y[:, None], "InputData": U[:, None], "Ts": DT, "TimeUnit": "seconds"}
+
+
+def frd(path):
+    """G of MATLAB has the axes (ny, nu, F), here (2, 1, 8), and HDF5 shows them reversed."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        both = np.stack([G, 2 * G], axis=-1)[:, None, :]
+        file["G"] = np.rec.fromarrays([both.real, both.imag], names="real,imag")
+        file["omega"] = 2 * np.pi * HZ[:, None]
+        for name in ("G", "omega"):
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def one_first(records):
+    assert len(records) == 2
+    np.testing.assert_array_equal(records[1].y, np.concatenate([LONG[:, :, 1, 0], LONG[:, :, 1, 1]]))
+    assert (records[0].initial, records[0].dt) == ("periodic", 1.0)
+
+
+def both(values):
+    return lambda record: np.testing.assert_array_equal(np.column_stack([record.u, record.y]), values)
+
+
+CASES = {
+    "rig.npy": (lambda p: npy(p, np.tile(COLUMNS, (2, 1))), {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 1.0},
+                both(np.tile(COLUMNS, (2, 1)))),
+    "fortran.npy": (lambda p: npy(p, LONG[:, :2, 0, 0].copy(), fortran=True),
+                    {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "u_runs.npy": (lambda p: (npy(p, LONG), npy(p.with_name("y_runs.npy"), LONG)),
+                   {"fields": {"u": "[:]", "y": "y_runs.npy"}, "axes": "time,signal,realisation,period", "dt": 1.0}, one_first),
+    "response.npy": (lambda p: npy(p, G),
+                     {"fields": {"values": "[:]"}, "start": 1.0, "step": 1.0, "frequency_unit": "Hz"}, same_even),
+    "structured.npy": (lambda p: np.save(p, np.rec.fromarrays([T, U, Y], names="t,u,y")), {}, same_record),
+    "rate.npz": (lambda p: np.savez(p, input=U, output=Y, fs=1 / DT), {}, same_record),
+    "matrix.npz": (lambda p: np.savez(p, x=LONG[:, :, 0, 0]),
+                   {"fields": {"u": "x[:,0]", "y": "x[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "matrix.mat": (lambda p: matlab5(p, {"rig": LONG[:, :2, 0, 0]}),
+                   {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "four.mat": (lambda p: matlab4(p, {"rig": LONG[:, :2, 0, 0]}),
+                 {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "seven.mat": (lambda p: matlab73(p, {"rig": LONG[:, :2, 0, 0]}),
+                  {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "values.mat": (lambda p: matlab5(p, {"inputvalues": U[:, None], "outputvalues": Y[:, None], "times": T}), {}, same_record),
+    "struct.mat": (lambda p: matlab5(p, {"d": {"u": U[:, None], "y": Y[:, None], "Ts": DT}}),
+                   {"fields": {"u": "d.u", "y": "d.y"}, "dt": 1.0}, lambda record: same_record(record, dt=1.0)),
+    "iddata.mat": (lambda p: matlab5(p, {"s": IDDATA}), {}, same_record),
+    "times.mat": (lambda p: matlab5(p, {"t": T, "force": U, "acc": Y}),
+                  {"fields": {"time": "t", "u": "force", "y": "acc"}}, same_record),
+    "complex.mat": (lambda p: matlab4(p, {"omega": 2 * np.pi * HZ, "G": G}), {}, same_response),
+    "axes.mat": (frd, {"axes": "output,input,frequency"}, same_response),
+    "groups.h5": (hdf5, {"fields": {"u": "run.drive [V]", "y": "run.sensor"}}, same_record),
+    "ascii.uff": (universal(frequencies(1, G)), {}, same_even),
+    "binary.unv": (universal(frequencies(1, G), binary=True), {}, same_even),
+    "listed.uff": (universal(frequencies(1, G), frequencies(1, 2 * G)), {"fields": {"freq_hz": "1.x", "values": "1.y"}}, same_even),
+    "force.uff": (universal(signal(1, U, quantity=13), signal(2, Y)), {}, same_record),
+    "signals.uff": (universal(signal(1, U, quantity=0), signal(2, Y, quantity=0), binary=True),
+                    {"fields": {"time": "time", "u": "1X+", "y": "2X+"}}, same_record),
+    "runs.uff": (universal(signal(1, U), signal(1, Y)), {"fields": {"time": "1.x", "u": "1.y", "y": "2.y"}}, same_record),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_foreign_binary_files(tmp_path, name):
+    if name.endswith((".uff", ".unv")):
+        pytest.importorskip("pyuff")
+    write, options, check = CASES[name]
+    write(tmp_path / name)
+    check(followed(tmp_path / name, options))
+
+
+MEASURED = {
+    "daisy/hairdryer.mat": {"fields": {"u": "hairdryer[:,0]", "y": "hairdryer[:,1]"}, "dt": 1.0},
+    "daisy/cdplayer.mat": {
+        "fields": {"u": ["cdplayer[:,0]", "cdplayer[:,1]"], "y": ["cdplayer[:,2]", "cdplayer[:,3]"]},
+        "dt": 1.0,
+    },
+    "fsm_cubespec/u_300mV_test.npy": {
+        "fields": {"u": "[:]", "y": "y_300mV_test.npy"},
+        "axes": "time,signal,realisation,period",
+        "dt": 1.0,
+    },
+    "two_mass/MultisineTypeA.mat": {"fields": {"time": "time", "u": "iq_adx", "y": "iq_refx"}},
+    "beam_ring/symexc_1.mat": {"dt": 0.001},
+}
+SETS = {
+    "daisy/hairdryer.mat": "hairdryer",
+    "daisy/cdplayer.mat": "cdplayer",
+    "fsm_cubespec/u_300mV_test.npy": "fsm/test",
+}
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_files_lead_to_the_arguments_that_read_them(name):
+    found = followed(datasets.fetch(name), MEASURED[name])
+    if name in SETS:
+        known = datasets.load(SETS[name])
+        pairs = zip(found, known, strict=True) if isinstance(known, list) else [(found, known)]
+        for mine, theirs in pairs:
+            np.testing.assert_array_equal(mine.u, theirs.u)
+            np.testing.assert_array_equal(mine.y, theirs.y)
+    else:
+        assert found.u.shape[0] in (50_000, 120_001)
+
+
+def test_sentences_are_written_for_the_one_who_reads_them(tmp_path):
+    """The line of a refusal as options of the command line, and as keys of a run file."""
+    from robustid.app.reading_words import in_options, in_run_file
+    from robustid.errors import InputError
+
+    matlab5(tmp_path / "rig.mat", {"rig": LONG[:, :2, 0, 0]})
+    with pytest.raises(InputError) as refused:
+        load(tmp_path / "rig.mat")
+    assert "--time-field 'u=rig[:,0]' --time-field 'y=rig[:,1]' --dt 1.0" in in_options(str(refused.value), "time")
+    assert '`fields = { u = "rig[:,0]", y = "rig[:,1]" }; dt = 1.0`' in in_run_file(str(refused.value))
