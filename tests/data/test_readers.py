@@ -22,6 +22,7 @@ from robustid.errors import FileFormatError, InputError, RobustIdError
 from support.data_files import full_frf, full_record, write_matlab73
 from support.exchange_files import TIME, S, matrix, signal, touchstone
 from support.exchange_files import write as write_universal
+from support.foreign_files import Function, uff58
 from support.matlab_files import FRD, write5, write73
 
 SAMPLES = len(TIME)
@@ -34,7 +35,17 @@ def plain_hdf5(path):
         file["y"] = np.arange(40.0)
 
 
+def german(path):
+    """Semicolons, decimal commas, units in a line of their own, letters of Latin-1."""
+    numbers = "".join(f"{k},5;-{k},25;{10 * k},125\n" for k in range(1, 30))
+    path.write_bytes(f"Pr\xfcfstand 3\nFrequenz;Betrag;Phase\nHz;dB;\xb0\n{numbers}".encode("latin-1"))
+
+
+LISTED = Function(4, (1, 3), (1, 3), 1.0, 0.5, np.arange(20) + 1j)
 FORMATS = {
+    "axes.npy": lambda p: np.save(p, np.arange(240.0).reshape(20, 2, 3, 2)),
+    "german.txt": german,
+    "listed.uff": lambda p: uff58(p, [LISTED, LISTED]),
     "plain.npy": lambda p: np.save(p, np.arange(80.0).reshape(40, 2)),
     "frf.npz": lambda p: save(p, full_frf()),
     "record.npz": lambda p: save(p, full_record()),
@@ -56,7 +67,13 @@ FORMATS = {
 }
 
 
-GIVEN = {"plain.npy": {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 0.5}}
+GIVEN = {
+    "plain.npy": {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 0.5},
+    "axes.npy": {"fields": {"u": "[:]", "y": "[:]"}, "axes": "time,signal,realisation,period", "dt": 0.5},
+    "german.txt": {"fields": {"omega": "Frequenz [Hz]", "magnitude_db": "Betrag [dB]", "phase_deg": "Phase [°]"}},
+    "listed.uff": {"fields": {"freq_hz": "2.x", "values": "2.y"}},
+}
+LEAST_REFUSED = {".s2p": 20, ".txt": 20}  # whole lines are a shorter file
 
 
 def outcome(path):
@@ -66,7 +83,7 @@ def outcome(path):
     except RobustIdError as error:
         said = str(error)
     else:
-        assert isinstance(data, FrequencyResponse | TimeRecord)
+        assert isinstance(data[0] if isinstance(data, list) else data, FrequencyResponse | TimeRecord)
         return data
     assert 20 < len(said) < 3000
     return None
@@ -86,7 +103,7 @@ def test_damaged_files(tmp_path, name, count):
     for size in np.linspace(0, len(content) - 1, 40).astype(int):
         path.write_bytes(content[:size])
         refused += outcome(path) is None
-    assert refused >= (20 if path.suffix == ".s2p" else 35)  # whole lines of Touchstone are a shorter file
+    assert refused >= LEAST_REFUSED.get(path.suffix, 35)
     near = min(len(content), 1024)
     for k in range(count):
         damaged = bytearray(content)

@@ -16,6 +16,8 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _REAL = re.compile(rf"{_NUMBER}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 _NOT_FINITE = ("nan", "inf", "infinity")
 _LONGEST_NUMBER = 100  # characters
+_LONGEST_NAME = 200
+_MOST_CELLS = 2000  # of a line are looked at
 _COMPLEX = re.compile(rf"\(?(?=.*\d)(?:{_NUMBER})?(?:[-+]|{_NUMBER})?j\)?")
 _SIGN = re.compile(r"\s*([-+])\s*")
 _LETTERS = str.maketrans("dDiIJ", "eejjj")
@@ -95,7 +97,7 @@ def is_comment(line: str) -> bool:
 
 def with_point(cell: str, decimal: str) -> str:
     """A number as Python writes it: decimal point, exponent with e, imaginary unit j, no spaces beside signs."""
-    if cell.lower().lstrip("+-") in _NOT_FINITE:
+    if len(cell) > _LONGEST_NUMBER or cell.lower().lstrip("+-") in _NOT_FINITE:
         return cell
     if decimal == ",":
         cell = cell.replace(".", "'").replace(",", ".")  # a point that is no decimal mark makes it no number
@@ -117,12 +119,13 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
     the first of them, or in a remark there, and units perhaps in a line between.
     """
     table = [line for line in lines if not is_comment(line[1])]
+    bare = [line for _, line in table]
     found = [
         reading
         for separator in _SEPARATORS
         for mark in (".", ",")
-        if mark in (decimal, decimal or mark) and not (separator == mark == "," and all('"' not in x for _, x in table))
-        if (reading := _reading([line for _, line in table], separator, mark)) is not None
+        if mark in (decimal, decimal or mark) and _possible(separator, mark, bare, decimal)
+        if (reading := _reading(bare, separator, mark)) is not None
     ]
     if not found:
         raise FileFormatError(
@@ -144,27 +147,34 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
     return Layout(best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on")
 
 
+def _possible(separator: str | None, mark: str, lines: list[str], stated: str | None) -> bool:
+    """Return whether the marks are there; commas are both only where quotes tell them apart."""
+    there = separator is None or any(separator in line for line in lines)
+    commas = mark == "." or mark == stated or any("," in line for line in lines)
+    return there and commas and not (separator == mark == "," and all('"' not in line for line in lines))
+
+
 def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading | None:
     """One way to cut the lines; None where no line of numbers comes out."""
     rows = [cells_of(line, separator) for line in lines]
-    patterns = [tuple(is_number(cell, decimal) for cell in row) for row in rows]
-    counts = Counter(pattern for pattern in patterns if any(pattern))
+    patterns = [tuple(is_number(cell, decimal) for cell in row[:_MOST_CELLS]) for row in rows]
+    counts = Counter((len(row), pattern) for row, pattern in zip(rows, patterns, strict=True) if any(pattern))
     if not counts:
         return None
-    usual = max(counts, key=lambda pattern: (counts[pattern], sum(pattern), len(pattern)))
-    like = [_like(row, pattern, usual) for row, pattern in zip(rows, patterns, strict=True)]
-    start, width = like.index(True), len(usual)
+    width, usual = max(counts, key=lambda key: (counts[key], sum(key[1]), key[0]))
+    like = [_like(row, pattern, usual, width) for row, pattern in zip(rows, patterns, strict=True)]
+    start = like.index(True)
     below = [flag for pattern in patterns[start:] for flag in pattern]
     named = start == 0 or len(rows[start - 1]) == width
     return _Reading(sum(like), sum(below) / len(below), named, width > 1, decimal == ".", separator, width, start)
 
 
-def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...]) -> bool:
+def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...], width: int) -> bool:
     """Return whether all cells that are usually numbers are, or are empty."""
     return (
-        len(row) == len(usual)
+        len(row) == width
         and any(pattern)
-        and all(here or not cell or not wanted for cell, here, wanted in zip(row, pattern, usual, strict=True))
+        and all(here or not cell or not wanted for cell, here, wanted in zip(row, pattern, usual, strict=False))
     )
 
 
@@ -186,13 +196,17 @@ def _names(
     while len(set(row)) < len(row) and rows:
         *rows, (at, upper) = rows
         row = [f"{group} {cell}".strip() for group, cell in zip(_filled(upper), row, strict=True)]
-    if equal := sorted({cell for cell in row if cell and row.count(cell) > 1}):
-        return addresses, f"names that are not all different ({', '.join(equal[:_MOST_NAMED])}), so not used"
+    if equal := sorted(cell for cell, count in Counter(row).items() if cell and count > 1):
+        shown = ", ".join(cell[:_LONGEST_NUMBER] for cell in equal[:_MOST_NAMED])
+        return addresses, f"names that are not all different ({shown}), so not used"
     names = [
         f"{cell} [{unit}]" if unit and not units.in_brackets(cell)[1] else cell
         for cell, unit in zip(row, symbols, strict=True)
     ]
-    return tuple(name or address for name, address in zip(names, addresses, strict=True)), f"names in line {at}{words}"
+    usable = (
+        name if 0 < len(name) <= _LONGEST_NAME else address for name, address in zip(names, addresses, strict=True)
+    )
+    return tuple(usable), f"names in line {at}{words}"
 
 
 def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:

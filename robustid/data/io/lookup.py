@@ -18,6 +18,7 @@ from robustid.data.io.suggestion import example
 from robustid.data.io.table import NAMELESS, Table
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
+_LONGEST_SHOWN = 80  # characters of a name
 _ELSEWHERE = re.compile(
     r"(?P<file>[^:\[\]]+\.(?:npy|npz|mat|h5|hdf5|csv|tsv|txt|dat|uff|unv))(?:$|:|(?=\[))(?P<rest>.*)", re.IGNORECASE
 )
@@ -261,6 +262,8 @@ def _numbers(values: np.ndarray | FileFormatError) -> np.ndarray:
 
 def _shown(name: str, values: np.ndarray | FileFormatError) -> str:
     """Name, and the shape of what is no vector; of an array without a name an address."""
+    if len(name) > _LONGEST_SHOWN:
+        name = f"{name[:_LONGEST_SHOWN]}…"
     if not isinstance(values, np.ndarray) or (name != NAMELESS and values.size == max(values.shape, default=1)):
         return name
     shape = " x ".join(map(str, values.shape))

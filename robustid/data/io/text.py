@@ -19,7 +19,9 @@ Column = np.ndarray | FileFormatError  # the error is raised where somebody asks
 _MARK = "# robustid "
 _LONGEST = 2**24  # characters in a line: the header of a covariance of a 10 x 10 response has 2e6
 _BLOCK = 20_000  # lines
-_HEAD = 500  # lines from which the layout is taken
+_BLOCK_TEXT = 2**22  # characters
+_HEAD, _HEAD_TEXT = 500, 2**18  # lines and characters from which the layout is taken
+_FEWEST = 3  # lines, however long
 _REMARKS = 200  # lines of remarks of which the last may hold the names
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
@@ -38,7 +40,7 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
             meta = file.readline(_LONGEST)
             file.seek(0)
             rows = _rows(path, file)
-            head = list(itertools.islice(rows, _HEAD))
+            head = next(_blocks(rows, _HEAD, _HEAD_TEXT), list[tuple[int, str]]())
             layout = layout_of(path.name, head, decimal)
             columns = _columns(path, (row for row in itertools.chain(head, rows) if row[0] >= layout.first), layout)
     except UnicodeDecodeError:
@@ -79,10 +81,24 @@ def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:
             yield k, line
 
 
+def _blocks(rows: Iterator[tuple[int, str]], lines: int, text: int) -> Iterator[list[tuple[int, str]]]:
+    """So many lines at a time; fewer, though 3, where they are long."""
+    block: list[tuple[int, str]] = []
+    size = 0
+    for row in rows:
+        block.append(row)
+        size += len(row[1])
+        if len(block) == lines or (size > text and len(block) >= _FEWEST):
+            yield block
+            block, size = [], 0
+    if block:
+        yield block
+
+
 def _columns(path: Path, rows: Iterator[tuple[int, str]], layout: Layout) -> dict[str, np.ndarray | FileFormatError]:
     numbers = (row for row in rows if not is_comment(row[1]))
     parts: list[list[Column]] = [[] for _ in layout.names]
-    for block in iter(lambda: list(itertools.islice(numbers, _BLOCK)), []):
+    for block in _blocks(numbers, _BLOCK, _BLOCK_TEXT):
         for part, values in zip(parts, _parsed(path, block, layout), strict=True):
             part.append(values)
     return {name: _joined(part) for name, part in zip(layout.names, parts, strict=True)}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robustid.errors import InputError
 
 _Complex = NDArray[np.complex128]
+_MOST_STATES = 2000
 _PAIR = 1e-8  # relative distance of a root from the conjugate of its partner
 
 
@@ -23,6 +24,7 @@ def of_polynomials(numerator: NDArray[Any], denominator: NDArray[Any], dt: float
         raise InputError("the denominator is zero")
     if b.size > a.size:
         raise InputError(f"the numerator has the degree {b.size - 1}, the denominator {a.size - 1}; a model is proper")
+    _checked_order(a.size)
     if a.size == 1:
         return control.ss([], [], [], (b[0] if b.size else 0.0) / a[0], dt)
     return control.ss(*tf2ss(b if b.size else [0.0], a), dt)
@@ -39,15 +41,26 @@ def of_roots(zeros: NDArray[Any], poles: NDArray[Any], gain: float, dt: float) -
     zeros, poles = (np.asarray(part, dtype=complex).reshape(-1) for part in (zeros, poles))
     if zeros.size > poles.size:
         raise InputError(f"there are {zeros.size} zeros and {poles.size} poles; a model is proper")
-    model = control.ss([], [], [], float(gain), dt)
-    left = _sections("zeros", zeros)
+    n = _checked_order(poles.size)
+    A, B, seen, through = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n)), float(gain)
+    left, at = _sections("zeros", zeros), 0
     for section in sorted(_sections("poles", poles), key=len):
         fitting = [k for k, part in enumerate(left) if len(part) <= len(section)]
         # A section of one pole takes a single zero if there is one; all others the nearest.
         near = min(fitting, key=lambda k: float(np.abs(left[k][0] - section[0])), default=None)
         part = left.pop(near) if near is not None else np.array([], dtype=complex)
-        model = of_polynomials(np.poly(part).real, np.poly(section).real, dt) * model
-    return model
+        one = of_polynomials(np.poly(part).real, np.poly(section).real, dt)
+        own = slice(at, at + len(section))
+        A[own, own], A[own, :at], B[own] = one.A, one.B @ seen[:, :at], one.B * through
+        seen, through, at = seen * one.D.item(), through * one.D.item(), own.stop
+        seen[:, own] = one.C
+    return control.ss(A, B, seen, through, dt)
+
+
+def _checked_order(order: int) -> int:
+    if order > _MOST_STATES:
+        raise InputError(f"a model of order {order} is too large; at most {_MOST_STATES}")
+    return order
 
 
 def _sections(what: str, roots: _Complex) -> list[_Complex]:
