@@ -39,9 +39,8 @@ def render(document: Document, *, static: bool = False) -> str:
             static=static,
             versions=_versions(),
             date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-            # The only text that isn't escaped: the library itself, packed, and JSON made safe below.
             plotly="" if static else _plotly(),
-            data="" if static else as_json({figure.id: figure.spec for figure in every}),
+            data="" if static else packed(_json({figure.id: figure.spec for figure in every})),
         )
     )
 
@@ -89,6 +88,7 @@ def _environment() -> Any:
         "kind_of": lambda block: type(block).__name__,
         "words": _words,
         "legend_of": _legend,
+        "layers_of": lambda chart: _legend(Grid([chart], 1)),
         "columns_of": lambda grid: min(grid.columns, _COLUMNS),
     }
     return environment
@@ -111,19 +111,18 @@ def _versions() -> list[tuple[str, str]]:
     return first + [(name, importlib.metadata.version(name)) for name in _PACKAGES]
 
 
-def as_json(value: Any) -> Any:
-    """Write JSON that can't end the script element it stands in."""
-    import markupsafe
+def _json(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, separators=(",", ":"))
 
-    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-    for sign in "<>&":
-        text = text.replace(sign, f"\\u{ord(sign):04x}")
-    return markupsafe.Markup(text)
+
+def packed(text: str) -> str:
+    """Pack text for a script element: deflated, as letters that can't end the element; a browser unpacks it."""
+    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
 
 
 @functools.cache
 def _plotly() -> str:
-    """Source of the library that draws the figures, packed; a browser unpacks it before it runs it."""
+    """Source of the library that draws the figures."""
     from plotly.offline import get_plotlyjs
 
-    return base64.b64encode(zlib.compress(get_plotlyjs().encode(), 9)).decode()
+    return packed(get_plotlyjs())

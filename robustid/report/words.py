@@ -57,12 +57,12 @@ def function_words(label: str) -> str:
 
     Examples
     --------
-    >>> function_words("Re 9.006 Hz"), function_words("Im 9.006 Hz"), function_words("constant")
-    ('mode at 9.006 Hz, real part', 'mode at 9.006 Hz, imaginary part', 'constant')
+    >>> function_words("Re 9.006 Hz"), function_words("Im 9 Hz (k^1)"), function_words("constant")
+    ('mode at 9.006 Hz, real part', 'mode at 9 Hz, times k, imaginary part', 'constant')
     """
     for short, part in (("Re ", "real part"), ("Im ", "imaginary part")):
         if label.startswith(short) and "Hz" in label:
-            return f"mode at {label.removeprefix(short)}, {part}"
+            return f"mode at {label.removeprefix(short).replace(' (k^1)', ', times k')}, {part}"
     return label
 
 

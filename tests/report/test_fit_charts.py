@@ -35,7 +35,7 @@ def test_samples_model_and_residual_of_every_entry(form, fit, left, data):
         np.testing.assert_allclose(drawn["data"].y, np.abs(data.values[:, i, j]), rtol=1e-5)
         np.testing.assert_allclose(drawn["data"].x, data.freq_hz, rtol=1e-5)
         error = np.abs(data.values - exact)[:, i, j]
-        np.testing.assert_allclose(drawn["residual |P_o − P|"].y, error, rtol=1e-4)
+        np.testing.assert_allclose(drawn["residual |data − model|"].y, error, rtol=1e-4)
         angle = np.exp(1j * np.radians(turned["data"].y))
         np.testing.assert_allclose(angle, data.values[:, i, j] / np.abs(data.values[:, i, j]), atol=1e-4)
         peak = np.abs(SYSTEM.response(1j * HZ * np.geomspace(4, 1200, 200001))[:, i, j]).max()
@@ -71,7 +71,7 @@ def test_masked_samples_are_drawn_apart():
     view = FitView(fit_mfd(frf, order=4, weight=rid.Weight.relative(frf.values).scaled(mask)), frf)
     drawn = layers(response_charts(view)[0], 0)
     assert drawn["data without weight"].x.size == 12
-    assert drawn["data"].x.size == drawn["residual |P_o − P|"].x.size == 108
+    assert drawn["data"].x.size == drawn["residual |data − model|"].x.size == 108
     assert "data without weight" not in layers(response_charts(view)[1], 0)
 
 

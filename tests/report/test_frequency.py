@@ -50,7 +50,7 @@ def test_phase_is_continuous_where_it_stays_within_two_turns() -> None:
 def test_bars_are_the_discs_of_the_samples(consistent: rid.Identification) -> None:
     frf = consistent.problem.frequency[0]
     chart = frequency_charts(consistent)[0]
-    magnitude, phase = (layers(chart, k)["data with their discs"] for k in (0, 1))
+    magnitude, phase = (layers(chart, k)["data with their bounds"] for k in (0, 1))
     np.testing.assert_allclose(magnitude.x, frf.freq_hz)
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
     for k, centre in enumerate(frf.values[:, 0, 0]):
@@ -67,7 +67,7 @@ def test_disc_around_zero_and_sample_at_zero_hertz() -> None:
     frf = rid.FrequencyResponse([0.0, 5.0, 10.0], [1.0, 0.01j, -0.4j], bound=0.05, dt=0.1)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=3.0, decay_rate=1.1)))
     chart = frequency_charts(result)[0]
-    magnitude, phase = (layers(chart, k)["data with their discs"] for k in (0, 1))
+    magnitude, phase = (layers(chart, k)["data with their bounds"] for k in (0, 1))
     assert phase.high[1] - phase.low[1] == 360
     assert magnitude.low[1] == chart.panels[0].y.range[0]
     assert magnitude.x[0] == chart.panels[0].x.range[0] > 0
@@ -110,7 +110,7 @@ def test_every_entry_shows_its_model_and_its_samples(matrix_result: rid.Identifi
         np.testing.assert_allclose(angle, (expected / np.abs(expected))[known], atol=1e-7)
         used = np.isfinite(frf.bound[:, i, j])
         assert used.sum() == (9 if (i, j) == (1, 0) else 10)
-        samples = size["data with their discs"]
+        samples = size["data with their bounds"]
         np.testing.assert_allclose(samples.x, frf.omega[used] / HZ)
         np.testing.assert_allclose(samples.y, np.abs(frf.values[used, i, j]))
         np.testing.assert_allclose(samples.high - samples.y, 0.05)

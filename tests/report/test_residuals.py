@@ -60,7 +60,7 @@ def test_samples_that_share_a_bound_are_measured_together(shared_bound: rid.Iden
     error = frf.values - response_of(shared_bound.model, frf.omega)
     for j, panel in enumerate(found):
         np.testing.assert_allclose(panel.layers[0].y, np.linalg.norm(error[:, :, j], axis=1) / 0.1, rtol=1e-5)
-    samples = layers(frequency_charts(shared_bound)[1], 0)["data with their discs (shared bound)"]
+    samples = layers(frequency_charts(shared_bound)[1], 0)["data with their bounds (shared bound)"]
     np.testing.assert_allclose(samples.high - samples.y, 0.1)
 
 

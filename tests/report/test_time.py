@@ -18,7 +18,7 @@ def test_records_and_step_response(consistent: rid.Identification) -> None:
     chart = time_chart(consistent, {"plant": rid.flexible_structure().truth})
     record, bound = consistent.problem.time[0], consistent.problem.time[0].bound[:, 0]
     data, model = (
-        layers(chart, 0)["data with their intervals"],
+        layers(chart, 0)["data with their bounds"],
         layers(chart, 0)[f"nominal model, order {consistent.order}"],
     )
     np.testing.assert_allclose((data.y, data.low, data.high), [record.y[:, 0] + s * bound for s in (0, -1, 1)])
@@ -48,7 +48,7 @@ def test_free_and_periodic_records_and_unused_samples() -> None:
         assert result.consistent
         panel = time_chart(result).panels[0]
         drawn = {layer.name: layer for layer in panel.layers}
-        data = drawn["data with their intervals"]
+        data = drawn["data with their bounds"]
         assert drawn["not used"].x.size == 4
         assert np.all(np.abs(data.y - drawn[f"nominal model, order {result.order}"].y) <= data.high - data.y)
         assert started(record) in panel.title
@@ -68,7 +68,7 @@ def test_every_output_of_a_record_has_its_panel(matrix_result: rid.Identificatio
         drawn = {layer.name: layer for layer in panel.layers}
         used = np.isfinite(time.bound[:, i])
         np.testing.assert_allclose(drawn[f"nominal model, order {matrix_result.order}"].y, answer[i, used], atol=1e-9)
-        np.testing.assert_allclose(drawn["data with their intervals"].y, time.y[used, i])
+        np.testing.assert_allclose(drawn["data with their bounds"].y, time.y[used, i])
         assert ("not used" in drawn) == (i == 0)
 
 

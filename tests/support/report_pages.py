@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import html.parser
 import io
 import json
+import zlib
 from typing import Any
 
 import numpy as np
@@ -102,5 +104,5 @@ class Page(html.parser.HTMLParser):
     @property
     def figures(self) -> dict[str, Any]:
         """Those below the first screen."""
-        every = json.loads(self.scripts[-2])
+        every = json.loads(zlib.decompress(base64.b64decode(self.scripts[-2])))
         return {name: figure for name, figure in every.items() if name != "first-0"}

@@ -171,7 +171,7 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
         rows.append(("Rigid body", _rigid_words(view)))
     rows += [
         ("Weight", f"{fit.weight_choice[0].upper()}{fit.weight_choice[1:]}"),
-        ("Cost", f"{number(fit.cost, 5)} = Σ |W (P_o − P)|²; the start had {number(fit.start_cost, 5)}"),
+        ("Cost", f"{number(fit.cost, 5)} = Σ |W (data − model)|²; the start had {number(fit.start_cost, 5)}"),
         ("Per real equation", f"{number(fit.cost / view.equations)} ({view.equations} real equations)"),
         ("Weighted residual", f"{number(_rms(view))} root mean square per sample"),
         ("Iterations", _iterations(view)),

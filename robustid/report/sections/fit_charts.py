@@ -87,7 +87,7 @@ def _entry(
         phase.append(Layer(y=rounded(turned), size=0.6, **style))
     part = kept[used[kept]]
     at, left = rounded(points[part] / HZ), rounded(error[part])
-    magnitude.append(Layer(name="residual |P_o − P|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
+    magnitude.append(Layer(name="residual |data − model|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
     magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
     phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
     size = Axis(label=f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)

@@ -130,7 +130,7 @@ def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndar
         used, place = frf.bound.used[:, output, input_], (slice(None), output, input_)
         if not used.any():
             continue
-        what = "data with their discs" if frf.bound.tilt is None else "data with discs around their ellipses"
+        what = "data with their bounds" if frf.bound.tilt is None else "data with discs around their ellipses"
         what += "" if frf.bound.joint == "entry" else " (shared bound)"
         name = numbered(what, k, len(responses))
         out.append((name, frf.omega[used], frf.values[place][used], frf.bound.outer_radius[place][used]))
@@ -145,10 +145,10 @@ def _add_samples(
     if y.size <= _MANY:
         layers.append(Layer(y=y, low=low, high=high, **style))
         return
-    name = style["name"].replace("data with their discs", "bounds of the data")
+    name = style["name"].replace("data with their bounds", "bounds of the data")
     layers[:0] = [
         Layer(name=name, x=style["x"], y=y, colour=DATA, low=low, high=high, fill=True),
-        Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their discs", "")}),
+        Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their bounds", "")}),
     ]
 
 

@@ -11,7 +11,7 @@ from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
-from robustid.report.identified import Models, in_unit, sample_words, siso
+from robustid.report.identified import Models, about, in_unit, sample_words, siso
 from robustid.report.sections import guarantee, pole_box
 from robustid.report.sections.frequency import frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
 _BOUND = "robustid bounds RESULT --report bounds.html"
 _STABLE = "error.robust_stability_margin(K)"
+_BETWEEN = " Between these frequencies the plot interpolates for the eye."
 _UNBOUNDED = (
     "How far the machine may be from this model is not bounded on this page yet: samples are kept, and nothing is said between"
     " them."
@@ -48,12 +49,14 @@ def glance(
     words = ""
     if bound is not None and not contradicted:
         words = guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)
+        words = words.removeprefix(about(identification))  # a warning says so
+        words += _BETWEEN
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),
-            *[("consistency margin", margin)] * (identification.status is not Status.CONSISTENT),
+            *[("margin: factor on all bounds", margin)] * (identification.status is not Status.CONSISTENT),
         ],
         words=words,
         chart=_chart(identification, models, worst_case),
@@ -95,7 +98,8 @@ def _chart(identification: Identification, models: Models, error: WorstCaseError
 
 def _next(identification: Identification, error: WorstCaseError | None, contradicted: bool, advice: str) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
-        return [Text(line) for line in advice.splitlines()[:2]] or [
+        lines = advice.splitlines()  # the likely cause, and at the end the change to make
+        return [Text(line) for line in dict.fromkeys([*lines[:1], *lines[-1:]])] or [
             Text("Find the cause: rid.diagnose(result) ranks what would help.", code=("rid.diagnose(result)",))
         ]
     if identification.status is not Status.CONSISTENT:

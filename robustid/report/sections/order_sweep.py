@@ -145,7 +145,7 @@ def stabilisation_chart(sweep: OrderSweep) -> Chart:
     level = np.log(total[kept])
     level = low + (high - low) * (level - level.min()) / (np.ptp(level) or 1.0)
     x = rounded(problem.omega[kept] / HZ)
-    layers = [Layer(name="Σ |P_o|, logarithmic", x=x, y=rounded(level), colour="#c4cad1", dash="solid")]
+    layers = [Layer(name="Σ |data|, logarithmic", x=x, y=rounded(level), colour="#c4cad1", dash="solid")]
     rows = [row for row in sweep.stabilisation if problem.omega.min() <= row.frequency <= problem.omega.max()]
     for kind, words, colour, marker in _KINDS:
         layers += _marks([row for row in rows if row.kind == kind and row.damping > 0], words, colour, marker)

@@ -152,7 +152,7 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
         layers.append(Layer(x=record.time[~used], y=record.y[~used, output], **style))
     hover = tuple(f"{number(a, 6)} s: {number(b, 6)} ± {number(c)}" for a, b, c in zip(t, y, bound, strict=True))
     bars = {"low": y - bound, "high": y + bound, "hover": hover}
-    layers.append(Layer(name="data with their intervals", x=t, y=y, colour=DATA, marker="circle", **bars))
+    layers.append(Layer(name="data with their bounds", x=t, y=y, colour=DATA, marker="circle", **bars))
     title = f"{numbered('Record', index, len(problem.time))} {started(record)}"
     if not siso(identification):
         title += f": {record.outputs[output].name}"
