@@ -88,7 +88,7 @@ def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[
             raw, how = _read_record(source, folder)
             made = [_prepared(record, source) for record in raw]
         say(
-            f"read {name} ({how}): {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}"
+            f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {how}"
         )
         sources.append(_with_digest(_with_past(source, raw[0]), raw, place))
         records.append((source.use, made))

@@ -224,3 +224,26 @@ def test_help_teaches(run):
     text = " ".join(out.replace("│", " ").split())
     for words in ("RECORD...", "--period", "Period of the excitation", "robustid excite", "0 written", "Example"):
         assert words in text
+
+
+def test_arrays_are_addressed_and_their_axes_named(tmp_path, run):
+    """Two files of arrays with several axes: the records of the command line are those of the library; a refusal is a command."""
+    rng = np.random.default_rng(4)
+    u = np.tile(rng.standard_normal((40, 1, 3, 1)), (1, 1, 1, 2))
+    y = 0.5 * u + 0.01 * rng.standard_normal(u.shape)
+    np.save(tmp_path / "u_rig.npy", u)
+    np.save(tmp_path / "y_rig.npy", y)
+    path = str(tmp_path / "u_rig.npy")
+    code, _, err = run([path, "-o", str(tmp_path / "g.npz")])
+    line = "--time-field 'u=[:]' --time-field y=y_rig.npy --axes time,signal,realisation,period --dt 1.0"
+    assert code == 2
+    assert line in err
+    options = [word.strip("'") for word in line.split()]
+    code, out, err = run([path, *options, "--period", "40", "-o", str(tmp_path / "g.npz")])
+    assert code == 0, err
+    assert "3 realisations, each time record, 80 samples" in err + out
+    given = {"fields": {"u": "[:]", "y": "y_rig.npy"}, "axes": "time,signal,realisation,period", "dt": 1.0}
+    same(rid.load(tmp_path / "g.npz"), estimate_frf(rid.load(path, **given), period=40))
+    code, _, err = run([path, *options[:-2], "--rate", "-1", "-o", "x.npz"])
+    assert code == 2
+    assert "--rate must be above 0" in err or "--rate must be positive" in err
