@@ -104,6 +104,8 @@ CASES = {
                    {"fields": {"u": "x[:,0]", "y": "x[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "matrix.mat": (lambda p: matlab5(p, {"rig": LONG[:, :2, 0, 0]}),
                    {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "rows.mat": (lambda p: matlab5(p, {"rig": LONG[:, :2, 0, 0].T}),
+                 {"fields": {"u": "rig[0,:]", "y": "rig[1,:]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "four.mat": (lambda p: matlab4(p, {"rig": LONG[:, :2, 0, 0]}),
                  {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "seven.mat": (lambda p: matlab73(p, {"rig": LONG[:, :2, 0, 0]}),

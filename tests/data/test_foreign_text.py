@@ -101,6 +101,21 @@ CASES = {
         {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 1.0},
         lambda record: same_record(record, dt=1.0),
     ),
+    "ltspice.txt": (
+        "Freq.\tV(out)\n" + "".join(f"{f:.15e}\t{z.real:.15e},{z.imag:.15e}\n" for f, z in zip(HZ, G, strict=True)),
+        {"frequency_unit": "Hz", "fields": {"freq_hz": "Freq.", "values": "V(out)"}},
+        same_response,
+    ),
+    "ltspice_polar.txt": (
+        "Freq.\tV(out)\n" + "".join(f"{f:.15e}\t({a:.15e}dB,{b:.15e}°)\n" for f, a, b in zip(HZ, DB, DEG, strict=True)),
+        {"frequency_unit": "Hz", "fields": {"freq_hz": "Freq.", "values": "V(out)"}},
+        same_response,
+    ),
+    "minus one first.txt": (
+        rows(-1 - U, Y, separator=" "),
+        {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 1.0},
+        lambda record: np.testing.assert_array_equal(record.u[:, 0], -1 - U),
+    ),
     "touchstone.s1p": (
         "! analyser\n# kHz S MA R 50\n" + rows(HZ / 1e3, np.abs(G), DEG, separator=" "),
         {},

@@ -84,6 +84,12 @@ def test_a_comma_between_two_numbers_or_in_one(tmp_path):
     np.testing.assert_array_equal(contents(path).items[0].values, [0.5, 0.6])
 
 
+def test_marks_for_thousands_are_refused(tmp_path):
+    (tmp_path / "data.csv").write_text("t;u\n0,0;1.000,5\n0,1;1.001,5\n")
+    with pytest.raises(FileFormatError, match=r"'1\.000,5' has marks for thousands; export the numbers without them"):
+        load(tmp_path / "data.csv")
+
+
 def test_decimal_commas_after_many_whole_numbers(tmp_path):
     (tmp_path / "step.csv").write_text("t;u;y\n" + "".join(f"{k};0;0\n" for k in range(600)) + "600;1,5;2\n")
     with pytest.raises(FileFormatError, match=r"line 602, column 'u': '1,5' is not a number.*give decimal=','"):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
 import csv
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -19,6 +21,10 @@ _LONGEST_NUMBER = 100  # characters
 _LONGEST_NAME = 200
 _MOST_CELLS = 2000  # of a line are looked at
 _COMPLEX = re.compile(rf"\(?(?=.*\d)(?:{_NUMBER})?(?:[-+]|{_NUMBER})?j\)?")
+# Two parts in one cell, as LTspice writes them; each with its point, since a comma alone may be a decimal mark.
+_PART = r"([-+]?\d+\.\d*(?:[eE][-+]?\d+)?)"
+_PARTS = re.compile(rf"\(?{_PART}(dB)?,\s*{_PART}(°)?\)?")
+_THOUSANDS = re.compile(r"(?<![\d.,])\d{1,3}(?:\.\d{3})+,\d+")
 _SIGN = re.compile(r"\s*([-+])\s*")
 _LETTERS = str.maketrans("dDiIJ", "eejjj")
 _SEPARATORS = ("\t", ";", ",", "|", None)  # None: white space
@@ -99,9 +105,18 @@ def with_point(cell: str, decimal: str) -> str:
     """A number as Python writes it: decimal point, exponent with e, imaginary unit j, no spaces beside signs."""
     if len(cell) > _LONGEST_NUMBER or cell.lower().lstrip("+-") in _NOT_FINITE:
         return cell
+    if "," in cell and decimal == "." and (pair := _PARTS.fullmatch(cell)):
+        return _of_parts(*pair.groups())
     if decimal == ",":
         cell = cell.replace(".", "'").replace(",", ".")  # a point that is no decimal mark makes it no number
     return _SIGN.sub(r"\1", cell).translate(_LETTERS)
+
+
+def _of_parts(first: str, db: str | None, second: str, degrees: str | None) -> str:
+    """A complex number of real and imaginary part, or of dB and degrees, as Python writes it."""
+    a, b = float(first), float(second)
+    value = 10 ** (a / 20) * cmath.exp(1j * math.radians(b)) if db and degrees else complex(a, b)
+    return str(value)
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
@@ -133,6 +148,8 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
         )
     best = max(found, key=lambda reading: reading[:5])
     number, line = table[best.start]
+    if best.numbers < 1 and (mark := next(filter(None, (_THOUSANDS.search(line[:10_000]) for line in bare)), None)):
+        raise FileFormatError(f"{name}: {mark[0]!r} has marks for thousands; export the numbers without them")
     other = next((r for r in found if r.decimal == "," and r.width == 1 and r.lines == best.lines), None)
     if best.separator == "," and best.width == 2 and other is not None and best.start == 0 and decimal is None:
         raise FileFormatError(

@@ -45,7 +45,7 @@ UNSURE = "unsure "  # before the kind of an axis: its unit isn't known
 def axis_role(name: str) -> str | None:
     """Role of a column that is an axis, by its name and unit; "unsure frequency" (time, ...) where the unit isn't certain."""
     base, unit = units.axis_label(name)
-    base = base.lower()
+    base = base.lower().rstrip(".")
     known = {"hz": "frequency", "rad_s": "frequency", "db": "magnitude"}
     kind = _AXES.get(base) or (known.get(unit.lower()) if not base else None)
     if kind is None and units.in_brackets(name)[1] and base:  # "H1 Magnitude [dB]"

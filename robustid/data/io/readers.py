@@ -25,6 +25,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 FORMAT = 1
 TEXTS = {".csv", ".tsv", ".txt"}
+_UNIVERSAL = re.compile(rb"\s*-1\s*[\r\n]\s*\d")  # a data set begins, and its number follows
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
@@ -86,7 +87,7 @@ def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Ta
         return read_matlab4
     if re.fullmatch(r"\.[sgyzh]\d+p", suffix) or (suffix == ".ts" and b"[version]" in head.lower()):
         return read_touchstone
-    if head.lstrip()[:2] == b"-1" or suffix in {".uff", ".unv"}:
+    if _UNIVERSAL.match(head) or suffix in {".uff", ".unv"}:
         return read_universal
     if suffix in TEXTS or head[:2] in (b"\xff\xfe", b"\xfe\xff") or not _BINARY.search(head):
         return functools.partial(read_text, decimal=decimal)

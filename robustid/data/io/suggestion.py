@@ -106,6 +106,9 @@ def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
             inner = (0,) * (values.ndim - 2)
             for k in range(values.shape[1]):
                 yield written(name, (slice(None), k, *inner)), values[(slice(None), k, *inner)]
+        elif values.ndim == 2 and values.shape[0] <= _MOST_SIGNALS < values.shape[1]:
+            for k, row in enumerate(values):
+                yield written(name, (k, slice(None))), row
 
 
 def _increases(values: np.ndarray) -> bool:
@@ -122,7 +125,7 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
         return _alone(table, rest[0], fields, dt)
-    half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name for name in rest) else 1
+    half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
     fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
     return f"As a time record, if these are its inputs and outputs: {arguments(fields, dt)}."
 

@@ -126,6 +126,7 @@ def _parsed(path: Path, block: list[tuple[int, str]], layout: Layout) -> list[Co
         if len(row) != count:
             raise FileFormatError(
                 f"{path.name}, line {k}: {len(row)} cells where the lines above have {count}; is the file cut off?"
+                " Remove the line if it is no line of numbers"
             )
     lines = [k for k, _ in block]
     return [
