@@ -71,7 +71,7 @@ def load(
         with it, neither is read. Of a model: 0 for continuous time.
     bound : scalar or array, optional
         Bound on the errors; goes before a ``bound`` in the file.
-    frequency_unit : {"rad/s", "Hz"}, optional
+    frequency_unit : {"rad/s", "Hz", "kHz"}, optional
         Unit of a frequency axis whose name doesn't say it; "rad/s" is taken for names such as ``omega`` only, and a
         column ``frequency`` without a unit is refused. A contradiction with the name is refused too.
     inputs, outputs : sequence of str or (name, unit), optional

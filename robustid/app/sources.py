@@ -158,8 +158,8 @@ class ResponseSource:
         flag="--frequency-bound",
     )
     unit: str | None = key(
-        text(("rad/s", "Hz")),
-        help="Unit of an omega column that doesn't say it: rad/s (default) or Hz.",
+        text(("rad/s", "Hz", "kHz")),
+        help="Unit of an omega column that doesn't say it: rad/s (default), Hz or kHz.",
         flag="--frequency-unit",
     )
     correct: tuple[str, ...] | None = _corrections('"conjugate", "times 0.001" or "frequency in Hz"')

@@ -170,7 +170,7 @@ def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
         (["frf.csv", "--order", "0"], "--order must be a positive whole number"),
         (
             ["hertz.npz", "--order", "8", "--frequency-unit", "rpm"],
-            "--frequency-unit must be one of rad/s, Hz; got 'rpm'",
+            "--frequency-unit must be one of rad/s, Hz, kHz; got 'rpm'",
         ),
         (["hertz.npz", "--order", "8", "--dt", "0.01"], "lies above the Nyquist frequency of 50 Hz"),
         (["frf.csv", "--order", "8", "--band", "5"], "LOW:HIGH"),

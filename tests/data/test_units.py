@@ -51,6 +51,17 @@ def test_frequency_axes(tmp_path, axis, number):
     assert load(path, fields={"omega": axis}).omega[0] == pytest.approx(OMEGA, rel=1e-14)
 
 
+def test_a_unit_that_is_stated(tmp_path):
+    """Of a name without one; in place of none by a role in rad/s; not in place of another."""
+    path = write_frf(tmp_path / "frf.csv", "frequency", 0.04)
+    assert load(path, frequency_unit="kHz").omega[0] == pytest.approx(OMEGA, rel=1e-14)
+    assert load(path, frequency_unit="khz", fields={"omega": "frequency"}).omega[0] == pytest.approx(OMEGA, rel=1e-14)
+    with pytest.raises(InputError, match="`frequency_unit` says kHz, and the name of 'frequency' or its role says Hz"):
+        load(path, frequency_unit="kHz", fields={"freq_hz": "frequency"})
+    with pytest.raises(InputError, match='must be "rad/s", "Hz" or "kHz"; got \'mhz\''):
+        load(path, frequency_unit="mhz")
+
+
 @pytest.mark.parametrize("axis", ["frequency", "freq", "f", "Frequency"])
 def test_a_frequency_without_unit_is_refused_until_it_is_stated(tmp_path, axis):
     path = write_frf(tmp_path / "frf.csv", axis, 40.0)

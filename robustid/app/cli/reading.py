@@ -185,7 +185,9 @@ def _unit_words(found: Origin, unit: str | None) -> str:
     """The unit that the frequencies were read in, where the file doesn't say it."""
     if found.unit_known:
         return ""
-    return "; omega read as Hz" if unit == "Hz" else "; omega read as rad/s (--frequency-unit Hz if the file has Hz)"
+    if unit not in (None, "rad/s"):
+        return f"; omega read as {unit}"
+    return "; omega read as rad/s (--frequency-unit Hz if the file has Hz)"
 
 
 @contextlib.contextmanager

@@ -21,6 +21,7 @@ from robustid.data.io.roles import as_frequency, as_time, frequency_axis, time_s
 from robustid.data.io.saved import CLASSES, WRITERS, unpack
 from robustid.data.io.structures import from_structure
 from robustid.data.io.table import Table
+from robustid.data.io.units import FREQUENCY, factor
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _log = logging.getLogger("robustid")
@@ -108,8 +109,8 @@ def _check_words(
 ) -> None:
     if kind not in (None, "frequency", "time", "model"):
         raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
-    if frequency_unit is not None and str(frequency_unit).lower() not in ("rad/s", "hz"):
-        raise InputError(f'`frequency_unit` must be "rad/s" or "Hz"; got {frequency_unit!r}')
+    if frequency_unit is not None and factor(FREQUENCY, str(frequency_unit)) is None:
+        raise InputError(f'`frequency_unit` must be "rad/s", "Hz" or "kHz"; got {frequency_unit!r}')
     if fields is not None and not isinstance(cast("object", fields), Mapping):
         raise InputTypeError(f'`fields` must map roles to names, such as {{"u": "current"}}; got {fields!r}')
     if unknown := set(fields or {}) - set(NAMES):

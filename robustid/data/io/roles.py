@@ -58,14 +58,13 @@ def _omega(lookup: Lookup, frequency_unit: str | None) -> np.ndarray:
     """The frequencies in rad/s."""
     name, unit = frequency_axis(lookup, frequency_unit)
     column = lookup.column("omega", name)
-    for said, where in (
-        (frequency_unit, "`frequency_unit`"),
-        ("Hz" if "freq_hz" in lookup.fields else None, "the role"),
-    ):
-        if said and unit and ("hz" in said.lower()) != ("hz" in unit.lower()):
-            raise InputError(
-                f"{where} says {said}, and the name of {name!r} says {unit}; correct the one that is wrong"
-            )
+    stated, own = (None if said is None else units.factor(units.FREQUENCY, said) for said in (frequency_unit, unit))
+    if stated is not None and own is not None and stated != own:
+        raise InputError(
+            f"`frequency_unit` says {frequency_unit}, and the name of {name!r} or its role says {unit}; correct what is wrong"
+        )
+    if "freq_hz" in lookup.fields and unit and "hz" not in unit.lower():
+        raise InputError(f"the role says Hz, and the name of {name!r} says {unit}; correct the one that is wrong")
     scale = units.factor(units.FREQUENCY, unit or frequency_unit or "rad/s")
     return column * scale if scale != 1 else column
 

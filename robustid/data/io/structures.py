@@ -111,8 +111,8 @@ def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:
     else:
         scale = factor(FREQUENCY, unit)
     if frequency_unit is not None:
-        stated = FREQUENCY["Hz" if frequency_unit.lower() == "hz" else "rad/s"]
-        if not unit:
+        stated = factor(FREQUENCY, frequency_unit)
+        if not unit and stated is not None:
             return stated
         if scale is not None and scale != stated:
             raise InputError(
