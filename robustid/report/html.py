@@ -100,7 +100,11 @@ def _words(text: Text) -> Any:
 
     out = markupsafe.escape(text.text)
     for words in text.code:
-        out = out.replace(markupsafe.escape(words), markupsafe.Markup("<code>{}</code>").format(words))
+        unbroken = markupsafe.Markup(" ").join(
+            markupsafe.Markup("<span>{}</span>").format(one) for one in words.split()
+        )
+        marked = unbroken if " --" in words else words  # no line breaks inside of an option
+        out = out.replace(markupsafe.escape(words), markupsafe.Markup("<code>{}</code>").format(marked))
     return out
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import robustid as rid
 from support import command_line
 from support.forging import forge, lower
 from support.problems import random_problem
+from support.report_pages import Page
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +40,18 @@ GRID = ["--omega", "60", "--omega", "110", "--directions", "4"]
 
 
 def test_bounds_are_computed_saved_and_verified(files, run):
-    code, out, err = run("bounds", "good", *GRID, "-o", "band")
+    code, _, err = run("bounds", "good", *GRID, "-o", "band", "--static")
+    assert code == 2
+    assert "--report FILE.html" in err
+    code, out, err = run("bounds", "good", *GRID, "-o", "band", "--report", "band.html")
     assert (code, err) == (0, "")
     assert "every consistent system is within" in out
     assert "written: band.npz, band.json" in out
+    assert "written: band.html" in out
     saved = rid.load("band")
+    page = Page(pathlib.Path("band.html").read_text(encoding="utf-8"))
+    assert f"guaranteed error, order {saved.model.nstates}" in page.text
+    assert "What is guaranteed" in page.text
     assert saved.omega.tolist() == [60.0, 110.0]
     assert f"{saved.upper.max():.4g}" in out
     for extra in ([], ["--exact"]):

@@ -88,16 +88,17 @@ def family_page(
 def _glance(family: Family, entry: Chart, withheld: Any) -> Glance:
     """The first screen: order, band in words, the first entry, what to do next."""
     contradicted = withheld is not None and withheld.contradicted
-    at, largest = family.omega[np.argmax(family.sigma_upper)] / HZ, at_most(family.sigma_upper.max(), 3)
     worst = max(family.drivers(), key=lambda row: row.upper)
+    reach = f"between {number(worst.low / HZ, 5)} and {number(worst.high / HZ, 5)} Hz"
+    if worst.low == worst.high:
+        reach = f"at {number(worst.low / HZ, 5)} Hz"
     numbers = [
         ("members", f"{len(family.members)}"),
         ("model order", f"{family.model.nstates}"),
-        *([] if contradicted else [("guaranteed error", f"≤ {largest}")]),
-        *family_verdict(family).numbers[:1],
+        *([] if contradicted else [("guaranteed error", f"≤ {at_most(family.sigma_upper.max(), 3)}")]),
     ]
     steps = [
-        f"The band is widest at {number(at, 5)} Hz; {worst.member} drives it there: more data of this member narrow it first."
+        f"The error is largest {reach}, where {worst.member} drives the band: more data of this member narrow it first."
     ]
     if contradicted:
         steps = ["Take the withheld data into the family as a further member: see “Withheld data”."]
