@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,13 +53,13 @@ class Contents(NamedTuple):
     items: tuple[Item, ...]
 
 
-def contents(path: str | os.PathLike[str]) -> Contents:
+def contents(path: Any) -> Contents:
     r"""List what is in a file of any format that `robustid.load` reads; nothing is taken for anything yet.
 
     Parameters
     ----------
-    path : str or path
-        The file.
+    path : str, path, or a table in memory
+        As for `robustid.load`.
 
     Returns
     -------

@@ -15,7 +15,6 @@ from robustid.core import as_flag
 from robustid.data.io.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.data.io.files import read_file
 from robustid.data.io.table import said
-from robustid.data.time_record import TimeRecord
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 
 __all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "load"]
@@ -195,42 +194,27 @@ def _records(files: list[str], options: dict[str, Any]) -> Any:
 def _mirror(files: list[str], options: dict[str, Any]) -> Any:
     """Arrays of (samples a period, signals, realisations, periods)."""
     _no_options(files, options)
-    u, y = (np.load(fetch(file), allow_pickle=False) for file in files)
-    return [
-        TimeRecord(
-            *(np.moveaxis(signal[:, :, k], 2, 0).reshape(-1, signal.shape[1]) for signal in (u, y)),
-            dt=_FSM_STEP,
-            initial="periodic",
-            inputs=[f"piezo {j + 1} [V]" for j in range(u.shape[1])],
-            outputs=[f"sensor {j + 1} [m]" for j in range(y.shape[1])],
-        )
-        for k in range(u.shape[2])
-    ]
+    arrays = {role: np.load(fetch(file), allow_pickle=False) for role, file in zip("uy", files, strict=True)}
+    inputs, outputs = (
+        [f"{name} {k + 1} [{unit}]" for k in range(3)] for name, unit in (("piezo", "V"), ("sensor", "m"))
+    )
+    return read_file(arrays, axes="time,signal,realisation,period", dt=_FSM_STEP, inputs=inputs, outputs=outputs)
 
 
 def _short(files: list[str], options: dict[str, Any]) -> Any:
     """One matrix whose columns are the signals, inputs first; the record begins in the middle of the experiment."""
-    import scipy.io
-
     _no_options(files, options)
     name = Path(files[0]).stem
     dt, inputs, outputs = _SHORT[name]
-    table = np.asarray(scipy.io.loadmat(str(fetch(files[0])), variable_names=[name])[name], float)
-    u, y = np.split(table, [len(inputs)], axis=1)
-    return TimeRecord(u, y, dt=dt, initial="free", inputs=inputs, outputs=outputs)
+    fields = {"u": f"{name}[:,:{len(inputs)}]", "y": f"{name}[:,{len(inputs)}:]"}
+    return read_file(fetch(files[0]), fields=fields, dt=dt, initial="free", inputs=inputs, outputs=outputs)
 
 
 def _model(files: list[str], options: dict[str, Any]) -> Any:
-    import control
-    import scipy.io
-    import scipy.sparse
-
     _no_options(files, options)
-    content = scipy.io.loadmat(str(fetch(files[0])), variable_names=["A", "B", "C", "D"])
-    A, B, C = (
-        np.asarray(content[k].toarray() if scipy.sparse.issparse(content[k]) else content[k], float) for k in "ABC"
-    )
-    return control.ss(A, B, C, content.get("D", np.zeros((len(C), B.shape[1]))), 0, name=Path(files[0]).stem)
+    model = read_file(fetch(files[0]), kind="model")
+    model.name = Path(files[0]).stem
+    return model
 
 
 def _no_options(files: list[str], options: dict[str, Any]) -> None:

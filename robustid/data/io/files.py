@@ -27,13 +27,13 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 _log = logging.getLogger("robustid")
 
 
-def read_file(path: str | os.PathLike[str], **options: Any) -> Any:
+def read_file(path: Any, **options: Any) -> Any:
     """Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result, with its arguments."""
     return read_said(path, **options)[0]
 
 
 def read_said(
-    path: str | os.PathLike[str],
+    path: Any,
     *,
     kind: str | None = None,
     fields: Mapping[str, Any] | None = None,
