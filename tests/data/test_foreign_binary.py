@@ -106,6 +106,7 @@ CASES = {
                    {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "rows.mat": (lambda p: matlab5(p, {"rig": LONG[:, :2, 0, 0].T}),
                  {"fields": {"u": "rig[0,:]", "y": "rig[1,:]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
+    "signals first.mat": (lambda p: matlab5(p, {"u": U, "y": np.stack([Y] * 3), "dt": DT}), {"axes": "signal,time"}, same_record),
     "four.mat": (lambda p: matlab4(p, {"rig": LONG[:, :2, 0, 0]}),
                  {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "seven.mat": (lambda p: matlab73(p, {"rig": LONG[:, :2, 0, 0]}),

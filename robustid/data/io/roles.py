@@ -185,6 +185,11 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
                 f"{names[role]!r} has {values.ndim} axes {values.shape}; name them, such as axes='time,signal,realisation,period',"
                 f" or take a part of it by an address such as '{names[role]}[:,:,0]'"
             )
+        if values.ndim == 2 and values.shape[1] > values.shape[0]:
+            raise InputError(
+                f"{names[role]!r} has the shape {values.shape}: fewer samples than signals. Time is the first axis here; if it is"
+                " the second one, give axes='signal,time'"
+            )
     for side, role in (("inputs", "u"), ("outputs", "y")):
         labels = lookup.labels(names[role])
         if side not in options and len(labels) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
