@@ -38,7 +38,9 @@ def report(
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
+    from robustid.advice import diagnose
     from robustid.app.files import load_result
+    from robustid.errors import Status
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
@@ -55,6 +57,9 @@ def report(
         shown["tube"] = _tube(console, result, steps)
     if sensitivity:
         shown["sensitivity"] = _sensitivity(console, result.problem)
+    if result.status is Status.INCONSISTENT:
+        with step(console, "what would help"):
+            shown["diagnosis"] = diagnose(result).summary()
     with step(console, "verifying every certificate"):
         write_report(result, output, reduction=reduction, title=title, static=static, **shown)
     console.print(render_summary(result, reduction))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
 _BOUND = "robustid bounds RESULT --report bounds.html"
 _STABLE = "error.robust_stability_margin(K)"
-_BETWEEN = " Between these frequencies the plot interpolates for the eye."
+_BETWEEN = " The plot interpolates between them."
 _UNBOUNDED = (
     "How far the machine may be from this model is not bounded on this page yet: samples are kept, and nothing is said between"
     " them."
@@ -65,16 +65,17 @@ def glance(
 
 
 def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
-    small = identification.model if reduction is None else reduction.model
-    order = f"{identification.order}" + (f" → {reduction.order}" if reduction is not None else "")
+    reduced = bound if reduction is None else reduction
+    small = identification.model if reduced is None else reduced.model
+    order = f"{identification.order}" + (f" → {small.nstates}" if small.nstates != identification.order else "")
     found = [("model order", order)]
     if bound is not None:
         known = np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
-        hz, share = guarantee.at_resonance(bound)
+        where, share = guarantee.at_resonance(bound)
         found += [
             (f"guaranteed error, order {bound.model.nstates}", f"≤ {largest}"),
-            (f"at the resonance, {number(hz)} Hz", f"≤ {at_most(100 * share, 2)} %"),
+            (where, f"≤ {at_most(100 * share, 2)} %"),
         ]
     if identification.status is Status.CONSISTENT:
         worst = ("" if siso(identification) else ", worst entry") + f", order {small.nstates}"

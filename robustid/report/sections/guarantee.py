@@ -87,11 +87,13 @@ def _response(error: WorstCaseError | WorstCaseOverPoles) -> np.ndarray:
     return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
 
 
-def at_resonance(error: WorstCaseError | WorstCaseOverPoles) -> tuple[float, float]:
-    """Frequency in Hz of the largest response among those that are bounded, and the error there as a share of it."""
+def at_resonance(error: WorstCaseError | WorstCaseOverPoles) -> tuple[str, float]:
+    """Say where the response is largest among the frequencies that are bounded, and the error there as a share of it."""
     size, upper = _response(error), error.sigma_upper
     place = int(np.argmax(np.where(np.isfinite(upper), size, -1.0)))
-    return float(error.omega[place]) / HZ, float(upper[place] / max(size[place], _TINY))
+    inside = 0 < place < size.size - 1
+    where = f"at {'the resonance' if inside else 'the largest response'}, {number(error.omega[place] / HZ)} Hz"
+    return where, float(upper[place] / max(size[place], _TINY))
 
 
 def rows(error: WorstCaseError) -> list[tuple[str, str]]:

@@ -121,7 +121,8 @@ def identification_page(
             worst_case=worst_case,
             over_poles=over_poles,
             withheld=withheld,
-            advice=diagnosis or "",
+            # Of a run the diagnosis stands among its findings, the only one of several lines.
+            advice=diagnosis or next((words for words in findings if "\n" in words), ""),
         ),
     )
 
