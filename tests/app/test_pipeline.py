@@ -90,10 +90,13 @@ def test_a_time_limit_leaves_bounds_at_some_frequencies_and_says_so(folder):
 def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run):
     wrong = {"modes": {"hz": [9.0, 17.2], "damping": [0.1, 0.004]}, "prior": CLASS["prior"]}
     ask(folder, DATA, wrong, SHORT)
-    code, out, _ = run(["run", "ask.toml", "-o", "out"])
+    code, out, _ = run(["run", "ask.toml", "-o", "out", "--static"])
     assert code == 3
     result = rid.load("out/identification")
     assert not result.consistent
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert "Most likely cause" in page.split('<details class="part">')[0]
     assert np.array_equal(result.problem.frequency[0].bound, rid.load("frf.csv").bound)
     assert "The data contradict the class" in out
     assert "each pair repeated once more" in out
