@@ -28,6 +28,7 @@ TEXTS = {
     "many names": ",".join(f"a{k}" for k in range(8_000)) + "\n" + "1," * 7_999 + "1\n",
     "remarks": "# u\n" * (LONG // 4),
     "lines of one": "1\n" * (LONG // 2),
+    "decibels": "Freq.\tV\n1.0\t(9.0e99dB,1.0e99°)\n2.0\t(1.0dB,1.0e400°)\n3.0\t(1.0e400dB,1.0°)\n",
     "units": "u,y\n" + "[" * 1000 + "," + "(" * 1000 + "\n1,2\n",
 }
 

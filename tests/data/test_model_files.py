@@ -8,7 +8,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.data.io import load_model, save_model
-from robustid.data.io.transfer_functions import of_roots
+from robustid.data.io.transfer_functions import of_polynomials, of_roots
 from robustid.errors import FileFormatError
 from support.data_files import write_matlab73
 from support.foreign_files import matlab5
@@ -109,6 +109,16 @@ def test_a_cascade_keeps_many_light_modes():
     s = 1j * np.abs(upper)
     expected = 2 * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1)
     np.testing.assert_allclose(model(s), expected, rtol=1e-9)
+
+
+def test_polynomials_do_not_depend_on_units():
+    model, small = (
+        of_polynomials(np.array([scale, 3 * scale]), np.array([2.0, 3.0, 4.0]), 0) for scale in (1.0, 2.0**-70)
+    )
+    np.testing.assert_array_equal(small.C, model.C * 2.0**-70)
+    np.testing.assert_allclose(model(2j), (2j + 3) / (2 * (2j) ** 2 + 3 * 2j + 4), rtol=1e-14)
+    gain = of_polynomials(np.array([6.0]), np.array([2.0]), 0.1)
+    assert (gain.nstates, gain.D.item(), gain.dt) == (0, 3.0, 0.1)
 
 
 def test_discrete_models_have_their_sample_time(tmp_path):

@@ -24,6 +24,7 @@ _COMPLEX = re.compile(rf"\(?(?=.*\d)(?:{_NUMBER})?(?:[-+]|{_NUMBER})?j\)?")
 # Two parts in one cell, as LTspice writes them; each with its point, since a comma alone may be a decimal mark.
 _PART = r"([-+]?\d+\.\d*(?:[eE][-+]?\d+)?)"
 _PARTS = re.compile(rf"\(?{_PART}(dB)?,\s*{_PART}(°)?\)?")
+_MOST_DB = 6000  # more is no finite number
 _THOUSANDS = re.compile(r"(?<![\d.,])\d{1,3}(?:\.\d{3})+,\d+")
 _SIGN = re.compile(r"\s*([-+])\s*")
 _LETTERS = str.maketrans("dDiIJ", "eejjj")
@@ -115,8 +116,11 @@ def with_point(cell: str, decimal: str) -> str:
 def _of_parts(first: str, db: str | None, second: str, degrees: str | None) -> str:
     """A complex number of real and imaginary part, or of dB and degrees, as Python writes it."""
     a, b = float(first), float(second)
-    value = 10 ** (a / 20) * cmath.exp(1j * math.radians(b)) if db and degrees else complex(a, b)
-    return str(value)
+    if not (db and degrees):
+        return str(complex(a, b))
+    if not (a < _MOST_DB and math.isfinite(b)):
+        return "inf"
+    return str(10 ** (a / 20) * cmath.exp(1j * math.radians(b)))
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:

@@ -15,19 +15,22 @@ _PAIR = 1e-8  # relative distance of a root from the conjugate of its partner
 
 
 def of_polynomials(numerator: NDArray[Any], denominator: NDArray[Any], dt: float) -> Any:
-    """The `control.StateSpace` of b(s)/a(s), highest power first, in companion form."""
+    """The `control.StateSpace` of b(s)/a(s), highest power first, in companion form.
+
+    Written out here: scipy takes leading coefficients below 1e-14 for zero, whatever the units.
+    """
     import control
-    from scipy.signal import tf2ss
 
     b, a = (np.trim_zeros(np.asarray(part, dtype=float).reshape(-1), "f") for part in (numerator, denominator))
     if not a.size:
         raise InputError("the denominator is zero")
     if b.size > a.size:
         raise InputError(f"the numerator has the degree {b.size - 1}, the denominator {a.size - 1}; a model is proper")
-    _checked_order(a.size)
-    if a.size == 1:
-        return control.ss([], [], [], (b[0] if b.size else 0.0) / a[0], dt)
-    return control.ss(*tf2ss(b if b.size else [0.0], a), dt)
+    order = _checked_order(a.size - 1)
+    b, a = np.concatenate([np.zeros(a.size - b.size), b]) / a[0], a / a[0]
+    A = np.eye(order, k=-1)
+    A[:1] = -a[1:]
+    return control.ss(A, np.eye(order, 1), [b[1:] - b[0] * a[1:]], b[0], dt)
 
 
 def of_roots(zeros: NDArray[Any], poles: NDArray[Any], gain: float, dt: float) -> Any:
