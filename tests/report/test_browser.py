@@ -57,9 +57,9 @@ def test_pages_on_narrow_screens(tmp_path: Path) -> None:
 def test_pages_of_matrices_on_narrow_screens(tmp_path: Path) -> None:
     """As above; their charts are also drawn by the tests of each section."""
     found = all_drawn(tmp_path, (mimo_identification, 360), (response, 360))
-    assert len(found[0]) == 4 + 1 + 2 + 4 + 6 + 3
+    assert len(found[0]) == 1 + 4 + 1 + 2 + 4 + 6 + 3
     entries = {f"entry-{i}-{j}-0" for i in (0, 1) for j in (0, 1)}
-    further = {"singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
+    further = {"first-0", "singular-0", "coherence-0", "input-0-0", "input-1-0", "output-0-0", "output-1-0"}
     assert set(found[1]) == entries | further
 
 
