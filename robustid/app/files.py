@@ -162,13 +162,17 @@ def save(
         ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or ``.mat`` (v5): plain
         arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names of the signals. Of an
         excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
-        For others' programs: Touchstone (``.s1p``, ``.s2p``, ...: version 1, real and imaginary parts; bounds have no place there)
-        of a response or a model; a SPICE subcircuit (``.cir``, ``.sp``, ``.lib``, ``.sub``; controlled sources, resistors and
-        capacitors) of a model that is passive.
+        For others' programs, of a model: a MATLAB script (``.m``), JSON (``.json``), a C header in double and single precision
+        (``.h``, discrete), second-order sections (``.sos``, discrete) and zeros, poles and gain in Hz (``.zpk``, continuous) of one
+        input and output, a table of its poles (``.csv``); of an `UncertaintyWeight` the uncertain plant as a MATLAB script
+        (``.m``: ss, ultidyn); of a response universal file 58 (``.uff``, ``.unv``; extra ``robustid[uff]``); of a WorstCaseError
+        its bounds, of an Identification its verdict as a table (``.csv``). Touchstone (``.s1p``, ``.s2p``, ...: version 1, real
+        and imaginary parts; bounds have no place there) of a response or a model; a SPICE subcircuit (``.cir``, ``.sp``, ``.lib``,
+        ``.sub``; controlled sources, resistors and capacitors) of a model that is passive.
     thing : object
-        Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, FrequencyResponse,
-        TangentialResponse or TimeRecord; of measurements with their bounds and what these mean, covariance, names of the signals
-        and note.
+        Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, Excitation, control.StateSpace, DelayedModel,
+        UncertaintyWeight, FrequencyResponse, TangentialResponse or TimeRecord; of measurements with their bounds and what these
+        mean, covariance, names of the signals and note.
     parameter : {"s", "z", "y"}, optional
         Of Touchstone and SPICE: the parameters that the thing holds, scattering (default), impedance or admittance. Files hold
         scattering.
@@ -201,12 +205,7 @@ def save(
         return
     if names := [f"`{name}`" for name, value in given.items() if value is not None]:
         raise InputError(f"{names[0]} is for Touchstone (.s2p, ...) and SPICE (.cir, ...) files; got {str(path)!r}")
-    if type(thing).__module__.startswith("control."):
-        import control
+    from robustid.app.exports import exported
 
-        from robustid.data.io import save_model
-
-        if isinstance(thing, control.StateSpace):
-            save_model(thing, path)
-            return
-    core.save(path, thing)
+    if not exported(path, thing):
+        core.save(path, thing)

@@ -1,4 +1,4 @@
-"""The command line: `robustid run`, `excite`, `frf`, `identify`, `fit`, `bounds`, `verify`, `reduce`, `report`, `demo`."""
+"""The command line: `robustid run`, `excite`, `frf`, `identify`, `fit`, `bounds`, `verify`, `reduce`, `report`, `export`, ..."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robustid.app.cli.options import FLAGS, opened
 from robustid.app.cli.terminal import console, plain
 from robustid.errors import RobustIdError, SolverError
 
-COMMANDS = ("demo", "identify", "run", "excite", "frf", "fit", "bounds", "verify", "reduce", "report")
+COMMANDS = ("demo", "identify", "run", "excite", "frf", "fit", "bounds", "verify", "reduce", "report", "export")
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}

@@ -42,9 +42,14 @@ def reduce(
         float | None,
         typer.Option(help="Seconds after which the smallest order found so far is taken; so does Ctrl-C."),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The reduced model, .npz or .mat.")] = Path(
-        "reduced.npz"
-    ),
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The reduced model: .npz, .mat, or .m, .json, .h, .sos, .zpk for other programs.",
+        ),
+    ] = Path("reduced.npz"),
     force: Force = False,
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
@@ -57,10 +62,11 @@ def reduce(
     Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable (it is written all the same); 2 misuse, 70 an
     error of the program, 130 interrupted.
     """
-    from robustid.data.io import load_model, save_model
+    from robustid.app.files import save
+    from robustid.data.io import load_model
     from robustid.reduction import ReductionStatus
 
-    outputs.check_ending(output, (".npz", ".mat"))
+    outputs.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
     limits: dict[str, Any] = {"band_hz": None if band is None else low_high("--band", band), "horizon": horizon}
     outputs.check_outputs([output], [*outputs.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
@@ -78,7 +84,7 @@ def reduce(
             reduction = _truncated(console, model, asked)
         if identification is not None:
             _say_margin(console, identification, reduction)
-    save_model(reduction.model, output)
+    save(output, reduction.model)
     terminal.say_written(console, output)
     raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
 
