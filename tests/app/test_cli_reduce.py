@@ -78,7 +78,7 @@ def test_an_unstable_outcome_exits_with_1(tmp_path, run, monkeypatch):
         (["--band", "1:60", "--order", "1"], "Nyquist frequency, 50 Hz"),
         (["--weight", "nothing.npz", "--order", "1"], "nothing.npz"),
         (["--horizon", "-1", "--order", "1"], "--horizon must be positive"),
-        (["--order", "1", "-o", "small.txt"], ".npz or .mat"),
+        (["--order", "1", "-o", "small.txt"], "must end in .npz, .mat, .m, .json, .h, .sos or .zpk"),
     ],
 )
 def test_misuse_is_one_sentence_in_options(model, tmp_path, run, options, says):
@@ -114,7 +114,7 @@ def test_an_unstable_model_is_refused_or_kept(files, run):
 def test_reduce_wants_a_name_that_it_can_write(files, run):
     code, _, err = run(["reduce", "whatever", "-o", "small.txt"])
     assert code == 2
-    assert ".npz or .mat" in err
+    assert "must end in .npz, .mat, .m, .json, .h, .sos or .zpk" in err
     code, _, err = run(["reduce", "small.npz", "-o", "small.npz", "--force"])
     assert code == 2
     assert "one of the files to be read" in err
