@@ -10,7 +10,7 @@ from robustid.report.document import Block, Code, Heading, Text
 from robustid.report.words import number
 
 _MOST = 400  # numbers in the matrices that are printed
-_SAVE = 'rid.save_model(model, "model.mat")'
+_SAVE = 'rid.save("model.mat", model)'
 
 
 def matrices_section(name: str, model: Any, dt: float) -> list[Block]:
