@@ -20,7 +20,7 @@ def verify(
         Path, typer.Argument(help="A saved identification or saved bounds (NAME, NAME.npz or NAME.json).")
     ],
     exact: Annotated[
-        bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid[exact].")
+        bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid\\[exact].")
     ] = False,
 ) -> None:
     """Evaluate every proof in a file again, from its numbers and without a solver.
