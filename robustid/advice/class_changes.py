@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.advice.causes import corrected, correction_change, mode_of, modes_of
-from robustid.advice.kautz import further_mode
+from robustid.advice.kautz import further_mode, suggest_kautz
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -55,6 +55,27 @@ def changes_of(problem: MixedProblem) -> list[Change]:
         words = "a coefficient is outside its interval"
         changes.append(Change("coefficients without intervals", words, "parameter_bounds=None", "", posed))
     return changes
+
+
+def found_modes(problem: MixedProblem) -> Change | None:
+    """The modes that the response shows, in place of those that were stated; None where it shows none."""
+    lines = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
+    if not lines or problem.prior.physical or not modes_of(problem):
+        return None
+    try:
+        found = suggest_kautz(lines[0], delay=int(problem.dt > 0))
+        if found.basis is None:
+            return None
+        posed = dataclasses.replace(problem, parametric=found.basis, parameter_bounds=None)
+    except InputError as error:
+        _log.info("modes of the response: left out (%s)", error)
+        return None
+    pairs = list(zip(found.omega, found.damping, strict=True))
+    places = ", ".join(f"{at / (2 * np.pi):.4g} Hz with damping {ratio:.2g}" for at, ratio in pairs)
+    numbers = [", ".join(f"{value:.6g}" for value in values) for values in (found.omega, found.damping)]
+    python = f"rid.kautz([{numbers[0]}], [{numbers[1]}], ...)"
+    cause = f"the modes are others than stated: {places}"
+    return Change(f"the modes that the response shows, {places}", cause, python, mode_options(posed), posed)
 
 
 def _larger_gains(problem: MixedProblem) -> list[Change]:

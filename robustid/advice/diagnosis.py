@@ -18,7 +18,7 @@ from robustid.advice.causes import (
     tried_causes,
     unit_cause,
 )
-from robustid.advice.class_changes import Change, changes_of, mode_options
+from robustid.advice.class_changes import Change, changes_of, found_modes, mode_options
 from robustid.advice.pole_search import improve_kautz
 from robustid.core import Budget, Frozen, Progress, as_kind, one_thread
 from robustid.errors import InputError, SolverError
@@ -205,7 +205,12 @@ def diagnose(
             trials += _moved_poles(problem, budget)
             waiting.remove(_MOVED)
             tell(count, count)
-        if inconsistent and not any(one.solves for one in causes) and all(trial.margin > 1 for trial in trials):
+        unsolved = inconsistent and not any(one.solves for one in causes) and all(trial.margin > 1 for trial in trials)
+        if unsolved and not budget.over and (others := found_modes(problem)) is not None:
+            changes.append(others)
+            trials.append(Trial(others.name, judged_margin(others.problem, np.inf, budget), others.problem))
+            unsolved = trials[-1].margin > 1
+        if unsolved:
             causes += unit_cause(problem, identification.margin, budget)
     except KeyboardInterrupt:
         _log.warning("interrupted: the changes that were tried so far are returned")

@@ -24,6 +24,7 @@ _FLAT = 1.2 * np.pi**2 / 180  # rad: the phase of -pi to pi rad that was taken a
 _WHOLE = 1e-4  # a number of samples so near to a whole one is whole
 _MOST_SAMPLES = 10**6
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
+_WHITE, _OUTSIDE = 0.3, 1.5  # correlation of neighbours; noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
 _OF_STABLE = {
     "conjugate": "the phase has the wrong sign (the response is conjugated)",
@@ -46,7 +47,8 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
     """Faults of a response that no class has to be assumed for, one sentence each, with the correction.
 
     A response of a stable plant is close to a stable rational function; that of its conjugate, of its inverse, or with a phase or a
-    magnitude in another unit, is not. Frequencies of a DFT are whole multiples of 1/(N dt) Hz.
+    magnitude in another unit, is not. Frequencies of a DFT are whole multiples of 1/(N dt) Hz. What a smooth model leaves, if
+    it is unrelated from one frequency point to the next, is noise, and has to be below the bound.
 
     Parameters
     ----------
@@ -81,7 +83,8 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
 
 def response_faults(frf: FrequencyResponse) -> list[Fault]:
     """Parts of what `response_problems` says: the most telling first."""
-    return [*_axis(frf), *_stable(frf)]
+    found = [*_axis(frf), *_stable(frf)]
+    return found or _scattered(frf)
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:
@@ -156,6 +159,32 @@ def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
         " again with the phase as phase_deg"
     )
     return [Fault("the phase is in degrees and was taken as radians", words, "")]
+
+
+def _scattered(frf: FrequencyResponse) -> list[Fault]:
+    """A bound that is smaller than the scatter around a smooth model, where what that leaves is white from point to point."""
+    if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
+        return []
+    worst, times = 0.0, 0.0
+    for one in _entries(dataclasses.replace(frf, covariance=None)):
+        poles = min(_POLES, one.omega.size // 8) // 2 * 2
+        fit = PoleFit(one, feedthrough=True)
+        fit.weight = 1 / one.bound.outer_radius.reshape(fit.values.shape)
+        _, found = fit.search(poles, np.zeros(1))
+        left: Complex = fit.residuals(found[0])[:, 0]  # in units of the bound
+        power = float(np.sum(np.abs(left) ** 2))
+        neighbours = abs(complex(np.sum(left[1:] * left[:-1].conj()))) / max(power, np.finfo(float).tiny)
+        size = float(np.sqrt(power / left.size))
+        if neighbours < _WHITE and size > worst:
+            worst, times = size, float(np.abs(left).max())
+    if worst < _OUTSIDE:
+        return []
+    factor = float(f"{1.2 * times:.3g}")
+    words = (
+        f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to the"
+        f" next, so that it is noise; it is covered after the correction"
+    )
+    return [Fault("the bounds are smaller than the noise of the response", words, f"bound times {factor:g}")]
 
 
 def _representative(frf: FrequencyResponse) -> FrequencyResponse:

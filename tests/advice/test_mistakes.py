@@ -9,6 +9,7 @@ import pytest
 import scipy.signal
 
 import robustid as rid
+from robustid.data import response_faults
 from robustid.errors import InputError
 
 LINES, SAMPLES, DT = 16, 8, 0.01
@@ -167,6 +168,15 @@ def test_a_mode_that_is_missing_comes_before_a_unit_that_would_shrink_everything
     assert any(cause.unsure for cause in found.causes)
 
 
+def test_modes_that_are_others_than_stated_are_found_together():
+    frf = rid.flexible_structure(lines=16, extra_hz=[17.4, 17.6, 17.67, 17.75, 17.9]).frequency
+    wrong = rid.kautz(2 * np.pi * 17.3, 0.004, dt=DT, delay=1)
+    found = rid.diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=CLASS, parametric=wrong)))
+    assert found.causes[0].solves
+    assert "the modes are others than stated: 9.0" in found.causes[0].cause
+    assert "--mode 17.6" in found.causes[0].option
+
+
 # --- mistakes that the data show by themselves ----------------------------------------------------------------------------------
 
 TONES = 2 * np.pi * np.arange(1, 200) / (500 * DT)
@@ -217,6 +227,16 @@ def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_
     found = rid.diagnose(result)
     assert found.summary().startswith("Most likely cause: the phase has the wrong sign")
     assert any("wrong sign" in words for words in result.problem.data_problems)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_below_the_noise_are_named_without_a_class_and_covered_by_the_correction(seed):
+    frf = rid.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
+    assert rid.response_problems(frf) == ()
+    (fault,) = response_faults(rid.correct(frf, "bound times 0.1"))
+    assert fault.cause == "the bounds are smaller than the noise of the response"
+    right = rid.correct(frf, "bound times 0.1", fault.correction)
+    assert 5 < (right.bound.radius / frf.bound.radius).max() * 10 < 20
 
 
 def test_degrees_taken_as_radians_are_named():

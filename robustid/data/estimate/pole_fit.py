@@ -77,6 +77,12 @@ class PoleFit:
             found.append(best[1])
         return np.array(costs), found
 
+    def residuals(self, poles: np.ndarray) -> np.ndarray:
+        """What the best residues at these poles leave of the values, weighted, complex, (F, entries); without a delay."""
+        left = [one.residual for one in self._entries(self.values, self._functions(0.0, poles))]
+        half = len(self.omega)
+        return np.stack([rows[:half] + 1j * rows[half:] for rows in left], axis=1)
+
     def refine(self, delay: float, poles: np.ndarray, *, held: bool = False) -> Refined:
         """The minimum near a start: variable projection with Kaufman's Jacobian (`golub1973`); over poles alone if `held`."""
         import scipy.optimize
