@@ -181,8 +181,8 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
         return []
     factor = float(f"{1.2 * times:.3g}")
     words = (
-        f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to the"
-        f" next, so that it is noise; it is covered after the correction"
+        f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to"
+        " the next, so that it is noise; it is covered after the correction"
     )
     return [Fault("the bounds are smaller than the noise of the response", words, f"bound times {factor:g}")]
 
