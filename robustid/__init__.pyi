@@ -15,6 +15,7 @@ from .advice import suggest_roll_off as suggest_roll_off
 from .advice import suggest_scaling as suggest_scaling
 from .app.files import load as load
 from .app.files import save as save
+from .app.look import look as look
 
 # The whole way, reports and figures
 from .app.pipeline import identify_reduced as identify_reduced

@@ -18,6 +18,42 @@ _RENAMED = {
     "rest_factor": "noise_floor_factor",
     "channel": "entry",
 }  # keys of older run files
+# Words that engineers write, by the keys that are meant, and where those stand.
+_ROLES = 'signals are named by their roles: fields = { u = "force", y = "position" } in [[record]] or [[frequency]]'
+_WORDS: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("input inputs output outputs signal signals columns column channels", ("fields",), _ROLES),
+    (
+        "fs rate sample_rate sampling_rate samplerate",
+        ("rate",),
+        "the sample rate is rate, in [[record]] or [[frequency]]",
+    ),
+    (
+        "ts sample_time sampling_time timestep step_time",
+        ("dt",),
+        "the sample time is dt, in [[record]] or [[frequency]]",
+    ),
+    (
+        "noise error errors tolerance sigma uncertainty",
+        ("bound",),
+        "errors are bounded by bound, in [[record]] or [[frequency]]",
+    ),
+    ("n nx states n_states model_order", ("order",), "the order of a fit is order, in [fit]"),
+    ("poles kautz resonances mode modes_hz f0", ("hz",), "modes are hz and damping, in [modes]"),
+    ("zeta xi damping_ratio damping_ratios", ("damping",), "modes are hz and damping, in [modes]"),
+    ("k gain gamma", ("gain_bound",), "the size of the non-parametric part is gain_bound, in [prior]"),
+    ("rho", ("decay_rate",), "the decay is decay_rate (of samples) or decay (1/s), in [prior]"),
+    ("alpha", ("decay",), "the decay is decay_rate (of samples) or decay (1/s), in [prior]"),
+    ("fmin fmax range band frequency_range", ("band_hz",), "a band is band_hz = [low, high], in [frequency_points]"),
+    (
+        "scale sign flip conjugate transpose",
+        ("correct",),
+        'a mistake is undone by correct = ["times 0.001"], in [[frequency]]',
+    ),
+    ("timeout max_time budget", ("time_limit",), "time_limit is in [identify], [fit], [small_model] and [worst_case]"),
+    ("path filename filepath source", ("file",), "data are file = ..., in [[record]] or [[frequency]]"),
+    ("dead_time latency", ("seconds",), "a delay is seconds, in [delay]"),
+)
+_MEANT = {word: (*keys, where) for words, keys, where in _WORDS for word in words.split()}
 Check = Callable[[str, Any], Any]  # (name, value) -> the value to take; raises with the name in the sentence
 
 
@@ -85,6 +121,11 @@ def refuse_unknown(
         if name not in known:
             if (now := _RENAMED.get(name)) in known:
                 raise error(f"{place} has no {word} {name!r} any more: it is called {now!r} now")
+            if word == "key" and (meant := _MEANT.get(str(name).lower())) is not None:
+                here = next((one for one in meant[:-1] if one in known), None)
+                raise error(
+                    f"{place} has no {word} {name!r}; " + (f"it is called {here!r}: {meant[-1]}" if here else meant[-1])
+                )
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"the nearest is {near[0]!r}; all" if near else "these are known"
             raise error(f"{place} has no {word} {name!r}; {hint}: {', '.join(known)}")

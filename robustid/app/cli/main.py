@@ -17,7 +17,21 @@ from robustid.app.cli.options import FLAGS, opened
 from robustid.app.cli.terminal import console, plain
 from robustid.errors import RobustIdError, SolverError
 
-COMMANDS = ("demo", "identify", "run", "excite", "frf", "fit", "bounds", "verify", "reduce", "report", "export")
+COMMANDS = (
+    "demo",
+    "identify",
+    "run",
+    "excite",
+    "frf",
+    "fit",
+    "bounds",
+    "verify",
+    "reduce",
+    "report",
+    "export",
+    "look",
+    "new",
+)
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}

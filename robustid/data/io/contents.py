@@ -77,7 +77,7 @@ def contents(path: Any) -> Contents:
     >>> from robustid.data.io import contents
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "step.csv"
-    ...     _ = path.write_text("time,u [V],y\\n0,1,0\\n0.5,1,0.25\\n")
+    ...     _ = path.write_text("time,u [V],y\n0,1,0\n0.5,1,0.25\n")
     ...     found = contents(path)
     >>> [(item.address, item.kind, item.shape) for item in found.items]
     [('time', 'real', (2,)), ('u [V]', 'real', (2,)), ('y', 'real', (2,))]

@@ -1,0 +1,36 @@
+"""robustid new: a commented run file made from a look into files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robustid.app.cli import outputs, terminal
+from robustid.app.cli.terminal import say
+
+
+def new(
+    files: Annotated[list[Path], typer.Argument(help="Measurements: records or frequency responses.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The run file, which must not exist.")] = Path(
+        "run.toml"
+    ),
+) -> None:
+    """Write a commented run file for measurements, ready to edit; robustid run takes it.
+
+    [bold]Example[/bold]: robustid new bench.mat -o bench.toml
+    """
+    from robustid.app.look import look, run_file_text
+    from robustid.core import atomic_write
+
+    outputs.check_outputs([output], files, False)
+    console = terminal.console()
+    text = run_file_text([look(path) for path in files], output.parent)
+    with atomic_write(output) as file:
+        file.write(text)
+    terminal.say_written(console, output)
+    edits = [line.strip() for line in text.splitlines() if "EDIT" in line and not line.startswith("#")]
+    edits += [line.strip() for line in text.splitlines() if line.startswith("# Check these lines")]
+    say(console, *(f"edit first: {line}" for line in edits))
+    say(console, f"next: robustid run {output} -o {output.stem}")

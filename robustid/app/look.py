@@ -1,0 +1,255 @@
+"""look(): what is in a file, what it looks like, and the lines to go on with; and a run file written from such looks."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.app.files import load
+from robustid.core import Frozen, Real
+from robustid.data import FrequencyResponse, TimeRecord, record_problems, response_problems
+from robustid.data.io import contents
+from robustid.errors import FileFormatError, InputError, InputTypeError
+
+_EVEN = 1e-6  # part of a step
+_MANY = 12  # things that are listed
+_EXAMPLE = re.compile(r"`fields=(\{\".*?\})((?:, \w+=(?:\"[^\"]*\"|[\d.]+))*)`")
+_ARGUMENT = re.compile(r", (\w+)=(\"[^\"]*\"|[\d.]+)")
+_MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
+_AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
+_TIME = re.compile(r"t$|time", re.I)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Look(Frozen):
+    """Contents of a file, as far as they can be seen, and how to go on.
+
+    Attributes
+    ----------
+    path : str
+    how : str
+        As what the file was read.
+    rows : tuple of (address, shape, range or text)
+    suspicions : tuple of str
+    data : object or None
+        What `load` makes of it; None where it needs to be told more.
+    refusal : str
+        Then why.
+    arguments : dict
+        Arguments of `load` to try, as the refusal names them.
+    """
+
+    path: str
+    how: str
+    rows: tuple[tuple[str, str, str], ...]
+    suspicions: tuple[str, ...]
+    data: Any = None
+    refusal: str = ""
+    arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def next(self) -> tuple[str, ...]:
+        """Lines to go on with, in Python and for the program."""
+        name = self.path
+        if self.data is None and not self.arguments:
+            return ()
+        given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
+        python = f"rid.load({json.dumps(name)}{given})"
+        if isinstance(self.data, FrequencyResponse):
+            bound = "" if self.data.bound is not None else " --frequency-bound RADIUS"
+            return python, f"robustid identify --frequency {name}{bound} --report report.html"
+        return python, f"robustid new {name} -o run.toml   # a run file, ready to edit"
+
+    def summary(self) -> str:
+        """Plain text: contents, suspicions, what to do."""
+        width = max((len(row[0]) for row in self.rows), default=0)
+        lines = [f"{self.path}: {self.how}"]
+        lines += [f"  {name.ljust(width)}  {shape:>14}  {words}".rstrip() for name, shape, words in self.rows[:_MANY]]
+        if len(self.rows) > _MANY:
+            lines.append(f"  and {len(self.rows) - _MANY} more")
+        if self.data is not None:
+            lines.append(f"read as {self.data!r}")
+        if self.refusal:
+            lines.append(f"to be told more: {self.refusal}")
+        lines += [f"looks odd: {words}" for words in self.suspicions]
+        return "\n".join([*lines, *(f"next: {words}" for words in self.next)])
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def look(path: str | os.PathLike[str], **options: Any) -> Look:
+    r"""Look into a file before anything is taken for anything: names, shapes, ranges, what is odd, and how to go on.
+
+    Parameters
+    ----------
+    path : str or path
+        Any file that `load` reads.
+    **options
+        Arguments of `load`, to see what it makes of the file with them.
+
+    Returns
+    -------
+    Look
+        ``print(look(path))`` shows it.
+
+    Raises
+    ------
+    InputError, FileFormatError
+        No such file, or none that can be read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, robustid as rid
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "sweep.csv"
+    ...     _ = path.write_text("f,gain,phase\n1,-3,-20\n2,-6,-100\n3,-30,-170\n")
+    ...     found = rid.look(path)
+    >>> found.suspicions[0]
+    'gain has negative values: a magnitude in decibels'
+    """
+    found = contents(path)
+    rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
+    odd = [words for item in found.items if item.values is not None for words in _odd(item)]
+    try:
+        data = load(path, **options)
+    except (InputError, InputTypeError, FileFormatError) as error:
+        said = str(error)
+        return Look(
+            path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), refusal=said, arguments=_arguments(said)
+        )
+    for one in data if isinstance(data, list) else [data]:
+        odd += response_problems(one) if isinstance(one, FrequencyResponse) else []
+    records: Any = data if isinstance(data, list) else [data]
+    if all(isinstance(one, TimeRecord) for one in records):
+        odd += [words for words in record_problems(records) if words not in odd]
+    return Look(path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), data=data, arguments=options)
+
+
+def run_file_text(looks: Sequence[Look], folder: Path) -> str:
+    """Text of a commented run file for files that were looked into; names are seen from `folder`."""
+    lines = [
+        "# A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.",
+        "# `robustid run --keys` lists all keys. Lines that begin with # do nothing.",
+        'title = "Untitled"',
+        "",
+    ]
+    periods: list[str] = []
+    for one in looks:
+        name = os.path.relpath(one.path, folder)
+        response = isinstance(one.data, FrequencyResponse)
+        lines += [
+            f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not isinstance(one.data, list) else "")
+        ]
+        lines += [f"# Looks odd: {words}" for words in one.suspicions]
+        lines.append("[[frequency]]" if response else "[[record]]")
+        lines.append(f"file = {json.dumps(name)}")
+        lines += [f"{key} = {_toml(value)}" for key, value in one.arguments.items()]
+        if one.data is None:
+            lines.append(f"# Check these lines: {' '.join(one.refusal.split())}")
+        if response and getattr(one.data, "bound", None) is None:
+            lines.append("bound = 0.0  # EDIT: the radius of the error disc of every frequency point, above 0")
+        if not response:
+            bounded = getattr(one.data, "bound", None) is not None
+            use, other = ("samples", "response") if bounded else ("response", "samples")
+            lines.append(f'use = "{use}"  # or "{other}", or "noise_floor" (samples need bound = ...)')
+        periods += re.findall(r"give period = (\d+)", " ".join(one.suspicions))
+        lines.append("")
+    if periods:
+        lines += ["[estimate]", f"period = {periods[0]}  # samples; found in the input", ""]
+    lines += [
+        "[frequency_points]",
+        "# band_hz = [5.0, 200.0]  # use only these; EDIT",
+        "",
+        "[modes]  # without hz they are taken from the response",
+        "# hz = [17.67]",
+        "# damping = [0.004]  # ratios, not per cent",
+        "",
+        "[prior]  # without it: from the curve of the smallest gain bound",
+        "# gain_bound = 0.2",
+        "# decay_rate = 1.1",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + " }"
+    return json.dumps(value)
+
+
+def _arguments(said: str) -> dict[str, Any]:
+    """Arguments that a refusal names."""
+    example = _EXAMPLE.search(said)
+    if example is None:
+        return {}
+    return {"fields": json.loads(example[1])} | {
+        name: json.loads(value) for name, value in _ARGUMENT.findall(example[2])
+    }
+
+
+def _shape(item: Any) -> str:
+    return " x ".join(map(str, item.shape)) if item.values is not None else item.kind
+
+
+def _range(item: Any) -> str:
+    """Range of numbers, with their step where they are evenly spaced; else the text."""
+    if item.values is None or not item.values.size:
+        return str(item.text)[:60]
+    values = np.asarray(item.values)
+    if np.iscomplexobj(values):
+        size = np.abs(values[np.isfinite(values)])
+        return f"complex, magnitudes {size.min():.4g} to {size.max():.4g}" if size.size else "not finite"
+    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
+    if not finite.size:
+        return "not finite"
+    if values.size == 1:
+        return f"{finite[0]:.6g}"
+    words = f"{finite.min():.4g} to {finite.max():.4g}"
+    step = _step(values)
+    if step:
+        words += f", evenly spaced by {step:.6g}"
+        if _TIME.search(item.name):
+            words += f" (as seconds: {1 / step:.6g} samples per second)"
+        elif _AXIS.search(item.name):
+            top = float(finite.max())
+            words += f" (as Hz up to {top:.4g} Hz; as rad/s up to {top / (2 * np.pi):.4g} Hz)"
+    return words
+
+
+def _step(values: Any) -> float:
+    """Step of numbers that are evenly spaced; 0 of others."""
+    flat: Real = np.asarray(values, dtype=float).ravel()
+    if flat.size < 3 or not np.all(np.isfinite(flat)):
+        return 0.0
+    steps = np.diff(flat)
+    middle = float(np.median(steps))
+    return middle if middle > 0 and float(np.max(np.abs(steps - middle))) <= _EVEN * middle * 10 else 0.0
+
+
+def _odd(item: Any) -> list[str]:
+    """Sentences on one array: not finite, decibels, degrees."""
+    values, name = np.asarray(item.values), item.address
+    found: list[str] = []
+    missing = int(np.sum(~np.isfinite(values)))
+    if missing:
+        found.append(f"{name} has {missing} values that are not finite, of {values.size}")
+    if np.iscomplexobj(values) or not values.size or missing == values.size:
+        return found
+    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
+    if _MAGNITUDE.search(item.name) and "db" not in name.lower() and float(finite.min()) < 0:
+        found.append(f"{name} has negative values: a magnitude in decibels")
+    if _PHASE.search(item.name) and not item.unit and "rad" not in name.lower() and not re.search(r"deg|°", name, re.I):
+        if float(np.abs(finite).max()) > 4 * np.pi:
+            found.append(f"{name} goes to {float(np.abs(finite).max()):.4g}: a phase in degrees")
+        elif float(np.abs(finite).max()) <= 1.001 * np.pi:
+            found.append(f"{name} stays within pi: a phase in radians")
+    return found

@@ -1,0 +1,94 @@
+"""A look into files, the run file that it writes, and keys by their meaning."""
+
+import re
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.look import run_file_text
+from robustid.app.run_file import read_run_file
+from robustid.errors import InputError
+from support.command_line import words as command
+
+
+@pytest.fixture(name="folder")
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = rid.flexible_structure(lines=20, samples=12)
+    rid.save("frf.csv", data.frequency)
+    rid.save("wrong.csv", rid.correct(data.frequency, "conjugate"))
+    rid.save("record.csv", data.time)
+    np.savez("bench.npz", run=np.random.default_rng(0).standard_normal((60, 2)))
+    (tmp_path / "sweep.csv").write_text("f,gain,phase\n" + "\n".join(f"{k},{-k},{-10 * k}" for k in range(1, 20)))
+    return tmp_path
+
+
+def test_a_look_says_what_is_there_what_is_odd_and_how_to_go_on(folder):
+    found = rid.look("frf.csv")
+    assert isinstance(found.data, rid.FrequencyResponse)
+    assert found.suspicions == ()
+    assert "as Hz up to 131.9 Hz; as rad/s up to 21 Hz" in str(found)
+    assert found.next[0] == 'rid.load("frf.csv")'
+    assert "conjugated" in rid.look("wrong.csv").suspicions[0]
+    told = rid.look("sweep.csv")
+    assert told.data is None
+    assert told.suspicions == (
+        "gain has negative values: a magnitude in decibels",
+        "phase goes to 190: a phase in degrees",
+    )
+    unclear = rid.look("bench.npz")
+    assert unclear.data is None
+    assert isinstance(eval(unclear.next[0]), rid.TimeRecord)  # the line to go on with works as it stands
+    assert isinstance(rid.look("bench.npz", **unclear.arguments).data, rid.TimeRecord)
+
+
+def test_the_run_file_of_a_look_can_be_read_as_it_is(folder):
+    text = run_file_text([rid.look(name) for name in ("frf.csv", "record.csv", "bench.npz")], folder)
+    (folder / "run.toml").write_text(text)
+    read = read_run_file("run.toml")
+    assert text.count("[[record]]") == 2
+    assert text.count("[[frequency]]") == 1
+    assert 'use = "samples"' in text
+    assert "# Check these lines: bench.npz" in text
+    assert [source.file for source in read.record] == ["record.csv", "bench.npz"]
+    assert read.record[1].fields == {"u": "run[:,0]", "y": "run[:,1]"}
+
+
+def test_measured_periods_and_faults_stand_in_the_run_file(folder):
+    u = np.tile(np.random.default_rng(0).standard_normal(50), 6)
+    rid.save("periodic.csv", rid.TimeRecord(u, np.convolve(u, [0, 1, 0.5])[:300], dt=0.01))
+    text = run_file_text([rid.look("periodic.csv"), rid.look("wrong.csv")], folder)
+    assert re.search(r"^period = 50  #", text, re.M)
+    assert "# Looks odd: the phase has the wrong sign" in text
+
+
+def test_look_and_new_on_the_command_line(folder, capsys, monkeypatch):
+    code, out, _ = command(["look", "frf.csv", "wrong.csv"], capsys, monkeypatch)
+    assert code == 0
+    assert "evenly spaced by" in out
+    assert "looks odd: the phase has the wrong sign" in out
+    code, out, _ = command(["new", "frf.csv", "record.csv", "-o", "mine.toml"], capsys, monkeypatch)
+    assert code == 0
+    assert "next: robustid run mine.toml -o mine" in out
+    code, _, err = command(["new", "frf.csv", "-o", "mine.toml"], capsys, monkeypatch)
+    assert code == 2
+    assert "mine.toml exists" in err
+    assert read_run_file("mine.toml").frequency[0].file == "frf.csv"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('[[record]]\nfile = "a.csv"\ninput = "u"', "it is called 'fields': signals are named by their roles"),
+        ('[[record]]\nfile = "a.csv"\nsample_time = 0.1', "it is called 'dt'"),
+        ('[[frequency]]\nfile = "a.csv"\nnoise = 0.1', "it is called 'bound'"),
+        ("[prior]\nK = 2.0", "it is called 'gain_bound'"),
+        ("[modes]\npoles = [3.0]", "it is called 'hz'"),
+        ("[modes]\nK = 2.0", r"gain_bound, in \[prior\]"),
+    ],
+)
+def test_unknown_keys_are_named_by_their_meaning(line, words, folder):
+    (folder / "run.toml").write_text(line)
+    with pytest.raises(InputError, match=words):
+        rid.run("run.toml", folder / "out")
