@@ -78,7 +78,7 @@ class PoleFit:
         return np.array(costs), found
 
     def residuals(self, poles: np.ndarray) -> np.ndarray:
-        """What the best residues at these poles leave of the values, weighted, complex, (F, entries); without a delay."""
+        """Weighted values less their best fit at these poles, complex, (F, entries); without a delay."""
         left = [one.residual for one in self._entries(self.values, self._functions(0.0, poles))]
         half = len(self.omega)
         return np.stack([rows[:half] + 1j * rows[half:] for rows in left], axis=1)
