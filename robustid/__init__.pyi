@@ -37,6 +37,7 @@ from .data import correct as correct
 from .data import datasets as datasets
 from .data import decimate as decimate
 from .data import detrend as detrend
+from .data import estimate_bound as estimate_bound
 from .data import estimate_delay as estimate_delay
 from .data import estimate_frf as estimate_frf
 from .data import flexible_structure as flexible_structure

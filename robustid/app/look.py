@@ -14,11 +14,12 @@ import numpy as np
 
 from robustid.app.files import load
 from robustid.core import Frozen, Real
-from robustid.data import FrequencyResponse, TimeRecord, record_problems, response_problems
+from robustid.data import FrequencyResponse, TimeRecord, estimate_bound, record_problems, response_problems
 from robustid.data.io import contents
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _EVEN = 1e-6  # part of a step
+_FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
 _EXAMPLE = re.compile(r"`fields=(\{\".*?\})((?:, \w+=(?:\"[^\"]*\"|[\d.]+))*)`")
 _ARGUMENT = re.compile(r", (\w+)=(\"[^\"]*\"|[\d.]+)")
@@ -44,6 +45,8 @@ class Look(Frozen):
         Then why.
     arguments : dict
         Arguments of `load` to try, as the refusal names them.
+    bound : str
+        What a response without a bound says of its errors itself; "" where it says nothing.
     """
 
     path: str
@@ -53,6 +56,7 @@ class Look(Frozen):
     data: Any = None
     refusal: str = ""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
+    bound: str = ""
 
     @property
     def next(self) -> tuple[str, ...]:
@@ -63,7 +67,7 @@ class Look(Frozen):
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
         if isinstance(self.data, FrequencyResponse):
-            bound = "" if self.data.bound is not None else " --frequency-bound RADIUS"
+            bound = "" if self.data.bound is not None or self.bound else " --frequency-bound RADIUS"
             return python, f"robustid identify --frequency {name}{bound} --report report.html"
         return python, f"robustid new {name} -o run.toml   # a run file, ready to edit"
 
@@ -76,6 +80,8 @@ class Look(Frozen):
             lines.append(f"  and {len(self.rows) - _MANY} more")
         if self.data is not None:
             lines.append(f"read as {self.data!r}")
+        if self.bound:
+            lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
             lines.append(f"to be told more: {self.refusal}")
         lines += [f"looks odd: {words}" for words in self.suspicions]
@@ -130,7 +136,18 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     records: Any = data if isinstance(data, list) else [data]
     if all(isinstance(one, TimeRecord) for one in records):
         odd += [words for words in record_problems(records) if words not in odd]
-    return Look(path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), data=data, arguments=options)
+    own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
+    return Look(
+        path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), data=data, arguments=options, bound=own
+    )
+
+
+def _own_bound(frf: FrequencyResponse) -> str:
+    """Note of the bound that a response has where nobody states one."""
+    try:
+        return estimate_bound(frf).note
+    except InputError:
+        return ""
 
 
 def run_file_text(looks: Sequence[Look], folder: Path) -> str:
@@ -155,7 +172,10 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         if one.data is None:
             lines.append(f"# Check these lines: {' '.join(one.refusal.split())}")
         if response and getattr(one.data, "bound", None) is None:
-            lines.append("bound = 0.0  # EDIT: the radius of the error disc of every frequency point, above 0")
+            words = "the radius of the error disc of every frequency point, or a part of the response"
+            lines.append(
+                f'# bound = "5%"  # {words}; without it: {one.bound}' if one.bound else f'bound = "5%"  # EDIT: {words}'
+            )
         if not response:
             bounded = getattr(one.data, "bound", None) is not None
             use, other = ("samples", "response") if bounded else ("response", "samples")
@@ -235,6 +255,13 @@ def _step(values: Any) -> float:
     return middle if middle > 0 and float(np.max(np.abs(steps - middle))) <= _EVEN * middle * 10 else 0.0
 
 
+def _two_sided(values: Any) -> bool:
+    """Return whether the rows of a DFT of real signals go on beyond the Nyquist frequency."""
+    rows = values.reshape(len(values), -1)
+    size = float(np.abs(rows).max()) if rows.shape[0] >= _FEW else np.nan
+    return bool(np.any(rows.imag)) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
+
+
 def _odd(item: Any) -> list[str]:
     """Sentences on one array: not finite, decibels, degrees."""
     values, name = np.asarray(item.values), item.address
@@ -242,6 +269,12 @@ def _odd(item: Any) -> list[str]:
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
         found.append(f"{name} has {missing} values that are not finite, of {values.size}")
+    if np.iscomplexobj(values) and _two_sided(values):
+        half = values.shape[0] // 2
+        found.append(
+            f"{name} is a two-sided spectrum, its second half the conjugate of its first: keep rows 0 to {half},"
+            f' "{name.removesuffix("[:]")}[:{half + 1}]"'
+        )
     if np.iscomplexobj(values) or not values.size or missing == values.size:
         return found
     finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from robustid.app.noise_bounds import with_bound
 from robustid.app.reading_words import in_run_file
 from robustid.app.run_file import DELAY_NOTE, RunFile
 from robustid.app.sources import RecordSource, reading
@@ -81,16 +82,22 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
 def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:
     """The records, prepared, with what each is used for."""
     sources, records = [], []
+    quiet = all(source.use != "noise_floor" for source in run.record)
     for k, source in enumerate(run.record, start=1):
         name = source.file or source.dataset
         place = f"[[record]] {k}, {name}"
         with _said_of(place):
             raw, how = _read_record(source, folder)
-            made = [_prepared(record, source) for record in raw]
+            stated, corrected = source, [correct(record, *(source.correct or ())) for record in raw]
+            if source.use == "samples" and (quiet or source.bound is not None):
+                bounded = [with_bound(record, source) for record in corrected]
+                corrected, stated = [record for record, _ in bounded], bounded[0][1]
+            made = [_prepared(record, source) for record in corrected]
         say(
             f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {how}"
         )
-        sources.append(_with_digest(_with_past(source, raw[0]), raw, place))
+        _say_bound(say, name, source, stated, made)
+        sources.append(_with_digest(_with_past(stated, raw[0]), raw, place))
         records.append((source.use, made))
     return dataclasses.replace(run, record=tuple(sources)), records
 
@@ -103,15 +110,17 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
         with _said_of(place):
             frf, how = read_said(folder / str(source.file), kind="frequency", **reading(source))
             frf = correct(frf, *(source.correct or ()))
+            bounded, stated = with_bound(frf, source)
         say(f"read {source.file}: {frf.omega.size} frequency points; {how}")
-        sources.append(_with_digest(source, [frf], place))
+        sources.append(_with_digest(stated, [frf], place))
         for words in response_problems(frf):
             say(f"{source.file}: {words}")
         if frf.dt is None:
             say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
             )
-        responses.append(_with_bound(frf, place))
+        _say_bound(say, str(source.file), source, stated, [bounded])
+        responses.append(bounded)
     return dataclasses.replace(run, frequency=tuple(sources)), responses
 
 
@@ -150,8 +159,7 @@ def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:
 
 
 def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
-    """Mistakes undone, outputs combined, a part cut out, offsets removed, fewer samples: in this order."""
-    record = correct(record, *(source.correct or ()))
+    """Outputs combined, a part cut out, offsets removed, fewer samples: in this order."""
     if source.combine is not None:
         record = _combined(record, source.combine)
     if source.start is not None or source.stop is not None:
@@ -184,12 +192,10 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
 
 
-def _with_bound(frf: FrequencyResponse, place: str) -> FrequencyResponse:
-    if frf.bound is None:
-        raise InputError(
-            f"{place}: no error bound in it; give bound = ... (the radius of the error disc of every frequency point)"
-        )
-    return frf
+def _say_bound(say: Say, name: str | None, source: Any, stated: Any, data: Sequence[Any]) -> None:
+    """Say what a bound was taken from that nobody stated."""
+    if stated.bound != source.bound:
+        say(f"{name} states no error bound, so it is taken from the data: {data[0].note}")
 
 
 def _with_method(run: RunFile, records: list) -> RunFile:
@@ -215,10 +221,6 @@ def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
         estimated = [frf if noise is None else noise.bound_response(frf, kept.used, period=how.period)]
     samples = []
     for record in (record for use, made in records if use == "samples" for record in made):
-        if record.bound is None and noise is None:
-            raise InputError(
-                'a [[record]] with use = "samples" needs bound = ..., or another record with use = "noise_floor"'
-            )
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
     return run, Measured(tuple(estimated), tuple(samples), kept.withheld, kept.kind)
 

@@ -23,7 +23,7 @@ def in_run_file(text: str) -> str:
         keys = {_KEYS.get(name, name): value for name, value in more.items()}
         return f"`{write_toml_line({'fields': fields} | keys)}`"
 
-    return _with_example(text, lines)
+    return re.sub(r"`(bound|averages)`", r"\1 = ...", _with_example(text, lines))
 
 
 def in_options(text: str, kind: str) -> str:

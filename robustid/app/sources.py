@@ -24,6 +24,10 @@ _SIGNALS = ("u", "y", "reference", "bound")
 _positive = number(above=0)
 _names = table(either(text(), several(either(text(), several(text())))))
 _DIGEST = "Digest of the data that were read, by which other data are noticed; written by the program."
+_OF_RESPONSE, _OF_RECORD = (
+    ("scatter", "coherence"),
+    ("periods", "rest"),
+)  # what bounds are taken from; see `estimate_bound`
 _DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
 _RATE: dict[str, Any] = {"help": "Sample rate, in place of the sample time.", "unit": "Hz", "flag": "--rate"}
 _AXES: dict[str, Any] = {
@@ -70,6 +74,28 @@ def _probability(name: str, value: Any) -> float:
     return wanted
 
 
+def _bound(words: tuple[str, ...], part: bool) -> dict[str, Any]:
+    """The check of a bound, and the way from text to what it takes."""
+
+    def check(name: str, value: Any) -> float | str:
+        if not isinstance(value, str):
+            return _positive(name, value)
+        if part and value.strip().endswith("%"):
+            return value
+        if value not in words:
+            others = ' or a part of the response such as "5%",' if part else ""
+            raise InputError(f"{name} must be a positive number,{others} or one of {', '.join(words)}; got {value!r}")
+        return value
+
+    def read(_: str, content: str) -> float | str:
+        try:
+            return float(content)
+        except ValueError:
+            return content
+
+    return {"check": check, "text": read, "metavar": "RADIUS" if part else "HALF_WIDTH"}
+
+
 def _separated(name: str, content: str) -> list[str]:
     """Corrections from one text, with commas between them."""
     return [part.strip() for part in content.split(",") if part.strip()]
@@ -106,8 +132,11 @@ class RecordSource:
     rate: float | None = key(_positive, **_RATE)
     axes: str | None = key(text(), **_AXES)
     decimal: str | None = key(text((".", ",")), **_DECIMAL)
-    bound: float | None = key(
-        _positive, help="Half-width of the error interval of every sample, in units of y.", flag="--time-bound"
+    bound: float | str | None = key(
+        help="Half-width of the error interval of every sample, in units of y; or what it is taken from, as where none is stated:"
+        " periods (the largest deviation from their mean) or rest (the noise before the input moves).",
+        flag="--time-bound",
+        **_bound(_OF_RECORD, part=False),
     )
     initial: str | None = key(
         text(listed("data", "INITIAL")),
@@ -152,10 +181,14 @@ class ResponseSource:
     step: float | None = key(
         _positive, help="Distance of the frequencies of a file that has none.", flag="--frequency-step"
     )
-    bound: float | None = key(
-        _positive,
-        help="Radius of the error disc of every frequency point, in units of the response.",
+    bound: float | str | None = key(
+        help='Radius of the error disc of every frequency point, in units of the response, or the part of it, such as "5%"; or what'
+        " it is taken from, as where none is stated: scatter (around a smooth model) or coherence (with averages).",
         flag="--frequency-bound",
+        **_bound(_OF_RESPONSE, part=True),
+    )
+    averages: int | None = key(
+        whole(2), help="Blocks without overlap behind a coherence that stands beside the response.", flag="--averages"
     )
     unit: str | None = key(
         text(("rad/s", "Hz", "kHz")),
@@ -170,6 +203,8 @@ class ResponseSource:
 def reading(source: RecordSource | ResponseSource) -> dict[str, Any]:
     """Arguments of `load` that a source states."""
     given = {name: getattr(source, name) for name in _READ}
+    if given["bound"] in (*_OF_RESPONSE, *_OF_RECORD):
+        given["bound"] = None
     if isinstance(source, RecordSource):
         return given | {"initial": source.initial}
     return given | {"frequency_unit": source.unit, "start": source.start, "step": source.step}
@@ -213,7 +248,7 @@ class Estimate:
         " else local.",
         flag="--method",
     )
-    period: int | None = key(whole(2), help="Period of the excitation.", unit="samples")
+    period: int | None = key(whole(2), help="Period of the excitation.", unit="samples", flag="--period")
     probability: float = key(
         _probability,
         0.95,

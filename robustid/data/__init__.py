@@ -4,6 +4,7 @@ from robustid.core import save
 from robustid.data.bound import Bound
 from robustid.data.corrections import correct
 from robustid.data.error_sets import bound_ratio, stacked, tilted
+from robustid.data.estimate.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
@@ -21,6 +22,7 @@ from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
 
 __all__ = [
+    "BOUND_SOURCES",
     "INITIAL",
     "NONLINEAR",
     "PAST",
@@ -41,7 +43,9 @@ __all__ = [
     "correct",
     "datasets",
     "decimate",
+    "default_bound",
     "detrend",
+    "estimate_bound",
     "estimate_delay",
     "estimate_frf",
     "flexible_structure",

@@ -11,6 +11,24 @@ from robustid.core import as_array, as_float
 from robustid.errors import InputError
 
 
+def in_part(value: Any, size: NDArray[np.float64]) -> Any:
+    """A text such as "5%" as that part of the size of each value; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    number, sign, rest = value.partition("%")
+    try:
+        part = float(number) / 100
+    except ValueError:
+        part = np.nan
+    if not sign or rest.strip() or not np.isfinite(part) or part <= 0:
+        raise InputError(f'`bound` as text is a part of each value, such as "5%"; got {value!r}')
+    if not np.all(size[np.isfinite(size)] > 0):
+        raise InputError(
+            f"`bound` = {value!r} is zero where a value is zero; give radii in units of the response there"
+        )
+    return np.where(np.isfinite(size), part * size, np.inf)
+
+
 def as_radius(value: Any) -> NDArray[np.float64]:
     """Positive numbers; infinite where nothing is known."""
     radius = as_array("bound", value, finite=False)

@@ -10,6 +10,7 @@ import numpy as np
 from robustid.core import Complex, Real
 from robustid.data.corrections import correct
 from robustid.data.estimate.pole_fit import PoleFit
+from robustid.data.estimate.roughness import roughness
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
 
@@ -24,7 +25,7 @@ _FLAT = 1.2 * np.pi**2 / 180  # rad: the phase of -pi to pi rad that was taken a
 _WHOLE = 1e-4  # a number of samples so near to a whole one is whole
 _MOST_SAMPLES = 10**6
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
-_WHITE, _OUTSIDE = 0.3, 1.5  # correlation of neighbours; noise in units of its bound, rms, that no bound holds
+_OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
 _OF_STABLE = {
     "conjugate": "the phase has the wrong sign (the response is conjugated)",
@@ -166,17 +167,13 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
         return []
     worst, times = 0.0, 0.0
-    for one in _entries(dataclasses.replace(frf, covariance=None)):
-        poles = min(_POLES, one.omega.size // 8) // 2 * 2
-        fit = PoleFit(one, feedthrough=True)
-        fit.weight = 1 / one.bound.outer_radius.reshape(fit.values.shape)
-        _, found = fit.search(poles, np.zeros(1))
-        left: Complex = fit.residuals(found[0])[:, 0]  # in units of the bound
-        power = float(np.sum(np.abs(left) ** 2))
-        neighbours = abs(complex(np.sum(left[1:] * left[:-1].conj()))) / max(power, np.finfo(float).tiny)
-        size = float(np.sqrt(power / left.size))
-        if neighbours < _WHITE and size > worst:
-            worst, times = size, float(np.abs(left).max())
+    for one in _entries(_representative(frf, bounded=True)):
+        found = roughness(one)
+        bound: Real = one.bound.outer_radius
+        left = np.abs(found.residual) / bound.reshape(-1)
+        size = float(np.sqrt(np.mean(left**2)))
+        if found.white and size > worst:
+            worst, times = size, float(left.max())
     if worst < _OUTSIDE:
         return []
     factor = float(f"{1.2 * times:.3g}")
@@ -187,10 +184,11 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     return [Fault("the bounds are smaller than the noise of the response", words, f"bound times {factor:g}")]
 
 
-def _representative(frf: FrequencyResponse) -> FrequencyResponse:
+def _representative(frf: FrequencyResponse, *, bounded: bool = False) -> FrequencyResponse:
     """At most 400 frequency points, without what a fit of plain least squares doesn't use."""
     points = np.unique(np.linspace(0, frf.omega.size - 1, _POINTS).astype(int))
-    return dataclasses.replace(frf.select(points), covariance=None, bound=None)
+    chosen = frf.select(points)
+    return dataclasses.replace(chosen, covariance=None, bound=chosen.bound if bounded else None)
 
 
 def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:

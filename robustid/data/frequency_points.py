@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Savable, Signal, as_array, as_positive
 from robustid.data.bound import Bound
+from robustid.data.bound_checks import in_part
 from robustid.errors import InputError, InputTypeError
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
@@ -80,8 +81,9 @@ class FrequencyPoints(Frozen, Savable):
     def with_bound(self, bound: Any, note: str = "") -> Self:
         """Return the samples with a `Bound`, or a radius of your own for every value, of the same tilt, in the place of any other.
 
-        What was not measured stays so.
+        A text such as "5%" is that part of the size of each value. What was not measured stays so.
         """
+        bound = in_part(bound, np.abs(self.values))
         if bound is not None and not isinstance(bound, Bound):
             bound = Bound(bound, tilt=None if self.bound is None else self.bound.tilt)
         bound = Bound.of(bound, self.values.shape)

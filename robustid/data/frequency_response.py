@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.core import as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
-from robustid.data.bound_checks import as_probability
+from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.frequency_points import (
     NYQUIST_SLACK,
@@ -43,9 +43,9 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     values : (F,) or (F, ny, nu) complex array
         Response in output units per input unit. Frequency is the first axis; nothing is ever transposed. NaN is allowed
         where `bound` is infinite.
-    bound : scalar, (F,) or (F, ny, nu) array, or Bound, optional
-        Radius of the disc around each value: a hard bound; ``inf`` marks an entry that was not measured (see `missing`). A `Bound`
-        says more: what kind it is, ellipses, errors that share a bound.
+    bound : scalar, (F,) or (F, ny, nu) array, text such as "5%", or Bound, optional
+        Radius of the disc around each value, or the part of its size: a hard bound; ``inf`` marks an entry that was not measured
+        (see `missing`). A `Bound` says more: what kind it is, ellipses, errors that share a bound.
     covariance : (F, ny*nu, ny*nu) complex array, optional
         E[e e^H] of vec(values[k]) (columns stacked), of the estimate itself: E|e|^2, not per real part. What it says of
         missing entries is not used.
@@ -109,7 +109,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
             return
         omega, values, dt = as_points(self.omega, self.values, self.dt, "ny, nu")
         points, ny, nu = values.shape
-        bound = Bound.of(self.bound, values.shape)
+        bound = Bound.of(in_part(self.bound, np.abs(values)), values.shape)
         check_measured(values, bound)
         covariance = None
         if self.covariance is not None:

@@ -15,6 +15,7 @@ from robustid.core import Frozen, freeze
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
+_UNUSED = 1e-6  # relative slope of a parameter below which the proof doesn't use the ends of its interval
 _DROPPED = 1e-12  # singular values of a multiplier that are left out, relative: they only cost their part of the bound
 
 
@@ -82,11 +83,12 @@ def certify_margin(
     if rows.E.stored or sarason.largest(upper) > 1:
         changes.append(_balanced(raw, sarason.first_row(S), rows))
     for changed in changes:
-        multipliers = _cancel_parameters(changed, rows)
-        norm = float(np.sum(rows.sizes(multipliers)))
-        value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
-        if value > best.value:
-            best = MarginCertificate(multipliers / norm, S / norm, upper, value)
+        for without in _powerless(changed, rows):
+            multipliers = _orthogonal(changed, rows, without)
+            norm = float(np.sum(rows.sizes(multipliers)))
+            value = evaluate_certificate(multipliers / norm, S / norm, upper, rows, sarason) if norm > 0 else 0.0
+            if value > best.value:
+                best = MarginCertificate(multipliers / norm, S / norm, upper, value)
     return best
 
 
@@ -318,11 +320,22 @@ def _balanced(samples: NDArray[np.complex128], target: NDArray[np.float64], rows
     return flat[: samples.size] + 1j * flat[samples.size :]
 
 
-def _cancel_parameters(samples: NDArray[np.complex128], rows: Rows) -> NDArray[np.complex128]:
-    """The nearest multipliers that are orthogonal to the free parameters: those may be very large."""
-    if rows.held.all():
+def _powerless(samples: NDArray[np.complex128], rows: Rows) -> list[NDArray[np.bool_]]:
+    """Parameters to which multipliers may be made orthogonal: the free ones, and those too whose ends the proof doesn't use.
+
+    In a wide interval the rounding of the multipliers is worth more than the end.
+    """
+    free = ~rows.held
+    slope = np.abs(np.real(rows.P.conj().T @ samples))
+    unused = slope <= _UNUSED * (np.abs(rows.P).T @ np.abs(samples))
+    return [free] if np.array_equal(free, free | unused) else [free, free | unused]
+
+
+def _orthogonal(samples: NDArray[np.complex128], rows: Rows, without: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """The nearest multipliers that are orthogonal to some parameters: those may be very large."""
+    if not without.any():
         return samples
-    stacked, flat = real_rows(rows.P[:, ~rows.held]), real_rows(samples)
+    stacked, flat = real_rows(rows.P[:, without]), real_rows(samples)
     for _ in range(2):  # the second pass removes the rounding of the first
         flat = flat - stacked @ np.linalg.lstsq(stacked, flat, rcond=None)[0]
     return flat[: samples.size] + 1j * flat[samples.size :]

@@ -9,7 +9,7 @@ from support import command_line
 pytestmark = pytest.mark.quick
 
 
-COMMAND = ["--band", "1:20", "--dt", "0.01", "--period", "1"]
+COMMAND = ["--band", "1:20", "--dt", "0.01", "--period", "100"]
 
 
 @pytest.fixture(autouse=True)
@@ -67,9 +67,8 @@ def test_nothing_is_overwritten_unless_forced(folder, run):
         (["--band", "1-20"], "--band must be LOW:HIGH in Hz, such as 5:200; got '1-20'"),
         (["--band", "1:50"], "--band must be (low, high) with 0 < low <= high < 50 Hz"),
         (["--band", "1.2:1.8"], "--band = (1.2, 1.8) holds no spectral line: they are multiples of 1 Hz"),
-        (["--period", "1.003"], "--period 1.003 s is not a whole number of samples of 0.01 s; the nearest is 1 s"),
-        (["--period", "0.001"], "--dt and --period must be positive, --period the longer one; got 0.01 and 0.001 s"),
-        (["--dt", "nan"], "--dt and --period must be positive"),
+        (["--period", "1"], "--period must be at least 3; got 1"),
+        (["--dt", "nan"], "--dt must be finite"),
         (["--spacing", "even"], "--spacing must be one of all, odd, random-odd, log; got 'even'"),
         (["--spacing", "log", "--lines-per-decade", "0"], "--lines-per-decade must be at least 1; got 0"),
         (["--inputs", "0"], "--inputs must be at least 1; got 0"),

@@ -88,7 +88,7 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, run):
 @pytest.mark.parametrize("name", ["g.csv", "g.mat"])
 def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, run):
     fields = [f"--time-field={pair}" for pair in ("u=iq", "u=id", "y=a", "y=b")]
-    options = ["--period", "1", "--lines", "1:9:2, 12", "--probability", "0.9"]
+    options = ["--period", "100", "--lines", "1:9:2, 12", "--probability", "0.9"]
     code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", name])
     assert code == 0, err
     found = rid.load(name)
@@ -100,7 +100,7 @@ def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, run):
 
 def test_one_signal_of_several_and_the_first_samples(files, run):
     fields = ["--time-field", "u=iq", "--time-field", "y=a"]
-    code, out, err = run(["plain1.csv", *fields, "--period", "1", "--first", "400"])
+    code, out, err = run(["plain1.csv", *fields, "--period", "100", "--first", "400"])
     assert code == 0, err
     assert "400 samples, 0 to 3.99 s" in out
     assert "robustid identify --frequency frf.npz --report" in out
@@ -127,10 +127,10 @@ def test_a_transient_that_is_left_out_is_said(files, run):
     u = np.tile(rng.standard_normal(PERIOD), 8) + 1e-6 * rng.standard_normal(800)
     y = u + 5 * np.exp(-np.arange(800) / 30) + 0.01 * rng.standard_normal(800)
     rid.save("start.npz", TimeRecord(u, y, dt=DT))
-    code, out, err = run(["start.npz", "--period", "1"])
+    code, out, err = run(["start.npz", "--period", "100"])
     assert code == 0, err
     assert re.search(r"the first \d left out \(transient\)", out)
-    code, out, err = run(["start.npz", "--period", "1", "--initial", "periodic", "--force"])
+    code, out, err = run(["start.npz", "--period", "100", "--initial", "periodic", "--force"])
     assert code == 0, err
     assert "left out" not in out
 
@@ -153,35 +153,32 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["random.npz"], "random.npz: no 'time' found; give --dt"),
         (["random.npz", "--dt", "-1"], "--dt must be positive; got -1"),
         (["run1.csv", "run1.csv"], "run1.csv is given twice"),
-        (["run1.csv", "--period", "1"], "RECORD: 2 inputs need 2 experiments, or a multiple of that; got 1"),
+        (["run1.csv", "--period", "100"], "RECORD: 2 inputs need 2 experiments, or a multiple of that; got 1"),
         (["run1.csv", "loop.npz"], "same shape of u"),
         (
-            ["run1.csv", "run2.csv", "--period", "0.7"],
+            ["run1.csv", "run2.csv", "--period", "70"],
             "periods of 70; cut it to 560 samples (--first 560) or correct --period",
         ),
-        (
-            ["run1.csv", "run2.csv", "--period", "0.123456"],
-            "--period 0.123456 s is not a whole number of samples of 0.01 s",
-        ),
-        (["run1.csv", "run2.csv", "--period", "6"], "give at least two periods (--period in s)"),
-        (["run1.csv", "run2.csv", "--period", "1", "--method", "local"], '--period belongs to method="periodic"'),
+        (["run1.csv", "run2.csv", "--period", "1"], "--period must be at least 2; got 1"),
+        (["run1.csv", "run2.csv", "--period", "600"], "give at least two periods (--period in samples)"),
+        (["run1.csv", "run2.csv", "--period", "100", "--method", "local"], '--period belongs to method="periodic"'),
         (
             ["run1.csv", "run2.csv", "--method", "fast"],
             "--method must be one of periodic, local, welch; got 'fast'",
         ),
         (
-            ["run1.csv", "run2.csv", "--period", "1", "--probability", "95"],
+            ["run1.csv", "run2.csv", "--period", "100", "--probability", "95"],
             "--probability must be between 0 and 1; got 95",
         ),
         (
-            ["run1.csv", "run2.csv", "--period", "1", "--lines", "80"],
+            ["run1.csv", "run2.csv", "--period", "100", "--lines", "80"],
             "--lines must be whole numbers from 0 to period//2 = 50",
         ),
-        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1:9:0"], "--lines must be numbers such as 11:250"),
-        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1::9"], "--lines must be numbers such as 11:250"),
-        (["run1.csv", "run2.csv", "--period", "1", "--lines", "1:99999999999"], "beyond half of the 600 samples"),
-        (["run1.csv", "run2.csv", "--period", "1", "--lines", "odd"], "or a file of robustid excite; got 'odd'"),
-        (["run1.csv", "run2.csv", "--period", "1", "--lines", "play.csv"], "leave --period out"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:9:0"], "--lines must be numbers such as 11:250"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "1::9"], "--lines must be numbers such as 11:250"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:99999999999"], "beyond half of the 600 samples"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "odd"], "or a file of robustid excite; got 'odd'"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "play.csv"], "leave --period out"),
         (["run1.csv", "run2.csv", "--method", "local", "--lines", "play.csv"], "leave --method local out"),
         (["random.npz", "--dt", "0.02", "--lines", "play.csv"], "designed for dt = 0.01 s; the records have 0.02 s"),
         (["run1.csv", "run2.csv", "--lines", "run1.csv"], "run1.csv"),
@@ -189,7 +186,7 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["plain1.csv", "--time-field", "u=iq", "--time-field", "y=c"], "--time-field y = 'c' isn't in the file"),
         (["plain1.csv", "--time-field", "u"], "--time-field must be ROLE=NAME, such as u=current; got 'u'"),
         (["plain1.csv", "--time-field", "dt=a", "--time-field", "dt=b"], "--time-field dt is given 2 times"),
-        (["still.npz", "--period", "1"], "RECORD: no spectral line is excited in every input"),
+        (["still.npz", "--period", "100"], "RECORD: no spectral line is excited in every input"),
         (["run1.csv", "run2.csv", "--initial", "soon"], "--initial must be one of rest, free, periodic; got 'soon'"),
         (["run1.csv", "run2.csv", "-o", "frf.uff"], "--output frf.uff must end in .npz, .csv or .mat"),
         (["run1.csv", "run2.csv", "-o", "run1.csv", "--force"], "run1.csv is one of the files to be read"),

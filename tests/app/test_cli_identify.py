@@ -168,8 +168,8 @@ def test_nothing_is_warned_of_without_a_reason(foreign, run):
     ("arguments", "words"),
     [
         (["--frequency", "plain.csv", *LINES, "--time", "step.csv"], "--dt: some experiments are of continuous time"),
-        (["--frequency", "plain.csv", *RATE], "plain.csv has no error bound: give --frequency-bound"),
-        (["--time", "plain_step.csv"], "plain_step.csv has no error bound: give --time-bound"),
+        (["--frequency", "plain.csv", *RATE], "plain.csv: no error bound can be taken from the data"),
+        (["--time", "plain_step.csv"], "plain_step.csv: no error bound can be taken from the data"),
         (["--time", "odd_step.csv", "--time-bound", "0.05"], "--time-field u=NAME"),
         (["--frequency", "plain_step.csv", *LINES], "plain_step.csv holds time data; use --time"),
         (["--time", "frf.csv"], "frf.csv holds frequency data; use --frequency"),

@@ -63,6 +63,21 @@ def test_measured_periods_and_faults_stand_in_the_run_file(folder):
     assert "# Looks odd: the phase has the wrong sign" in text
 
 
+def test_a_two_sided_spectrum_and_a_bound_from_the_scatter_are_said(folder):
+    rng = np.random.default_rng(0)
+    np.save("spectrum.npy", np.fft.fft(rng.standard_normal(64)))
+    assert rid.look("spectrum.npy").suspicions[-1].endswith('keep rows 0 to 32, "[:33]"')
+    halved = rid.load("spectrum.npy", fields={"values": "[:33]"}, start=0.0, step=1.0)
+    assert halved.omega.size == 33
+    omega = np.linspace(1, 20, 80)
+    noise = 0.001 * (rng.standard_normal(80) + 1j * rng.standard_normal(80))
+    rid.save("sweep.csv", rid.FrequencyResponse(omega, 1 / (100 - omega**2 + 1j * omega) + noise))
+    found = rid.look("sweep.csv")
+    assert "from the scatter of the response around a smooth model" in found.summary()
+    assert found.next[1] == "robustid identify --frequency sweep.csv --report report.html"
+    assert re.search(r'^# bound = "5%".*from the scatter', run_file_text([found], folder), re.M)
+
+
 def test_look_and_new_on_the_command_line(folder, capsys, monkeypatch):
     code, out, _ = command(["look", "frf.csv", "wrong.csv"], capsys, monkeypatch)
     assert code == 0

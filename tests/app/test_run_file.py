@@ -143,7 +143,7 @@ MISUSE = {
     "rest alone": ({"record": [{"file": "step.csv", "use": "noise_floor"}], "frequency": []}, "nothing to bound"),
     "samples without bound": (
         {"record": [{"file": "bare.csv", "use": "samples"}]},
-        'use = "samples" needs bound = ...',
+        'no error bound can be taken from the data: .* Give bound = ...',
     ),
     "kind of file": ({"record": [{"file": "frf.csv", "use": "samples"}]}, r"\[\[record\]\] 1, frf.csv: .*"),
     "window": ({"record": [{"file": "step.csv", "use": "samples", "start": 5.0}]}, r"\[\[record\]\] 1, step.csv: .*start"),

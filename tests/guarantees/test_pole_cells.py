@@ -103,7 +103,7 @@ def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
         bound, tilt = rng.uniform(0.01, 0.1, angles.size), 0.8 * rng.uniform(size=angles.size) * np.exp(7j * angles)
         left = z**delay * modes - basis.response(angles) @ p
         left = left + tilt * left.conj()
-        pushed = bound * left / np.abs(left)
+        pushed = bound * np.exp(1j * np.angle(left))  # any direction where nothing is left
         error = (pushed - tilt * pushed.conj()) / (1 - np.abs(tilt) ** 2)
         values = z**delay * modes + gain * g + error
         frf = rid.FrequencyResponse(angles / DT, values, bound=rid.Bound(bound, tilt=tilt), dt=DT)

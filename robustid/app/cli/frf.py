@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from robustid.app.cli import outputs, terminal
-from robustid.app.cli.excite import samples_of
 from robustid.app.cli.options import First, Force, Report, Static, only, words_of
 from robustid.app.cli.terminal import in_words, step
 from robustid.app.sources import Estimate, RecordSource
@@ -30,7 +29,6 @@ def frf(
         ),
     ],
     how: Estimate,
-    period: Annotated[float | None, typer.Option(help="Period of the excitation.", metavar="SECONDS")] = None,
     lines: Annotated[
         str | None,
         typer.Option(
@@ -50,7 +48,7 @@ def frf(
     Periodic excitation gives the most: noise from period to period, and with several realisations what isn't linear.
     Periods with a transient are left out, unless --initial periodic says that there is none.
 
-    [bold]Example[/bold]: robustid frf run1.csv run2.csv --period 1 --time-field u=current --time-field y=angle -o frf.npz
+    [bold]Example[/bold]: robustid frf run1.csv run2.csv --period 1000 --time-field u=current --time-field y=angle -o frf.npz
     --report frf.html
 
     Exit codes: 0 written, 2 misuse, 70 an error of the program, 130 interrupted.
@@ -68,26 +66,26 @@ def frf(
             raise InputError(f"{path} is given twice; every experiment counts once")
     console = terminal.console()
     records = Files(paths=record, source=source, first=first).read(console)
-    samples, index = _periods(lines, period, how.method, records[0])
+    samples, index = _periods(lines, how.period, how.method, records[0])
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
     with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
         try:
             asked = {"method": how.method, "probability": how.probability, "about": how.about}
             found = estimate_frf(records, period=samples, lines=index, **asked)
         except InputError as error:
-            text = str(error).replace("`period` in samples", "`period` in s")
-            raise InputError(re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", text)) from None
+            raise InputError(
+                re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", str(error))
+            ) from None
     _write(found, records, output, report, static)
     console.print(render_summary(found))
     terminal.say_written(console, output, report)
     terminal.say(console, *_next(found, output))
 
 
-def _periods(lines: str | None, period: float | None, method: str | None, record: Any) -> tuple[int | None, Any]:
+def _periods(lines: str | None, period: int | None, method: str | None, record: Any) -> tuple[int | None, Any]:
     """Samples of a period, and numbers of lines."""
-    samples = None if period is None else samples_of(period, record.dt)
     if lines is None or re.fullmatch(r"[\d:, ]+", lines):
-        return samples, None if lines is None else _numbers(lines, len(record.u))
+        return period, None if lines is None else _numbers(lines, len(record.u))
     from robustid.data import load_excitation
 
     if not Path(lines).exists():

@@ -13,6 +13,7 @@ import numpy as np
 
 from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
+from robustid.app.noise_bounds import with_bound
 from robustid.app.reading_words import in_options
 from robustid.app.sources import RecordSource, ResponseSource, reading
 from robustid.data import FrequencyResponse, TimeRecord, correct, record_problems, response_faults
@@ -49,6 +50,7 @@ class Files:
     band_hz: tuple[float, float] | None = None
     first: int | None = None
     bounded: bool = False
+    _taken_from: dict[Path, str] = dataclasses.field(default_factory=dict[Path, str], init=False, repr=False)
 
     def __post_init__(self) -> None:
         stated = {option.flag: getattr(self.source, field.name) for field, option in options(self.source)}
@@ -92,6 +94,11 @@ class Files:
         words, data = read[0]
         count = f"{len(read)} realisations, each " if len(read) > 1 else ""
         say(out, f"read {path}: {count}{_described(data, words)}{_unit_words(found, unit)}; {found.how}")
+        if note := self._taken_from.get(path):
+            warn(
+                out,
+                f"{path.name} states no error bound, so it is taken from the data: {note}; --{self.kind}-bound states it",
+            )
         for fault in self._faults([data for _, data in read]):
             warn(out, f"{path.name}: {fault}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:
@@ -107,12 +114,20 @@ class Files:
 
     def _taken(self, data: Any, path: Path) -> tuple[str, Any]:
         """The part that is asked for, with its bound, and what it is in words."""
+        data = correct(data, *(self.source.correct or ()))
         if self.bounded:
-            self._check_bounded(path, data)
-        if self.source.bound is not None:
-            data = data.with_bound(data.bound, note=_NOTE)
-        words, data = self._entry_of(correct(data, *(self.source.correct or ())), path)
+            data = self._with_bound(path, data)
+        words, data = self._entry_of(data, path)
         return words, self._part_of(data)
+
+    def _with_bound(self, path: Path, data: Any) -> Any:
+        """The data with the bound that is given, or the one that they show themselves."""
+        bounded, stated = with_bound(data, self.source)
+        if stated.bound != self.source.bound:
+            self._taken_from[path] = bounded.note
+        elif self.source.bound is not None and bounded is data:
+            return data.with_bound(data.bound, note=_NOTE)
+        return bounded
 
     def _faults(self, data: Sequence[Any]) -> list[str]:
         """Faults that the data show, before any class is assumed."""
@@ -124,12 +139,6 @@ class Files:
                 for fault in response_faults(one)
             ]
         return list(record_problems(data)) if self.bounded and self.kind == "time" else []
-
-    def _check_bounded(self, path: Path, data: Any) -> None:
-        if data.bound is None:
-            what = "the radius of the error disc of every frequency point"
-            what = what if self.kind == "frequency" else "the half-width of the error"
-            raise InputError(f"{path.name} has no error bound: give --{self.kind}-bound ({what}), or a column bound")
 
     def _entry_of(self, data: Any, path: Path) -> tuple[str, Any]:
         """The entry that is asked for, else the whole matrix, and what it is in words."""
@@ -216,6 +225,8 @@ def _in_options(text: str, kind: str) -> str:
         (r"`fields\['(\w+)'\]`", rf"{field} \1"),
         (r"`fields`", f"{field} ROLE=NAME"),
         (r"`dt`", "--dt"),
+        (r"`bound`", f"--{kind}-bound"),
+        (r"`averages`", "--averages"),
         (r"`(rate|axes|decimal)`", r"--\1"),
         (r"\b(axes|decimal)='([^']*)'", r"--\1 \2"),
         (r"`(start|step)`", r"--frequency-\1"),

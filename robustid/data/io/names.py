@@ -27,6 +27,7 @@ NAMES = {
     **FREQUENCY,
     **TIME,
     "bound": ("bound", "bounds"),
+    "coherence": ("coherence", "coh", "gamma2", "gamma_squared"),
     "dt": ("dt", "Ts", "T"),
     "rate": ("fs", "Fs", "sample_rate", "sampling_rate"),
 }

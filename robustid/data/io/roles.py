@@ -98,6 +98,9 @@ def as_frequency(
     if "bound" not in options and (name := lookup.find("bound")) is not None:
         _same_unit(lookup, name, [lookup.find(role) for role in ("values", "real", "magnitude", "magnitude_db")])
         options["bound"] = lookup.matrix("bound", name)
+    if (name := lookup.find("coherence")) is not None:
+        coherence = lookup.matrix("coherence", name)
+        options.setdefault("coherence", coherence.reshape(len(coherence), -1))
     if not lookup.fields:
         options = {**lookup.facts.get("frequency", {}), **options}
     if "dt" not in options:

@@ -1,0 +1,88 @@
+"""Noise of a dense response from its roughness: what smooth models of rising order leave, unrelated from point to point."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from robustid.core import Complex, Real
+from robustid.data.estimate.pole_fit import PoleFit
+from robustid.data.frequency_response import FrequencyResponse
+
+_ORDERS = (4, 8, 12, 20, 30, 40, 60)
+_POINTS_A_POLE = 6
+_POOL = 21  # neighbouring frequency points whose residuals say how large the noise is
+_REWEIGHTED = 3
+_DIP = 5  # neighbours whose median a response is at least, where noise is proportional to it
+_RISES = 2  # of the criterion before no higher order is tried: one may be a poor start of the poles
+_WHITE = 0.3  # correlation of neighbours below which residuals are noise
+_SMALLEST = 1e-9  # part of the largest |G|
+FEWEST = _ORDERS[0] * _POINTS_A_POLE
+
+
+class Roughness(NamedTuple):
+    """Residuals (F,) of a smooth model of one entry, their deviation nearby (F,) with its degrees of freedom, and its poles.
+
+    White where neighbouring residuals are unrelated: else they are more than noise, and the deviation is too large.
+    """
+
+    residual: Complex
+    deviation: Real
+    dof: float
+    poles: int
+    white: bool
+
+
+def roughness(frf: FrequencyResponse) -> Roughness:
+    """Noise of one entry with at least `FEWEST` points, of the order with the smallest Bayesian information criterion.
+
+    Residuals r are weighted by the deviation s of their neighbours, in turn, of noise that is even nearby or proportional to the
+    response nearby, whichever is likelier; ``BIC = 2 sum_k (log s_k^2 + |r_k|^2/s_k^2) + 2 n log 2F`` for n poles with residues.
+    """
+    plain = dataclasses.replace(frf, covariance=None, bound=None)
+    values: Complex = plain.values.reshape(-1)
+    size, least = values.size, _SMALLEST * float(np.abs(values).max())
+    # A value that is small by chance isn't known better than its neighbours.
+    near: Real = np.median(sliding_window_view(np.pad(np.abs(values), _DIP // 2, mode="edge"), _DIP), axis=1)
+    sizes: Real = np.maximum(np.maximum(np.abs(values), near), least)
+    made: list[tuple[float, Roughness]] = []
+    for poles in _ORDERS:
+        worse = len(made) - 1 - _best(made) if made else 0
+        if poles * _POINTS_A_POLE > size or worse == _RISES:
+            break
+        fit, deviation = PoleFit(plain, feedthrough=True), sizes
+        residual: Complex = values
+        left, unlikely = 1 - (2 * poles + 1) / (2 * size), np.inf
+        for _ in range(_REWEIGHTED):
+            fit.weight = (1 / deviation)[:, None]
+            _, found = fit.search(poles, np.zeros(1))
+            residual = np.asarray(fit.residuals(found[0])[:, 0] * deviation, dtype=complex)
+            shapes = (np.ones(size), sizes)
+            unlikely, deviation = min((_nearby(residual, shape, least) for shape in shapes), key=lambda one: one[0])
+            deviation = deviation / np.sqrt(left)
+        z = residual / deviation
+        power = max(float(np.sum(np.abs(z) ** 2)), np.finfo(float).tiny)
+        white = bool(np.abs(np.sum(z[1:] * z[:-1].conj())) < _WHITE * power)
+        criterion = 2 * unlikely + 2 * poles * float(np.log(2 * size))
+        made.append((criterion, Roughness(residual, deviation, min(_POOL, size) * left, poles, white)))
+    return made[_best(made)][1]
+
+
+def _best(made: list[tuple[float, Roughness]]) -> int:
+    return min(range(len(made)), key=lambda k: made[k][0])
+
+
+def _nearby(residual: Complex, shape: Real, least: float) -> tuple[float, Real]:
+    """Deviation of noise of this shape, from the residuals nearby; and how unlikely those are, each judged by the others."""
+    power: Real = (np.abs(residual) / shape) ** 2
+    width = min(_POOL, power.size)
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    start = np.clip(np.arange(power.size) - width // 2, 0, power.size - width)
+    sums: Real = np.maximum(total[start + width] - total[start], power)
+    others = np.maximum((sums - power) / (width - 1), (least / shape) ** 2)
+    unlikely = float(np.sum(np.log(others * shape**2) + power / others))
+    deviation: Real = np.maximum(shape * np.sqrt(sums / width), least)
+    return unlikely, deviation
