@@ -67,7 +67,7 @@ def test_a_two_sided_spectrum_and_a_bound_from_the_scatter_are_said(folder):
     rng = np.random.default_rng(0)
     np.save("spectrum.npy", np.fft.fft(rng.standard_normal(64)))
     assert rid.look("spectrum.npy").suspicions[-1].endswith('keep rows 0 to 32, "[:33]"')
-    halved = rid.load("spectrum.npy", fields={"values": "[:33]"}, start=0.0, step=1.0)
+    halved = rid.load("spectrum.npy", fields={"values": "[:33]"}, start=0.0, step=1.0, frequency_unit="Hz")
     assert halved.omega.size == 33
     omega = np.linspace(1, 20, 80)
     noise = 0.001 * (rng.standard_normal(80) + 1j * rng.standard_normal(80))
