@@ -72,7 +72,12 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run, data = _bounded(run, records)
     data = data._replace(responses=(*data.responses, *read))
     if (entry := run.entry) is not None:
-        data = data.each(lambda item: item.entry(*entry))
+        try:
+            data = data.each(lambda item: item.entry(*entry))
+        except InputError as error:
+            raise InputError(
+                f"entry = {list(entry)} is the number or name of an output and an input: {error}"
+            ) from None
     run, data = _without_delay(run, data)
     if (band := run.frequency_points.band_hz) is not None:
         data = data.each_response(lambda frf: frf.band(*band))

@@ -70,7 +70,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     placeholder = choices.placeholder(run, data)
     everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
     dt, say, folder = everything.dt, around.say, around.folder
-    _check_frequencies(run, dt)
+    _check(run, everything)
     folder.responses(data.responses)
     run = choices.with_modes(with_fit(run, data, say, folder), data, say)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
@@ -111,13 +111,19 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
         prior=PriorChoice.of(problem.prior),
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
-    _check_frequencies(run, problem.dt)
+    _check(run, problem)
     run = choices.with_inflation(run, problem, around.say)
     return _decided(run, _inflated(problem, run), Untouched([], [], "lines", problem.frequency), around)
 
 
-def _check_frequencies(run: RunFile, dt: float) -> None:
-    """Refuse what is stated in Hz above the Nyquist frequency of the data."""
+def _check(run: RunFile, problem: MixedProblem) -> None:
+    """Refuse what doesn't go with the data before anything is computed: frequencies beyond Nyquist, rigid-body modes."""
+    dt, bodies = problem.dt, run.small_model.rigid_body
+    heads = min(problem.entries.outputs, problem.entries.inputs)
+    if bodies and bodies != heads:
+        raise InputError(
+            f"[small_model] rigid_body must be {heads}, a mode for every signal on the side with fewer; got {bodies}"
+        )
     for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
         if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
             raise InputError(

@@ -11,6 +11,7 @@ import scipy.io
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import robustid as rid
 from robustid import load
 from robustid.core.files import atomic_write
 from robustid.data import FrequencyResponse, save
@@ -229,3 +230,20 @@ def test_time_rounded_in_the_file_is_uniform_enough(tmp_path):
 def test_path_may_be_text(tmp_path):
     save(str(tmp_path / "data.csv"), full_frf())
     assert load(str(tmp_path / "data.csv")).omega.size == 4
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
+def test_the_covariance_of_many_channels_is_stored_by_its_factors(tmp_path, suffix):
+    """A Kronecker product of 8 x 2 entries, and one that is none; both come back."""
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((2, 3, 8, 8)) + 1j * rng.standard_normal((2, 3, 8, 8))
+    R, C = (part @ part.conj().swapaxes(1, 2) for part in (root[0, :, :2, :2], root[1]))
+    product = np.stack([np.kron(a, b) for a, b in zip(R, C, strict=True)])
+    values = np.ones((3, 8, 2), complex)
+    for covariance, stored in ((product, "covariance_outputs"), (product + np.eye(16), "covariance")):
+        frf = rid.FrequencyResponse([1.0, 2.0, 3.0], values, covariance=covariance, dt=0.01)
+        rid.save(tmp_path / f"frf{suffix}", frf)
+        again = rid.load(tmp_path / f"frf{suffix}").covariance
+        assert np.abs(again - covariance).max() <= 1e-13 * np.abs(covariance).max()
+        if suffix == ".npz":
+            assert stored in np.load(tmp_path / "frf.npz")

@@ -116,6 +116,12 @@ CASES = {
         {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 1.0},
         lambda record: np.testing.assert_array_equal(record.u[:, 0], -1 - U),
     ),
+    "footer.csv": (
+        "freq_hz,real,imag\n" + rows(HZ, G.real, G.imag) + "\nTotal points: 8\nOperator, Smith, x\n",
+        {},
+        same_response,
+    ),
+    "empty cells.csv": ("freq_hz,real,imag\n" + rows(HZ, G.real, G.imag) + "\n9,,\n", {}, same_response),
     "touchstone.s1p": (
         "! analyser\n# kHz S MA R 50\n" + rows(HZ / 1e3, np.abs(G), DEG, separator=" "),
         {},

@@ -185,7 +185,9 @@ def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading 
     width, usual = max(counts, key=lambda key: (counts[key], sum(key[1]), key[0]))
     like = [_like(row, pattern, usual, width) for row, pattern in zip(rows, patterns, strict=True)]
     start = like.index(True)
-    below = [flag for pattern in patterns[start:] for flag in pattern]
+    last = max(k for k, pattern in enumerate(patterns) if any(pattern))  # below it there may be remarks
+    inside = zip(rows[start : last + 1], patterns[start : last + 1], strict=True)
+    below = [flag for row, pattern in inside for cell, flag in zip(row, pattern, strict=False) if cell]
     named = start == 0 or len(rows[start - 1]) == width
     return _Reading(sum(like), sum(below) / len(below), named, width > 1, decimal == ".", separator, width, start)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
@@ -15,6 +16,8 @@ from robustid.data.io.lookup import Lookup, seconds
 from robustid.data.io.names import axis_role
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
+
+_log = logging.getLogger("robustid")
 
 _WAYS: tuple[tuple[str, ...], ...] = (
     ("values",),
@@ -105,6 +108,15 @@ def as_frequency(
         options = {**lookup.facts.get("frequency", {}), **options}
     if "dt" not in options:
         options["dt"] = lookup.sample_time()
+    if "bound" not in options and len(values) == omega.size:
+        there = np.any(np.isfinite(values.reshape(omega.size, -1)), axis=1)
+        if 0 < (gone := int(np.sum(~there))) < omega.size and "covariance" not in options:
+            _log.warning(
+                "%s: %d of %d frequency points have no value; they are left out", lookup.file, gone, omega.size
+            )
+            omega, values = omega[there], values[there]
+            if "coherence" in options:
+                options["coherence"] = np.asarray(options["coherence"])[there]
     return FrequencyResponse(omega, values, **options)
 
 
@@ -199,6 +211,14 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
             options[side] = labels
     if "dt" not in options:
         options["dt"] = time_step(lookup, len(signals["u"]))
+    for role in ("u", "y"):
+        rows = np.isnan(signals[role].reshape(len(signals[role]), -1)).any(axis=1)
+        if np.any(rows) and "bound" not in signals:
+            first = int(np.argmax(rows))
+            raise InputError(
+                f"{names[role]!r} has no value in {int(rows.sum())} of {rows.size} samples, the first is sample {first}: make"
+                " files of the samples before and behind the gap, or fill it"
+            )
     return TimeRecord(**signals, **options)
 
 

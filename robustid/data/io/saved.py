@@ -40,7 +40,9 @@ _KINDS = {
 }  # names in files, which stay for as long as old ones are to load
 _OLD_KINDS = {old: kind for kind, old in _KINDS.items()}
 CLASSES = {"frequency": FrequencyResponse, "tangential": TangentialResponse, "time": TimeRecord}
-_COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left")
+_FACTORS = ("covariance_inputs", "covariance_outputs")
+_COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left", *_FACTORS)
+_LARGE, _ROUNDING = 16, 1e-13  # entries from which on a covariance is stored by its factors, and their error
 _ROWS = 20_000
 
 
@@ -89,10 +91,40 @@ def _described(data: Any, kind: str, layout: str) -> tuple[dict[str, np.ndarray]
     """The arrays, and everything else."""
     fields = flat_fields(data)
     arrays = {name: fields[name] for name in _ARRAYS[kind] if fields[name] is not None}
+    if (
+        kind == "frequency"
+        and "covariance" in arrays
+        and (factors := _factors(arrays["covariance"], data.values.shape))
+    ):
+        arrays |= dict(zip(_FACTORS, factors, strict=True))
+        del arrays["covariance"]
     meta = {name: fields[name] for name in (*_FACTS[kind], "inputs", "outputs") if name in fields}
     meta["shapes"] = {name: array.shape[1:] for name, array in arrays.items()}
     samples = len(next(iter(arrays.values())))
     return arrays, meta | {"robustid": FORMAT, "kind": kind, "samples": samples, "layout": layout}
+
+
+def _factors(covariance: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray] | None:
+    """R (F, nu, nu) and C (F, ny, ny) of a large covariance that is their Kronecker product to rounding; None of any other.
+
+    That of periodic experiments is one: noise of the outputs, through the inverse of the inputs. 28 x 2 entries need a fourth.
+    """
+    points, ny, nu = shape
+    if ny * nu < _LARGE or min(ny, nu) == 1:
+        return None
+    apart = covariance.reshape(points, nu, ny, nu, ny).transpose(0, 1, 3, 2, 4)
+    traces = np.einsum("fabii->fab", apart)
+    whole = np.einsum("faa->f", traces).real[:, None, None]
+    R, C = traces, np.einsum("faaij->fij", apart) / np.where(whole > 0, whole, 1)
+    again = _product(R, C)
+    scale = np.abs(covariance).max(axis=(1, 2), keepdims=True)
+    return (R, C) if np.all(np.abs(again - covariance) <= _ROUNDING * scale) else None
+
+
+def _product(R: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """The Kronecker product of every frequency point."""
+    size = R.shape[1] * C.shape[1]
+    return np.einsum("fab,fij->faibj", R, C).reshape(len(R), size, size)
 
 
 def _write_npz(path: str | os.PathLike[str], data: Any, kind: str) -> None:
@@ -146,6 +178,8 @@ def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
     if kind not in (None, meta["kind"]):
         raise InputError(f"`kind` = {kind!r}, but the file holds {meta['kind']} data; leave `kind` out")
     arrays = {name: _array(table, meta, name, tuple(shape)) for name, shape in meta["shapes"].items()}
+    if _FACTORS[0] in arrays:
+        arrays["covariance"] = _product(*(arrays.pop(name) for name in _FACTORS))
     facts = {name: meta[name] for name in _FACTS[meta["kind"]] if name in meta}  # older files know fewer
     names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
     if meta["kind"] != "time":

@@ -10,7 +10,7 @@ from typing import IO
 
 import numpy as np
 
-from robustid.data.io.layout import Layout, is_comment, layout_of, whole_row, with_point
+from robustid.data.io.layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 from robustid.data.io.table import Table
 from robustid.errors import FileFormatError
 
@@ -42,10 +42,14 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
             rows = _rows(path, file)
             head = next(_blocks(rows, _HEAD, _HEAD_TEXT), list[tuple[int, str]]())
             layout = layout_of(path.name, head, decimal)
-            columns = _columns(path, (row for row in itertools.chain(head, rows) if row[0] >= layout.first), layout)
+            body = (row for row in itertools.chain(head, rows) if row[0] >= layout.first)
+            footer: list[int] = []
+            columns = _columns(path, _without_footer(path, body, layout, footer), layout)
     except UnicodeDecodeError:
         raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
-    how = layout.words + ("" if encoding.startswith("utf-8") else f", {encoding}")
+    how = layout.words
+    how += f", {_lines(footer)} at the end without numbers left out" if footer else ""
+    how += "" if encoding.startswith("utf-8") else f", {encoding}"
     description = meta[len(_MARK) :] if meta.startswith(_MARK) else None
     return Table(path, columns, description, how=how, text=True)
 
@@ -79,6 +83,35 @@ def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:
             remarks += 1
         if line.strip() and (remarks < _REMARKS or not is_comment(line)):
             yield k, line
+
+
+def _without_footer(
+    path: Path, rows: Iterator[tuple[int, str]], layout: Layout, footer: list[int]
+) -> Iterator[tuple[int, str]]:
+    """The lines but for those at the end that have no number, whose own numbers go to `footer`."""
+    for k, line in rows:
+        if line.lstrip()[:1].isalpha() and not any(
+            _is_number(cell, layout.decimal) for cell in cells_of(line, layout.separator)
+        ):
+            footer.append(k)
+            continue
+        if footer:
+            raise FileFormatError(
+                f"{path.name}, line {footer[0]} has no number, and more numbers follow it; make files of one table each"
+            )
+        yield k, line
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    try:
+        complex(with_point(cell, decimal))
+    except ValueError:
+        return False
+    return True
+
+
+def _lines(numbers: list[int]) -> str:
+    return f"line {numbers[0]}" if len(numbers) == 1 else f"lines {numbers[0]} to {numbers[-1]}"
 
 
 def _blocks(rows: Iterator[tuple[int, str]], lines: int, text: int) -> Iterator[list[tuple[int, str]]]:
@@ -138,6 +171,7 @@ def _parsed(path: Path, block: list[tuple[int, str]], layout: Layout) -> list[Co
 def _column(
     path: Path, name: str, cells: tuple[str, ...], lines: list[int], layout: Layout
 ) -> np.ndarray | FileFormatError:
+    cells = tuple(cell if cell else "nan" for cell in cells)  # an empty cell: not measured
     try:
         return np.array([float(with_point(cell, layout.decimal)) for cell in cells])
     except ValueError:
