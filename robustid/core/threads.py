@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import importlib
 from collections.abc import Generator
 from typing import Any
 
@@ -39,6 +41,14 @@ def threads_for(size: int) -> Generator[None, None, None]:
 
 def _one() -> Any:
     """The limit, from now on."""
+    return _libraries().limit(limits=1)
+
+
+@functools.cache
+def _libraries() -> Any:
+    """The linear algebra libraries of NumPy and of SciPy, found once: to look through all that is loaded takes milliseconds."""
     import threadpoolctl  # type: ignore[reportMissingTypeStubs]
 
-    return threadpoolctl.threadpool_limits(limits=1, user_api="blas")
+    importlib.import_module("scipy.linalg")  # loads its own
+    everything: Any = threadpoolctl.ThreadpoolController()
+    return everything.select(user_api="blas")
