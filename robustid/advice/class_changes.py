@@ -10,12 +10,13 @@ import numpy as np
 
 from robustid.advice.causes import corrected, correction_change, mode_of, modes_of
 from robustid.advice.kautz import further_mode, suggest_kautz
-from robustid.bases import ParametricBasis, as_basis, kautz
+from robustid.bases import ParametricBasis, as_basis, integrators, kautz
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
 
 _log = logging.getLogger("robustid")
+_RISEN = 2.0  # times the median: a response that rises towards low frequencies
 _UNWEIGHTED = "a bound that does not fall with the frequency"
 
 # What a response may be in the place of that of a passive plant.
@@ -105,7 +106,26 @@ def _more_modes(problem: MixedProblem) -> list[Change]:
         option = f"--mode {hz:.6g}:{damping:.3g} beside those that are there"
         posed = _with_functions(problem, basis)
         changes.append(Change(f"one more pair, {where}", f"a mode is missing, {where}", python, option, posed))
-    return changes
+    return changes + [_with_integrators(problem, count) for count in _missing_integrators(problem)]
+
+
+def _missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
+    """How many poles at z = 1 a class without any may lack: none where the response doesn't rise towards low frequencies."""
+    basis = problem.parametric
+    lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    if not problem.dt or not lines or (basis is not None and basis.has_integrator) or 0 in lines[0].omega:
+        return ()
+    size = np.linalg.norm(lines[0].values.reshape(lines[0].omega.size, -1), axis=1)
+    lowest = size[: max(1, size.size // 10)]
+    return (1, 2) if float(lowest.mean()) > _RISEN * float(np.median(size)) else ()
+
+
+def _with_integrators(problem: MixedProblem, count: int) -> Change:
+    kind = ("an integrator", "a rigid body")[count - 1]
+    words = f"{kind} is missing: {count} pole{'s' * (count > 1)} at z = 1"
+    posed = _with_functions(problem, integrators(count, dt=problem.dt))
+    python = f"parametric=[..., rid.integrators({count}, dt={problem.dt:g})]"
+    return Change(f"{kind} beside it", words, python, f"--integrators {count}", posed)
 
 
 def _other_data(problem: MixedProblem) -> list[Change]:

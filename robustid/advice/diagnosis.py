@@ -83,6 +83,9 @@ class Diagnosis(Frozen):
         """The change with the smallest margin."""
         return min(self.trials, key=lambda trial: trial.margin, default=None)
 
+    def __str__(self) -> str:
+        return self.summary()
+
     def summary(self) -> str:
         """Plain sentences, one change a line."""
         consistent = self.inflation <= 1

@@ -161,6 +161,11 @@ def suggest_kautz(
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
     step = fit.plane.dt
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
+    if step and np.any(omega < frf.omega[0]):
+        reason += (
+            "; a mode below the first frequency point may stand for a machine that is free to move: in its place integrators = 2"
+            " (1 from torque to speed)"
+        )
     chosen = 0
     if step:
         chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])

@@ -24,6 +24,8 @@ _JUMPS, _SMOOTH = (
 _FLAT = 1.2 * np.pi**2 / 180  # rad: the phase of -pi to pi rad that was taken as degrees
 _WHOLE = 1e-4  # a number of samples so near to a whole one is whole
 _MOST_SAMPLES = 10**6
+_LESS = 0.7  # of the part of each value that is left, which a correction must reach too
+_SMALL = 1e-9  # part of the largest value, below which no part of it makes sense
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
@@ -130,6 +132,8 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     before, poles = misfit(part)
     if jumping := _jumping(part, before):
         return jumping
+    if before < _BAD:
+        return []
     after: dict[str, float] = {}
     for correction in _OF_STABLE:
         if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
@@ -140,12 +144,16 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
             changed = [correct(one, correction) for one in _entries(part)]
         except InputError:
             continue
-        after[correction] = max(misfit(one)[0] for one in changed)
+        left = max(misfit(one)[0] for one in changed)
+        # In parts of each value too: a few large values, of an inverse or of what isn't in decibels, make all else small.
+        if left <= min(_GOOD, before / _BETTER):
+            own, others = misfit(part, relative=True)[0], max(misfit(one, relative=True)[0] for one in changed)
+            after |= {correction: left} if others <= _LESS * own else {}
     best = min(after, key=lambda name: after[name], default=None)
-    if best is not None and before >= _BAD and after[best] <= min(_GOOD, before / _BETTER):
-        words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
-        return [Fault(_OF_STABLE[best], words, best)]
-    return []
+    if best is None:
+        return []
+    words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
+    return [Fault(_OF_STABLE[best], words, best)]
 
 
 def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
@@ -199,10 +207,10 @@ def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:
     return [frf.entry(*divmod(int(k), nu)) for k in largest if size[k] > 0]
 
 
-def misfit(frf: FrequencyResponse) -> tuple[float, int]:
+def misfit(frf: FrequencyResponse, *, relative: bool = False) -> tuple[float, int]:
     """Part that the best stable model of up to 20 poles leaves of each of the largest entries, and the number of poles.
 
-    The largest part, rms, of what varies: a constant says nothing.
+    The largest part, rms, of what varies: a constant says nothing; or of each value.
     """
     poles = min(_POLES, frf.omega.size // 4) // 2 * 2
     left = [0.0]
@@ -212,7 +220,8 @@ def misfit(frf: FrequencyResponse) -> tuple[float, int]:
         varies = float(np.linalg.norm(values - np.mean(np.real(values))))
         if varies <= _CONSTANT * float(np.linalg.norm(values)):
             continue
-        fit.weight = np.full(fit.values.shape, 1 / varies)
+        size: Real = np.maximum(np.abs(fit.values), _SMALL * float(np.abs(fit.values).max())) * np.sqrt(values.size)
+        fit.weight = 1 / size if relative else np.full(fit.values.shape, 1 / varies)
         costs, _ = fit.search(poles, np.zeros(1))
         left.append(float(np.sqrt(costs[0])))
     return max(left), poles

@@ -283,7 +283,7 @@ def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple[Any, .
                 f"`{name}` must be a {kinds[0].__name__} or a sequence of them; got {type(item).__name__}"
             )
         if item.bound is None:
-            raise InputError(f"`{name}` needs a bound on every sample; use with_bound(...), or estimate_frf")
+            raise InputError(f"`{name}` needs a bound on every sample; use with_bound, estimate_bound or estimate_frf")
         if not np.any(item.bound.used):
             raise InputError(f"`{name}` has no sample with a finite bound; nothing would be used")
     return items

@@ -151,3 +151,15 @@ def test_files_take_parts_and_coherences(tmp_path):
     frf = rid.load(path, bound="5%")
     assert frf.bound.radius.ravel().tolist() == [0.25, 0.05]
     assert frf.coherence.ravel().tolist() == [0.9, 0.8]
+
+
+def test_a_few_large_values_do_not_make_a_response_look_exchanged():
+    """A free mass whose lowest points are mostly noise: its inverse fits well in absolute terms, and in parts of each value not."""
+    rng = np.random.default_rng(0)
+    omega = 2 * np.pi * np.linspace(0.2, 80, 300)
+    s = 1j * omega
+    G = 50 / (s * (s + 13)) + 30 / (s**2 + 8 * s + 300**2)
+    G = G * (1 + circular(rng, 300) * np.where(omega < 25, 1.5, 0.05))
+    assert rid.response_problems(rid.FrequencyResponse(omega, G)) == ()
+    clean = 50 / (s * (s + 13)) + 30 / (s**2 + 8 * s + 300**2)
+    assert "exchanged" in rid.response_problems(rid.FrequencyResponse(omega, 1 / clean))[0]
