@@ -110,7 +110,7 @@ def _more_modes(problem: MixedProblem) -> list[Change]:
 
 
 def _missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
-    """How many poles at z = 1 a class without any may lack: none where the response doesn't rise towards low frequencies."""
+    """Numbers of poles at z = 1 to try: none where there are some, or the response doesn't rise towards low frequencies."""
     basis = problem.parametric
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
     if not problem.dt or not lines or (basis is not None and basis.has_integrator) or 0 in lines[0].omega:
