@@ -1,0 +1,58 @@
+"""The site built twice from the same tree: the same pages, and no address of another machine in them."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+TIMES = re.compile(rb"\b\d+(\.\d+)? ?(s|seconds|ms)\b")
+# What a page loads from elsewhere; links to click on are none of it.
+LOADED = re.compile(
+    r"""(?:<script[^>]*\bsrc|<img[^>]*\bsrc|<link[^>]*rel="stylesheet"[^>]*\bhref)=["']https?://[^"']+"""
+)
+
+
+def build(folder):
+    environment = os.environ | {
+        "ROBUSTID_GALLERY": "conditioning",
+        "https_proxy": "http://127.0.0.1:9",
+        "http_proxy": "http://127.0.0.1:9",
+    }
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-W",
+        "-E",
+        "-d",
+        str(folder.parent / f"{folder.name}_trees"),
+        str(DOCS),
+        str(folder),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    skipped = (".buildinfo", "environment.pickle")
+    return {
+        path.relative_to(folder): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and path.name not in skipped
+    }
+
+
+@pytest.mark.slow
+def test_two_builds_are_the_same_and_load_nothing_from_elsewhere(tmp_path):
+    pytest.importorskip("sphinx")
+    one, other = build(tmp_path / "one"), build(tmp_path / "other")
+    assert one.keys() == other.keys()
+    differ = [str(path) for path in one if TIMES.sub(b"T", one[path]) != TIMES.sub(b"T", other[path])]
+    assert not differ
+    pages = [path for path in one if path.suffix == ".html"]
+    assert len(pages) > 100
+    for path in pages:
+        assert not (found := LOADED.findall(one[path].decode())), (path, found[:3])
+        assert b"<img" not in one[path] or all(b"alt=" in tag for tag in re.findall(rb"<img[^>]*>", one[path])), path
