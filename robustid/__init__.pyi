@@ -26,6 +26,7 @@ from .bases import integrators as integrators
 from .bases import kautz as kautz
 from .bases import passive_modes as passive_modes
 from .core import Signal as Signal
+from .core import show_progress as show_progress
 
 # Measurements and their bounds
 from .data import Bound as Bound

@@ -1,7 +1,8 @@
-"""`result.plot()`: results know that they can be drawn; the room `report`, which stands after theirs, knows how."""
+"""`result.plot()` and heads for notebooks: results know that they can be shown; the room `report`, after theirs, knows how."""
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,3 +27,8 @@ class Drawable:
         import robustid  # through the front door: no room knows one that stands after it
 
         return robustid.plot.of(self, **options)
+
+
+def head(result: Any) -> str | None:
+    """Head of the page about a result, for notebooks; None where it has none."""
+    return importlib.import_module("robustid.report.notebook").head(result)  # no room imports one that stands after it

@@ -4,6 +4,7 @@ from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.files import atomic_write
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
+from robustid.core.progress import show_progress
 from robustid.core.projection import Projection, projected
 from robustid.core.scales import lengths
 from robustid.core.state_space import (
@@ -110,6 +111,7 @@ __all__ = [
     "saved_kind",
     "scaled_states",
     "series_at",
+    "show_progress",
     "simulate",
     "text_array",
     "threads_for",

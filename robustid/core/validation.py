@@ -45,6 +45,12 @@ class Frozen:
     def __repr__(self) -> str:
         return short_repr(self)
 
+    def _repr_html_(self) -> str | None:
+        """Head of the page about it, which notebooks show."""
+        from robustid.figures import head
+
+        return head(self)
+
     def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
         fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
         return _rebuild, (type(self), fields)

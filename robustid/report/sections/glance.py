@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
-_BOUND = "robustid bounds RESULT --report bounds.html"
+BOUND = "robustid bounds RESULT --report bounds.html"
 _STABLE = "error.robust_stability_margin(K)"
-_BETWEEN = " The plot interpolates between them."
+BETWEEN = " The plot interpolates between them."
 _UNBOUNDED = (
     "How far the machine may be from this model is not bounded on this page yet: samples are kept, and nothing is said between"
     " them."
@@ -50,7 +50,7 @@ def glance(
     if bound is not None and not contradicted:
         words = guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)
         words = words.removeprefix(about(identification))  # a warning says so
-        words += _BETWEEN
+        words += BETWEEN
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     return Glance(
@@ -108,7 +108,7 @@ def _next(identification: Identification, error: WorstCaseError | None, contradi
     if contradicted:
         return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
     if error is None or not error.omega.size:
-        return [Text(f"Bound the error of the model: {_BOUND}", code=(_BOUND,))]
+        return [Text(f"Bound the error of the model: {BOUND}", code=(BOUND,))]
     at, *_, sample = error.worst(1)[0]
     where, what = f"{number(at / HZ, 5)} Hz", sample_words(identification, sample)
     narrower = f"The error is largest at {where}. A smaller bound of one sample helps first there: {what}."

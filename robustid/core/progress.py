@@ -1,0 +1,92 @@
+"""Progress for people: one line that is rewritten, in notebooks and at terminals."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+_OFTEN = 0.1  # seconds between two writings of the line
+_WORTH_SAYING = 2.0  # seconds that are left
+
+
+class ShowProgress:
+    """Receiver of progress of every kind, with the line that it wrote last; see `show_progress`."""
+
+    def __init__(self) -> None:
+        self._began, self._first, self._wrote, self._width, self._tenth = 0.0, 0, 0.0, 0, -1
+        self._last: tuple[str, int, int] = ("", 0, 0)
+
+    def __call__(self, *said: Any) -> None:
+        """Write the line, seldom enough; of (done, all), (text, done, all), or a step of a fit."""
+        words, done, count = _parts(said)
+        now = time.monotonic()
+        if (words, count) != (self._last[0], self._last[2]) or done < self._last[1]:
+            self._end()
+            self._began, self._first, self._wrote, self._tenth = now, done, 0.0, -1
+        self._last = words, done, count
+        finished = bool(count) and done >= count
+        if not _rewritable():
+            tenth = 10 * done // count if count else done
+            if tenth != self._tenth:
+                _write(self._line(now) + "\n")
+            self._tenth = tenth
+        elif finished or now - self._wrote >= _OFTEN:
+            line = self._line(now)
+            _write("\r" + line.ljust(self._width) + "\n" * finished)
+            self._wrote, self._width = now, 0 if finished else len(line)
+
+    def _line(self, now: float) -> str:
+        words, done, count = self._last
+        if not count:
+            return words
+        share = f"{words + ': ' if words else ''}{done} of {count}"
+        left = (now - self._began) * (count - done) / max(done - self._first, 1)
+        return share + (f", about {left:.0f} s left" if done > self._first and left >= _WORTH_SAYING else "")
+
+    def _end(self) -> None:
+        if self._width:
+            _write("\n")
+            self._width = 0
+
+
+_SHOWN = ShowProgress()
+
+
+def show_progress(*said: Any) -> None:
+    """Show how far a long computation is, in one line that is written over: the argument `progress` of every function.
+
+    In notebooks and at terminals; in a file at most a line for every tenth.
+
+    Parameters
+    ----------
+    *said
+        (done, all), (text, done, all), or a step of a fit.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> for k in range(3):
+    ...     rid.show_progress("counting", k + 1, 3)
+    counting: 1 of 3
+    counting: 2 of 3
+    counting: 3 of 3
+    """
+    _SHOWN(*said)
+
+
+def _write(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def _parts(said: tuple[Any, ...]) -> tuple[str, int, int]:
+    if len(said) == 1 and hasattr(said[0], "cost"):
+        return f"{said[0].words}: cost {said[0].cost:.6g}", 0, 0
+    text, done, count = said if len(said) == 3 else ("", *said)
+    return str(text), int(done or 0), int(count or 0)
+
+
+def _rewritable() -> bool:
+    """Return whether a line can be written over: at a terminal, and in a notebook."""
+    return sys.stdout.isatty() or type(sys.stdout).__module__.startswith("ipykernel")

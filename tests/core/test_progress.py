@@ -1,0 +1,62 @@
+"""Progress in one line: every kind of receiver, at terminals, in notebooks, and in files."""
+
+import sys
+
+import numpy as np
+
+import robustid as rid
+from robustid.core.progress import ShowProgress
+
+
+class Notebook:
+    """What notebooks put in the place of stdout."""
+
+    def __init__(self):
+        self.text = ""
+
+    def isatty(self):
+        return False
+
+    def write(self, text):
+        self.text += text
+
+    def flush(self):
+        pass
+
+
+Notebook.__module__ = "ipykernel.iostream"
+
+
+def test_a_notebook_gets_one_line_that_is_rewritten(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", Notebook())
+    show = ShowProgress()
+    for k in range(5001):
+        show(k, 5000)
+    show("next", None, None)
+    assert sys.stdout.text.count("\n") == 1
+    assert "5000 of 5000\n" in sys.stdout.text
+    assert sys.stdout.text.count("\r") < 20
+
+
+def test_a_file_gets_at_most_eleven_lines(capsys):
+    show = ShowProgress()
+    for k in range(1001):
+        show("counting", k, 1000)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 11
+    assert lines[-1] == "counting: 1000 of 1000"
+
+
+def test_functions_of_all_kinds_take_it(capsys):
+    data = rid.flexible_structure(seed=0)
+    rid.fit_mfd(data.frequency, order=2, progress=rid.show_progress)
+    problem = rid.MixedProblem(
+        frequency=data.frequency,
+        prior=rid.Prior(gain_bound=0.2, decay_rate=1.1),
+        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
+    )
+    result = rid.identify(problem, progress=rid.show_progress)
+    rid.worst_case_error(result, omega=np.array([60.0]), directions=4, progress=rid.show_progress)
+    out = capsys.readouterr().out
+    assert "cost" in out
+    assert "1 of 1" in out
