@@ -31,6 +31,8 @@ from robustid.data import (
 from robustid.data.io import read_said
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
+_SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
+
 
 class Say(Protocol):
     """Receiver of progress: what is done now, and how much of it is."""
@@ -81,7 +83,36 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run, data = _without_delay(run, data)
     if (band := run.frequency_points.band_hz) is not None:
         data = data.each_response(lambda frf: frf.band(*band))
-    return run, data
+    return run, without_points(data, run.frequency_points.leave_out_hz or ())
+
+
+def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
+    """The data without the frequency points at these frequencies in Hz.
+
+    Raises
+    ------
+    InputError
+        No response has a frequency point there; a response would have no others.
+    """
+    found: set[float] = set()
+
+    def without(frf: FrequencyResponse) -> FrequencyResponse:
+        kept = np.ones(frf.omega.size, bool)
+        for hz in left_out_hz:
+            nearest = int(np.argmin(np.abs(frf.freq_hz - hz)))
+            if abs(frf.freq_hz[nearest] - hz) <= _SAME_POINT * hz:
+                found.add(hz)
+                kept[nearest] = False
+        if not kept.any():
+            raise InputError("[frequency_points] leave_out_hz leaves no frequency point of a response; leave one in")
+        return frf.select(kept)
+
+    if not left_out_hz:
+        return data
+    rest = data.each_response(without)
+    if missing := [hz for hz in left_out_hz if hz not in found]:
+        raise InputError(f"[frequency_points] leave_out_hz: no response has a frequency point at {missing[0]:.6g} Hz")
+    return rest
 
 
 def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:

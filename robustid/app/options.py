@@ -73,6 +73,11 @@ class FrequencyPoints:
     )
     every: int = key(whole(1), 1, help="Use one of so many.")
     near_hz: float | None = key(_positive, help="Use all points so near to a mode too.", unit="Hz")
+    leave_out_hz: tuple[float, ...] | None = key(
+        several(_frequencies),
+        help="Frequency points that are left out, of the tests too: bad ones, by hand.",
+        unit="Hz",
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -66,6 +66,11 @@ class Surroundings:
 
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
     """The result with modes, frequency points, bounds and prior as the run file says, or chosen."""
+    return _decided(*posed(run, data, around), around)
+
+
+def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it."""
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     placeholder = choices.placeholder(run, data)
     everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
@@ -85,7 +90,7 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     run, problem = choices.with_prior(run, problem, say)
     folder.choices(run)
     left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
-    return _decided(run, problem, Untouched(left, out, kind, used), around)
+    return run, problem, Untouched(left, out, kind, used)
 
 
 def kept_out(

@@ -6,6 +6,7 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
+from robustid.guarantees.growing import growing_error
 from robustid.guarantees.horizon import output_errors
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -66,6 +67,7 @@ __all__ = [
     "diameter",
     "entry_weights",
     "family",
+    "growing_error",
     "magnitude_weight",
     "norm_of_bounds",
     "output_errors",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
@@ -36,9 +37,12 @@ def value_sets_at(
     return (search.siso(),) if here.posed.problem.entries.single else search.mimo()
 
 
-def value_set(consistent: ConsistentSet, omega: float, directions: int, gap: float) -> ValueSet:
-    """Support function and attained points at one frequency, of the first entry, the only one of a SISO plant."""
-    return value_sets_at(consistent, omega, directions, gap)[0]
+def value_set(
+    consistent: ConsistentSet, omega: float, directions: int, gap: float, told: Callable[[], None] | None = None
+) -> ValueSet:
+    """Support function and attained points at one frequency of a SISO plant; `told` is called after every direction."""
+    here = consistent.with_node(omega)
+    return _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, None).siso(told)
 
 
 @dataclasses.dataclass
@@ -129,10 +133,14 @@ class _Search:
         self._x, self._p, self._tail = (np.stack(part) for part in zip(*parts, strict=True))
         self._members: list[Complex] = []
 
-    def siso(self) -> ValueSet:
+    def siso(self, told: Callable[[], None] | None = None) -> ValueSet:
         """The only entry, in all directions."""
         x, p, tail = self._x[0], self._p[0], self._tail[0]
-        found = [self._here.extreme(along(angle, x, p, tail), self._gap) for angle in self._angles]
+        found: list[Extreme] = []
+        for angle in self._angles:
+            found.append(self._here.extreme(along(angle, x, p, tail), self._gap))
+            if told is not None:
+                told()
         points = np.array([self._value(one)[0, 0] for one in found])
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)

@@ -2,6 +2,7 @@
 
 from robustid.report import plot
 from robustid.report.document import Verdict
+from robustid.report.live import live_figure, live_words
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.sections.claims import same
 from robustid.report.words import at_least, at_most
@@ -12,6 +13,8 @@ __all__ = [
     "Verdict",
     "at_least",
     "at_most",
+    "live_figure",
+    "live_words",
     "plot",
     "pole_table",
     "render_report",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,6 +14,19 @@ from robustid.app.cli.terminal import step
 from robustid.app.options import Identify
 
 _SIDES = 6  # of the polygons around the errors at each frequency
+
+
+def measurements(console: Any, folder: Path, seed: int = 0) -> Any:
+    """Write the measurements of the demo into a folder; what they are of."""
+    import numpy as np
+
+    from robustid.data import flexible_structure, save
+
+    data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
+    for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
+        save(folder / name, item)
+    terminal.say(console, f"measurements written: {folder / 'frequency.csv'}, {folder / 'step.csv'}")
+    return data
 
 
 def demo(
@@ -30,15 +43,11 @@ def demo(
     """
     import numpy as np
 
-    from robustid.data import flexible_structure, save
     from robustid.guarantees import worst_case_error
 
     console = terminal.console()
-    data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
     folder = outputs.new_folder(output)
-    for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
-        save(folder / name, item)
-    terminal.say(console, f"measurements written: {folder / 'frequency.csv'}, {folder / 'step.csv'}")
+    data = measurements(console, folder, seed)
     result = identified(console, Identify(), frequency=[data.frequency], time=[data.time])
     page = folder / "report.html"
     hz = [0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50]

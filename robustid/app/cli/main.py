@@ -1,4 +1,4 @@
-"""The command line: `robustid run`, `excite`, `frf`, `identify`, `fit`, `bounds`, `verify`, `reduce`, `report`, `export`, ..."""
+"""The command line: `robustid run`, `explore`, `excite`, `frf`, `identify`, `fit`, `bounds`, `verify`, `reduce`, ..."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from robustid.errors import RobustIdError, SolverError
 
 COMMANDS = (
     "demo",
+    "explore",
     "identify",
     "run",
     "excite",

@@ -77,7 +77,7 @@ def sentence(error: WorstCaseError) -> str:
     return (
         f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {bounded_model(error)[0]}{norm},"
-        f" {at_frequencies(omega)}.{worst} the median over the frequencies is"
+        f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."
     )
 

@@ -1,0 +1,156 @@
+"""The server of the page: on this machine only, for whoever has its address, until Ctrl-C."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import logging
+import secrets
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from robustid.app.explore.page import connect, layout, quantities
+from robustid.app.explore.session import Session
+from robustid.app.explore.worker import Worker
+from robustid.errors import InputError
+
+_HOST = "127.0.0.1"
+_STRANGER = (
+    "This page belongs to whoever started robustid explore: open the address that it printed, with the token in it.\n"
+)
+_ELSEWHERE = "This server answers requests to {} only; open the address that robustid explore printed.\n"
+# Scripts and styles are served from here; a script of anywhere else is refused by the browser too.
+_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline';"
+    " img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; form-action 'none'"
+)
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>{%metas%}<meta name="viewport" content="width=device-width, initial-scale=1"><title>{%title%}</title>{%css%}
+<link rel="icon" href="data:,"></head>
+<body>{%app_entry%}<script>window.explored = EXPLORED;</script><footer>{%config%}{%scripts%}{%renderer%}</footer></body>
+</html>"""
+
+
+class Server:
+    """A page that is served; it begins with `serve` and ends with `close`, from another thread or by Ctrl-C.
+
+    Attributes
+    ----------
+    address : str
+        With the token without which nothing is shown.
+    """
+
+    def __init__(self, session: Session, title: str, port: int = 0) -> None:
+        try:
+            import dash
+            from werkzeug.serving import WSGIRequestHandler, make_server
+        except ImportError:
+            raise InputError(
+                "robustid explore needs the package Dash, which is not installed: pip install 'robustid[explore]'"
+            ) from None
+        listening = _listening(port)
+        self._worker = Worker(session)
+        self._token, self._site = secrets.token_urlsafe(24), f"{_HOST}:{listening.getsockname()[1]}"
+        app = dash.Dash(__name__, title=title, update_title=None, assets_folder="assets", compress=False)  # type: ignore[arg-type]
+        numbers = {one.name: {"low": one.low, "high": one.high, "offset": one.offset} for one in quantities(session)}
+        app.index_string = _PAGE.replace("EXPLORED", json.dumps(numbers))
+        app.layout = layout(session, title)
+        connect(app, session, self._worker)
+        self._guard(app.server)
+        logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for every request
+
+        class Quiet(WSGIRequestHandler):
+            """Says nothing of requests that a browser gave up."""
+
+            def log(self, type: str, message: str, *args: Any) -> None:
+                """Say nothing."""
+
+        port = listening.getsockname()[1]
+        self._server = make_server(_HOST, port, app.server, threaded=True, request_handler=Quiet, fd=listening.detach())
+        self._server.daemon_threads = True  # type: ignore[attr-defined]
+
+    @property
+    def address(self) -> str:
+        """The address with its token."""
+        return f"http://{self._site}/?token={self._token}"
+
+    def serve(self) -> None:
+        """Answer until `close` is called from another thread."""
+        self._server.serve_forever(poll_interval=0.1)
+
+    def close(self) -> None:
+        """Stop answering, and end the computation."""
+        self._server.shutdown()
+
+    def end(self) -> None:
+        """Give the port and the thread of the computation back."""
+        self._server.server_close()
+        self._worker.close()
+
+    def _guard(self, flask: Any) -> None:
+        """Refuse requests that are addressed to another name, come from another site, or have no token."""
+        from flask import Response, redirect, request
+
+        cookie = f"robustid-{self._site.split(':')[1]}"  # cookies are shared by the ports of a machine
+
+        def refused(words: str) -> Any:
+            return Response(words, 403, mimetype="text/plain")
+
+        @flask.before_request
+        def check() -> Any:
+            # A name that a stranger's server gives this address (DNS rebinding) stands in Host.
+            if request.headers.get("Host") != self._site:
+                return refused(_ELSEWHERE.format(self._site))
+            if request.headers.get("Origin", f"http://{self._site}") != f"http://{self._site}":
+                return refused(_ELSEWHERE.format(self._site))
+            if _equal(request.args.get("token", ""), self._token):
+                answer = redirect("/")
+                answer.set_cookie(cookie, self._token, httponly=True, samesite="Strict")
+                return answer
+            return None if _equal(request.cookies.get(cookie, ""), self._token) else refused(_STRANGER)
+
+        @flask.after_request
+        def private(answer: Any) -> Any:
+            answer.headers["Content-Security-Policy"] = _POLICY
+            answer.headers["Referrer-Policy"] = "no-referrer"
+            answer.headers["X-Content-Type-Options"] = "nosniff"
+            return answer
+
+
+def _equal(given: str, token: str) -> bool:
+    return hmac.compare_digest(given.encode(), token.encode())
+
+
+def _listening(port: int) -> socket.socket:
+    """A socket at a port of this machine, 0 for any free one."""
+    listening = socket.socket()
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((_HOST, port))
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        raise InputError(
+            f"port {port} can't be used ({error.strerror}): give another `port`, or none for a free one"
+        ) from None
+    return listening
+
+
+def serve(session: Session, title: str, port: int, ready: Callable[[str], None]) -> None:
+    """Serve the page until Ctrl-C; `ready` is told its address.
+
+    Raises
+    ------
+    InputError
+        Dash is not installed, or the port is in use.
+    """
+    server = Server(session, title, port)
+    try:
+        ready(server.address)
+        server.serve()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.end()

@@ -1,0 +1,203 @@
+"""The data of a page that is explored, and the choices that can be made about them, each of which is a run file."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.app.measurements import Measured, Say, measured, without_points
+from robustid.app.options import Fit
+from robustid.app.run_file import RunFile
+from robustid.app.sequence import Surroundings, posed
+from robustid.core import Frozen
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.identification import MixedProblem
+
+_BY_HAND = "Chosen by hand, in robustid explore."
+_DIGITS = 6  # of a frequency in words, where these tell the points apart
+_RUN = 3  # neighbours that are written as an interval
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """Everything that is changed by hand.
+
+    Attributes
+    ----------
+    hz, damping : tuple of float
+        Of every mode.
+    gain_bound : float
+        K.
+    rate : float
+        The decay rate per sample, or the decay in 1/s, as the session says.
+    left_out_hz : tuple of float
+        Frequency points that are left out.
+    """
+
+    hz: tuple[float, ...]
+    damping: tuple[float, ...]
+    gain_bound: float
+    rate: float
+    left_out_hz: tuple[float, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Session(Frozen):
+    """Measured data, and a run file with every choice made.
+
+    Attributes
+    ----------
+    run : RunFile
+    data : Measured
+        With the frequency points that are left out.
+    folder : Path
+        From which the names of files are seen.
+    """
+
+    run: RunFile
+    data: Measured
+    folder: Path
+
+    @classmethod
+    def of(cls, run: RunFile, folder: Path, say: Say) -> Session:
+        """Read the data of a run file, and make the choices that it leaves open.
+
+        Raises
+        ------
+        InputError, FileFormatError
+            A file that can't be read; a family, a passive class, a matrix, no response.
+        """
+        if run.members:
+            raise InputError(
+                "explore shows one plant, not a family: leave [[members]] out, and all data but those of one"
+            )
+        if run.prior.passive is not None:
+            raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
+        left_out = run.frequency_points.leave_out_hz
+        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say)
+        if not data.responses:
+            raise InputError(
+                "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"
+            )
+        first = data.responses[0]
+        if (size := (len(first.outputs), len(first.inputs))) != (1, 1):
+            names = f"{', '.join(map(str, first.outputs))} / {', '.join(map(str, first.inputs))}"
+            raise InputError(
+                f"explore shows one entry of a matrix, and this response has {size[0]} outputs and {size[1]} inputs ({names}):"
+                " give `entry` = OUTPUT,INPUT by number or name"
+            )
+        run = run.changed("frequency_points", leave_out_hz=left_out)
+        run, _, _ = posed(run, without_points(data, left_out or ()), Surroundings(say))
+        return cls(run, data, folder)
+
+    @property
+    def continuous(self) -> bool:
+        """Say whether the decay is one in 1/s."""
+        return self.run.prior.decay_rate is None
+
+    @property
+    def points_hz(self) -> np.ndarray:
+        """Frequencies of all frequency points in Hz, rising, as they are named."""
+        every = np.unique(np.concatenate([frf.freq_hz for frf in self.data.responses]))
+        named = np.array([float(f"{hz:.{_DIGITS}g}") for hz in every])
+        return named if np.all(np.diff(named) > 0) else every
+
+    @property
+    def start(self) -> Choice:
+        """The choice that the run file states."""
+        modes, prior = self.run.modes, self.run.prior
+        rate = prior.decay if prior.decay_rate is None else prior.decay_rate
+        given = self.run.frequency_points.leave_out_hz or ()
+        return Choice(modes.hz or (), modes.damping or (), float(prior.gain_bound or 0), float(rate or 0), given)
+
+    def stated(self, choice: Choice) -> RunFile:
+        """The run file of a choice, its names seen from the folder of the session."""
+        run, start = self.run, self.start
+        if (choice.hz, choice.damping) != (start.hz, start.damping):
+            given: dict[str, Any] = {"hz": choice.hz, "damping": choice.damping, "note": _BY_HAND}
+            run = run.changed("modes", **given, hz_interval=None, damping_interval=None)
+            run = dataclasses.replace(run, fit=Fit())  # modes are stated, or those of a fit
+        if (choice.gain_bound, choice.rate) != (start.gain_bound, start.rate):
+            name = "decay" if self.continuous else "decay_rate"
+            given = {"gain_bound": choice.gain_bound, name: choice.rate, "note": _BY_HAND}
+            run = dataclasses.replace(run, prior=dataclasses.replace(run.prior, **given))
+        return run.changed("frequency_points", leave_out_hz=choice.left_out_hz or None)
+
+    def problem(self, choice: Choice) -> tuple[MixedProblem, list[FrequencyResponse]]:
+        """The problem that a choice poses, and what is kept out of it to test the result.
+
+        Raises
+        ------
+        InputError
+            Numbers that make no class.
+        """
+        data = without_points(self.data, choice.left_out_hz)
+        _, problem, left = posed(self.stated(choice), data, Surroundings(_silent))
+        return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
+
+    def left_out(self, choice: Choice) -> list[FrequencyResponse]:
+        """The frequency points that a choice leaves out."""
+        if not choice.left_out_hz:
+            return []
+        rest = without_points(self.data, choice.left_out_hz).responses
+        pairs = zip(self.data.responses, rest, strict=True)
+        away = [(every, ~np.isin(every.omega, kept.omega)) for every, kept in pairs]
+        return [every.select(gone) for every, gone in away if gone.any()]
+
+    def words(self, left_out_hz: Sequence[float]) -> str:
+        """Frequency points in words: numbers, and LOW:HIGH for neighbours."""
+        every = self.points_hz
+        gone = np.array([int(np.argmin(np.abs(every - hz))) for hz in left_out_hz], dtype=int)
+        parts = []
+        for group in np.split(np.unique(gone), np.flatnonzero(np.diff(np.unique(gone)) > 1) + 1):
+            if group.size >= _RUN:
+                parts.append(f"{every[group[0]]:.15g}:{every[group[-1]]:.15g}")
+            else:
+                parts += [f"{every[k]:.15g}" for k in group]
+        return ", ".join(parts)
+
+    def points(self, words: str) -> tuple[float, ...]:
+        """Frequency points from words, as `words` writes them.
+
+        Raises
+        ------
+        InputError
+            No numbers; an interval without points; no point there.
+        """
+        every, found = self.points_hz, set[float]()
+        for part in filter(None, re.split(r"[,;\s]+", words)):
+            try:
+                low, high = (float(one) for one in (part.split(":") * 2)[:2])
+            except ValueError:
+                raise InputError(
+                    f"Lines left out: give frequencies in Hz with commas between them, and LOW:HIGH; got {part!r}"
+                ) from None
+            at = every[(every >= low) & (every <= high)] if ":" in part else every[[np.argmin(np.abs(every - low))]]
+            if not at.size:
+                raise InputError(f"Lines left out: there are no frequency points from {low:g} to {high:g} Hz")
+            if ":" not in part:
+                without_points(self.data, (low,))  # says that there is none
+            found |= set(at.tolist())
+        return tuple(sorted(found))
+
+
+def toggled(left_out_hz: Sequence[float], brushed_hz: Sequence[float]) -> tuple[float, ...]:
+    """Points left out after a brush: it leaves out what is used, or takes back where all of it was left out.
+
+    Examples
+    --------
+    >>> toggled((3.0,), (2.0, 3.0)), toggled((2.0, 3.0), (3.0,))
+    ((2.0, 3.0), (2.0,))
+    """
+    before, brushed = set(left_out_hz), set(brushed_hz)
+    return tuple(sorted(before - brushed if brushed <= before else before | brushed))
+
+
+def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
+    """No progress."""

@@ -1,0 +1,139 @@
+"""The picture and the words of a page that follows every choice: an identification, and its error as far as it is bounded."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.data import FrequencyResponse
+from robustid.errors import Status
+from robustid.guarantees import WorstCaseError
+from robustid.identification import Identification
+from robustid.report.charts import Axis, Layer, Panel, named
+from robustid.report.identified import sample_words, shown_models, unit
+from robustid.report.sections.frequency import frequency_charts
+from robustid.report.sections.guarantee import sentence
+from robustid.report.sections.guarantee_charts import band_around, worst_case_charts
+from robustid.report.sections.identification import identification_verdict, margin_interval
+from robustid.report.style import ALERT, FAINT
+from robustid.report.with_plotly import plotly_figure
+from robustid.report.words import HZ, number, percent
+
+LEFT_OUT = "left out"
+_WITHHELD = "withheld, to test the result"
+_ESTIMATE = "estimate, not proved"
+_ACTIVE = "active constraints of the margin"
+_SHARE, _MOST = 0.05, 5  # of the proof, and of the samples that are named
+_HEIGHT = 760  # pixels
+_DOMAINS = {"yaxis": [0.48, 1.0], "yaxis2": [0.26, 0.44], "yaxis3": [0.0, 0.22]}
+
+Estimate = tuple[np.ndarray, np.ndarray]  # frequencies in rad/s and errors
+
+
+def live_figure(
+    identification: Identification,
+    error: WorstCaseError | None = None,
+    estimate: Estimate | None = None,
+    left_out: Sequence[FrequencyResponse] = (),
+    withheld: Sequence[FrequencyResponse] = (),
+) -> dict[str, Any]:
+    """Magnitude, phase and error of a SISO identification as plotly draws them: data and layout.
+
+    The points of the data that are used or `left_out` carry their frequency in Hz as `customdata`. The error is that of the
+    nominal model, as far as it is bounded.
+    """
+    chart = (frequency_charts(identification) if error is None else worst_case_charts(error))[0]
+    magnitude, phase = chart.panels[:2]
+    below = chart.panels[2] if error is not None else Panel(title="", x=magnitude.x, y=Axis(label=""), layers=())
+    if estimate is not None:
+        magnitude, below = _with_estimate(identification, estimate, magnitude, below)
+    beside = [*_points(left_out, LEFT_OUT, "x"), *_points(withheld, _WITHHELD, "circle-open"), *_active(identification)]
+    magnitude = dataclasses.replace(magnitude, layers=(*magnitude.layers, *beside))
+    panels = zip(
+        (magnitude, phase, below),
+        (f"magnitude{_in(identification)}", "phase [°]", f"error{_in(identification)}"),
+        strict=True,
+    )
+    figure = plotly_figure(tuple(_labelled(panel, label) for panel, label in panels), _HEIGHT)
+    for name, domain in _DOMAINS.items():
+        figure["layout"][name]["domain"] = domain
+    for trace in figure["data"]:
+        if "markers" in trace.get("mode", "") and trace["name"].startswith(("data", LEFT_OUT)):
+            trace["customdata"] = trace["x"]
+    return figure
+
+
+def _in(identification: Identification) -> str:
+    return f" [{unit(identification)}]" if unit(identification) else ""
+
+
+def _labelled(panel: Panel, label: str) -> Panel:
+    return dataclasses.replace(panel, y=dataclasses.replace(panel.y, label=label))
+
+
+def live_words(identification: Identification, error: WorstCaseError | None = None) -> tuple[str, str, str]:
+    """Key of the verdict, the verdict with its margin, and what is guaranteed or what contradicts the class."""
+    said = identification_verdict(identification)
+    words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
+    if error is not None:
+        return said.key, words, sentence(error)
+    if identification.status is Status.INCONSISTENT:
+        parts = [
+            f"{sample_words(identification, _sample(*one[:3]))} ({percent(one[3])})"
+            for one in identification.conflicting_samples(_SHARE)[:_MOST]
+        ]
+        return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
+    return said.key, words, ""
+
+
+def _sample(kind: str, index: int, at: float) -> str:
+    """Name of a sample, as results name them."""
+    return (
+        f"{kind} {index + 1} at {number(at / HZ, 5)} Hz" if kind == "frequency" else f"time {index + 1} at {at:.5g} s"
+    )
+
+
+def _with_estimate(
+    identification: Identification, estimate: Estimate, magnitude: Panel, below: Panel
+) -> tuple[Panel, Panel]:
+    """The panels of magnitude and error with an estimate, which is drawn apart from what is proved."""
+    omega, width = estimate
+    curve = named(magnitude, shown_models(identification)[0].name)
+    bottom = (magnitude.y.range or (0.0, 1.0))[0]
+    areas = band_around(_ESTIMATE, curve, omega / HZ, width[:, None] * np.array([-1.0, 1.0]), bottom)
+    areas = [dataclasses.replace(area, colour=FAINT) for area in areas]
+    line = Layer(name=_ESTIMATE, x=omega / HZ, y=width, colour=FAINT, dash="dot")
+    low, high = below.y.range or (float(width.min()), float(width.max()))
+    span = min(low, 0.8 * float(width.min())), max(high, 1.2 * float(width.max()))
+    return (
+        dataclasses.replace(magnitude, layers=(*areas, *magnitude.layers)),
+        dataclasses.replace(below, layers=(line, *below.layers), y=dataclasses.replace(below.y, range=span)),
+    )
+
+
+def _points(responses: Sequence[FrequencyResponse], name: str, marker: str) -> list[Layer]:
+    """Magnitudes of points that are not used."""
+    return [
+        Layer(name=name, x=frf.freq_hz, y=np.abs(frf.values[:, 0, 0]), colour=FAINT, marker=marker, size=1.4)
+        for frf in responses
+    ]
+
+
+def _active(identification: Identification) -> list[Layer]:
+    """Rings around the frequency points that carry the proof of the margin."""
+    found: dict[int, list[float]] = {}
+    for kind, index, at, _ in identification.conflicting_samples(_SHARE):
+        if kind == "frequency":
+            found.setdefault(index, []).append(at)
+    layers = []
+    for index, places in found.items():
+        frf = identification.problem.frequency[index]
+        if not isinstance(frf, FrequencyResponse):
+            continue
+        kept = frf.select(np.isin(frf.omega, places))
+        size = np.abs(kept.values[:, 0, 0])
+        layers.append(Layer(name=_ACTIVE, x=kept.freq_hz, y=size, colour=ALERT, marker="circle-open", size=2.2))
+    return layers
