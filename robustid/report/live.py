@@ -16,7 +16,7 @@ from robustid.report.charts import Axis, Layer, Panel, named
 from robustid.report.identified import sample_words, shown_models, unit
 from robustid.report.sections.frequency import frequency_charts
 from robustid.report.sections.guarantee import sentence
-from robustid.report.sections.guarantee_charts import band_around, worst_case_charts
+from robustid.report.sections.guarantee_charts import BAND, band_around, worst_case_charts
 from robustid.report.sections.identification import identification_verdict, margin_interval
 from robustid.report.style import ALERT, FAINT
 from robustid.report.with_plotly import plotly_figure
@@ -39,19 +39,24 @@ def live_figure(
     estimate: Estimate | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
+    *,
+    complete: bool = True,
 ) -> dict[str, Any]:
     """Magnitude, phase and error of a SISO identification as plotly draws them: data and layout.
 
     The points of the data that are used or `left_out` carry their frequency in Hz as `customdata`. The error is that of the
-    nominal model, as far as it is bounded.
+    nominal model, as far as it is bounded; until that is `complete`, nothing is drawn between the frequencies.
     """
     chart = (frequency_charts(identification) if error is None else worst_case_charts(error))[0]
     magnitude, phase = chart.panels[:2]
     below = chart.panels[2] if error is not None else Panel(title="", x=magnitude.x, y=Axis(label=""), layers=())
+    if error is not None and not complete:
+        magnitude, phase, below = _at_frequencies(error, magnitude, phase, below)
     if estimate is not None:
         magnitude, below = _with_estimate(identification, estimate, magnitude, below)
-    beside = [*_points(left_out, LEFT_OUT, "x"), *_points(withheld, _WITHHELD, "circle-open"), *_active(identification)]
-    magnitude = dataclasses.replace(magnitude, layers=(*magnitude.layers, *beside))
+    under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
+    layers = (*under, *magnitude.layers, *over, *_active(identification))
+    magnitude = dataclasses.replace(magnitude, layers=layers)
     panels = zip(
         (magnitude, phase, below),
         (f"magnitude{_in(identification)}", "phase [°]", f"error{_in(identification)}"),
@@ -96,6 +101,23 @@ def _sample(kind: str, index: int, at: float) -> str:
     )
 
 
+def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:
+    """The panels with bars at the frequencies that are bounded, in place of areas and lines between them."""
+    plain = [
+        dataclasses.replace(one, layers=tuple(layer for layer in one.layers if layer.colour != BAND))
+        for one in (magnitude, phase)
+    ]
+    proved = error.omega > 0  # a logarithmic axis has no 0
+    low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
+    name = f"guaranteed range ({error.omega.size} frequencies)"
+    middle = np.clip(np.abs(error.nominal[proved]), low, high)
+    at = error.omega[proved] / HZ
+    bars = Layer(name=name, x=at, y=middle, colour=BAND, marker="line-ew-open", low=low, high=high, size=2.0)
+    points = tuple(dataclasses.replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
+    first = dataclasses.replace(plain[0], layers=(bars, *plain[0].layers))
+    return first, plain[1], dataclasses.replace(below, layers=points)
+
+
 def _with_estimate(
     identification: Identification, estimate: Estimate, magnitude: Panel, below: Panel
 ) -> tuple[Panel, Panel]:
@@ -114,10 +136,10 @@ def _with_estimate(
     )
 
 
-def _points(responses: Sequence[FrequencyResponse], name: str, marker: str) -> list[Layer]:
+def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:
     """Magnitudes of points that are not used."""
     return [
-        Layer(name=name, x=frf.freq_hz, y=np.abs(frf.values[:, 0, 0]), colour=FAINT, marker=marker, size=1.4)
+        Layer(name=name, x=frf.freq_hz, y=np.abs(frf.values[:, 0, 0]), colour=FAINT, marker=marker, size=size)
         for frf in responses
     ]
 

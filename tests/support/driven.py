@@ -7,6 +7,7 @@ import json
 import os
 import select
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -32,9 +33,15 @@ class Browser:
         to_browser, self._write = os.pipe()
         self._read, from_browser = os.pipe()
         # The browser reads commands from descriptor 3 and writes to 4.
-        line = f'exec "{CHROMIUM}" {_FLAGS} --user-data-dir="{profile}" about:blank 3<&{to_browser} 4>&{from_browser}'
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        self._process = subprocess.Popen(["/bin/sh", "-c", line], pass_fds=(to_browser, from_browser), **quiet)  # type: ignore[call-overload]
+        apart = f"a, b = (fcntl.fcntl(one, fcntl.F_DUPFD, 10) for one in ({to_browser}, {from_browser}))"
+        wire = f"import fcntl, os; {apart}; os.dup2(a, 3); os.dup2(b, 4)"
+        command = [str(CHROMIUM), *_FLAGS.split(), f"--user-data-dir={profile}", "about:blank"]
+        self._process = subprocess.Popen(
+            [sys.executable, "-S", "-c", f"{wire}; os.execv({command[0]!r}, {command!r})"],
+            pass_fds=(to_browser, from_browser),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         os.close(to_browser)
         os.close(from_browser)
         self.events: list[tuple[str, dict[str, Any]]] = []

@@ -50,6 +50,7 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
     from robustid.app.cli.reading import Files
     from robustid.app.options import Withheld
     from robustid.app.run_file import RunFile, read_run_file
+    from robustid.data.io import origin
 
     if file is not None and file.suffix == ".toml":
         if source != ResponseSource():
@@ -63,6 +64,10 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
         folder = _demo(console)
         frequency, record = ResponseSource(file="frequency.csv"), RecordSource(file="step.csv", use="samples")
         return RunFile(frequency=(frequency,), record=(record,)), folder, "robustid demo"
+    if origin(file, "frequency", source.fields, source.decimal).kind == "time":
+        raise InputError(
+            f"{file} holds time data: make a response of it with robustid frf, or a run file with robustid new, and explore that"
+        )
     Files(paths=[file], source=source, entry=general.entry, bounded=True).read(
         console
     )  # says what is wrong, in options

@@ -10,7 +10,9 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
-from robustid.app.explore.page import connect, layout, quantities
+from robustid.app.explore.callbacks import connect
+from robustid.app.explore.layout import layout
+from robustid.app.explore.quantities import quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker
 from robustid.errors import InputError

@@ -90,7 +90,7 @@ class Session(Frozen):
             names = f"{', '.join(map(str, first.outputs))} / {', '.join(map(str, first.inputs))}"
             raise InputError(
                 f"explore shows one entry of a matrix, and this response has {size[0]} outputs and {size[1]} inputs ({names}):"
-                " give `entry` = OUTPUT,INPUT by number or name"
+                " give `entry` OUTPUT,INPUT by number or name"
             )
         run = run.changed("frequency_points", leave_out_hz=left_out)
         run, _, _ = posed(run, without_points(data, left_out or ()), Surroundings(say))

@@ -72,9 +72,14 @@ class Found:
     cancelled: bool = False
 
     @property
+    def complete(self) -> bool:
+        """Say whether all frequencies of the band are bounded."""
+        return self.error is not None and not self.doing and not self.cancelled and not self.trouble
+
+    @property
     def estimate(self) -> tuple[Real, Real] | None:
         """Estimated errors, while some aren't bounded yet: the ellipsoid, scaled to those that are."""
-        if self.spread is None or self.scale is None or not self.doing:
+        if self.spread is None or self.scale is None or self.complete:
             return None
         omega, width = self.spread
         return omega, width * np.exp(np.interp(omega, *self.scale))
@@ -174,10 +179,11 @@ class Worker:
 def _spread(result: Identification, omega: Real) -> tuple[Real, Real] | None:
     """Half-widths of an ellipsoid inside of the set at some of the frequencies, where that takes no longer than a blink."""
     consistent = consistent_set(result)
-    if consistent.posed_at(float(omega[0])) is not consistent.posed and result.problem.coefficients > _SMALL:
-        return None
-    some = omega[:: max(1, omega.size // _ESTIMATED)]
-    return some, consistent.spreads(some)[:, 0, 0]
+    if consistent.posed_at(float(omega[0])) is not consistent.posed:  # every frequency is a further node
+        if result.problem.coefficients > _SMALL:
+            return None
+        omega = omega[:: max(1, omega.size // _ESTIMATED)]
+    return omega, consistent.spreads(omega)[:, 0, 0]
 
 
 def _scale(spread: tuple[Real, Real] | None, error: WorstCaseError) -> tuple[Real, Real] | None:

@@ -1,0 +1,199 @@
+"""The reactions of the page: fields that are changed, a picture that is drawn on, a computation that goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from robustid.app.explore.quantities import choice_of, quantities
+from robustid.app.explore.session import Choice, Session, toggled
+from robustid.app.explore.worker import BAND, Found, Worker
+from robustid.core import atomic_write
+from robustid.errors import InputError, RobustIdError
+from robustid.report import live_figure, live_words
+
+_MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
+
+
+def connect(app: Any, session: Session, worker: Worker) -> None:
+    """Make the page of a Dash application react."""
+    _connect_fields(app, session)
+    _connect_computation(app, session, worker)
+    _connect_state(app, session, worker)
+
+
+def _connect_fields(app: Any, session: Session) -> None:
+    """Fields follow their sliders, and the picture; in the browser, but for the points that are brushed."""
+    from dash import ClientsideFunction, Input, Output, State
+    from dash.exceptions import PreventUpdate
+
+    every = quantities(session)
+    for one in every:
+        slider = f"{one.name}-slider"
+        app.clientside_callback(
+            ClientsideFunction("explore", "together"),
+            *(Output(one.name, "value"), Output(slider, "value")),
+            *(Input(one.name, "value"), Input(slider, "value")),
+            State(one.name, "id"),
+            prevent_initial_call=True,
+        )
+    if hertz := [one.name for one in every if one.name.startswith("hz")]:
+        app.clientside_callback(
+            ClientsideFunction("explore", "moved"),
+            *[Output(name, "value", allow_duplicate=True) for name in hertz],
+            Input("picture", "relayoutData"),
+            *[State(name, "value") for name in hertz],
+            prevent_initial_call=True,
+        )
+
+    @app.callback(
+        *(Output("left-out", "value"), Output("picture", "selectedData")),
+        Input("picture", "selectedData"),
+        State("left-out", "value"),
+        prevent_initial_call=True,
+    )
+    def brushed(selected: Any, words: str | None) -> Any:
+        points = [point for point in (selected or {}).get("points", []) if "customdata" in point]
+        if not points:
+            raise PreventUpdate
+        every_hz = session.points_hz
+        over = [float(every_hz[abs(every_hz - float(point["customdata"])).argmin()]) for point in points]
+        try:
+            before = session.points(words or "")
+        except RobustIdError:
+            raise PreventUpdate from None  # said beside the field already
+        return session.words(toggled(before, over)), None
+
+
+def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
+    """The fields start a computation, a button stops it, another one writes the run file."""
+    from dash import Input, Output, State
+    from dash.exceptions import PreventUpdate
+
+    every = quantities(session)
+    fields = [*(one.name for one in every), "left-out"]
+
+    @app.callback(Output("trouble", "children"), *[Input(name, "value") for name in fields])
+    def chosen(*values: Any) -> str:
+        try:
+            worker.ask(choice_of(session, every, values))
+        except RobustIdError as error:
+            return _spoken(error)
+        return ""
+
+    @app.callback(Output("cancel", "title"), Input("cancel", "n_clicks"), prevent_initial_call=True)
+    def cancelled(_: Any) -> Any:
+        choice = worker.found.choice
+        if worker.found.doing:
+            worker.cancel()
+        elif choice is not None:
+            worker.ask(choice)
+        raise PreventUpdate
+
+    @app.callback(
+        Output("written", "children"),
+        Input("write", "n_clicks"),
+        State("file", "value"),
+        *[State(name, "value") for name in fields],
+        prevent_initial_call=True,
+    )
+    def written(_: Any, name: str | None, *values: Any) -> str:
+        try:
+            path = write_run_file(session, choice_of(session, every, values), name or "")
+        except RobustIdError as error:
+            return _spoken(error)
+        return f"Written: {path}. It gives the same again: robustid run {path}"
+
+
+def _connect_state(app: Any, session: Session, worker: Worker) -> None:
+    """The page shows the state of the computation as soon as it changes."""
+    from dash import Input, Output, State, no_update
+    from dash.exceptions import PreventUpdate
+
+    @app.callback(
+        *(Output("picture", "figure"), Output("verdict", "children"), Output("verdict", "className")),
+        *(Output("guarantee", "children"), Output("numbers", "children")),
+        *(Output("doing", "children"), Output("progress", "value"), Output("work", "className")),
+        *(Output("cancel", "children"), Output("stopped", "children"), Output("shown", "data")),
+        Input("tick", "n_intervals"),
+        State("shown", "data"),
+        prevent_initial_call=True,
+    )
+    def looked(_: Any, shown: list[int]) -> Any:
+        found = worker.found
+        state = [found.number, found.done]
+        if shown == state:
+            raise PreventUpdate
+        seen = _seen(session, found) if found.number != shown[0] else [no_update] * 5
+        share = found.done / found.count if found.count else 0
+        work = "" if found.doing or found.cancelled else "idle"
+        button = "Cancel" if found.doing else "Compute again"
+        return *seen, _doing(found), str(share), work, button, found.trouble.replace("`", ""), state
+
+
+def _seen(session: Session, found: Found) -> list[Any]:
+    """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one."""
+    from dash import no_update
+
+    if found.identification is None or found.choice is None:
+        words = "The margin of this choice is being computed; the picture is of the one before." if found.doing else ""
+        return [no_update, words, "", "", no_update]
+    figure = live_figure(
+        found.identification,
+        found.error,
+        found.estimate,
+        session.left_out(found.choice),
+        found.withheld,
+        complete=found.complete,
+    )
+    figure["layout"] |= {
+        "uirevision": "kept",  # zoom
+        "selectionrevision": found.number,
+        "dragmode": "select",
+        "autosize": True,
+        "shapes": [_line(hz, k) for k, hz in enumerate(found.choice.hz, start=1)],
+    }
+    key, verdict, guarantee = live_words(found.identification, found.error)
+    if found.identification.consistent and found.error is None:
+        guarantee = "The guaranteed range of the response is being computed." if found.doing else ""
+    return [figure, verdict, key, guarantee, found.identification.summary()]
+
+
+def _line(hz: float, number: int) -> dict[str, Any]:
+    """The vertical line of a mode, which can be dragged."""
+    label = {"text": f"mode {number}", "textposition": "start", "font": {"color": _MODE["color"]}}
+    return {"type": "line", "x0": hz, "x1": hz, "y0": 0, "y1": 1, "yref": "y domain", "line": _MODE, "label": label}
+
+
+def _doing(found: Found) -> str:
+    if found.cancelled:
+        return "Cancelled."
+    if found.doing == BAND and found.error is not None:
+        return f"Computing the {found.doing}: {found.error.omega.size} frequencies are bounded"
+    return f"Computing the {found.doing}" if found.doing else ""
+
+
+def write_run_file(session: Session, choice: Choice, name: str) -> Path:
+    """Write a run file that gives the same identification again; its name is seen from where the program was started.
+
+    Raises
+    ------
+    InputError
+        No name, another ending, a file that exists, a folder that can't be written to.
+    """
+    path = Path(name.strip())
+    if path.suffix != ".toml":
+        raise InputError(f"The run file needs a name that ends in .toml; got {name!r}")
+    if path.exists():
+        raise InputError(f"{path} exists; choose another name")
+    if not path.parent.is_dir():
+        raise InputError(f"The folder {path.parent} does not exist; choose another one")
+    text = session.stated(choice).moved(session.folder, path.parent).text()
+    with atomic_write(path) as file:
+        file.write(text)
+    return path
+
+
+def _spoken(error: Exception) -> str:
+    """A sentence of the library without the marks of Python."""
+    return str(error).replace("`", "")

@@ -1,0 +1,120 @@
+"""Everything that stands on the page."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+from robustid.app.explore.quantities import STEPS, Quantity, quantities
+from robustid.app.explore.session import Session
+
+_POLL = 100  # milliseconds
+_BUTTONS = ["select2d", "zoom2d", "pan2d", "resetScale2d", "toImage"]
+_HEIGHT = "760px"
+_PICTURE = (
+    "Magnitude, phase and error over frequency: the data with their bounds, the nominal model, its guaranteed range and error, and"
+    " the modes as vertical lines. All that can be done in the picture can be done in the fields too."
+)
+_BRUSH = (
+    "Drag over points of the magnitude to leave them out, or to take them back; drag a vertical line to move its mode. Lines"
+    " left out are frequencies in Hz with commas between them, and LOW:HIGH for all points between two frequencies."
+)
+_PROVED = (
+    "Proved: the verdict, the margin, and the range of the response at the marked frequencies, coarser than robustid run gives it"
+    " (polygons of four sides). When all are bounded, the picture is interpolated between them for the eye; until then it shows a"
+    " grey estimate, which is not proved. Everything holds for the modes, K and decay that are stated here."
+)
+
+
+def layout(session: Session, title: str) -> Any:
+    """Return the parts of the page: verdict, picture and numbers; fields."""
+    from dash import dcc, html
+
+    return html.Div(
+        [
+            html.Header(html.H1(title)),
+            html.Main([html.Div([_verdict(), _picture(), _numbers()], id="seen"), _fields(session)]),
+            dcc.Interval(id="tick", interval=_POLL),
+            dcc.Store(id="shown", data=[-1, 0]),
+        ]
+    )
+
+
+def _verdict() -> Any:
+    from dash import html
+
+    work = [
+        html.Label(id="doing", htmlFor="progress"),
+        html.Progress(id="progress", max="1", value="0"),
+        html.Button("Cancel", id="cancel", type="button"),
+    ]
+    parts = [
+        html.P(id="verdict", role="status"),
+        html.P(id="guarantee"),
+        html.P(id="trouble", className="trouble", role="alert"),
+        html.P(id="stopped", className="trouble", role="alert"),
+        html.Div(work, id="work"),
+    ]
+    return html.Section(parts, **_named("Verdict"))
+
+
+def _picture() -> Any:
+    from dash import dcc, html
+
+    graph = dcc.Graph(
+        id="picture",
+        responsive=True,
+        style={"height": _HEIGHT},
+        config={"displaylogo": False, "edits": {"shapePosition": True}, "modeBarButtons": [_BUTTONS]},
+        figure={"layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}},
+    )
+    words = [html.P(text, className="soft") for text in (_BRUSH, _PROVED)]
+    return html.Figure([html.Div(graph, role="img", **_named(_PICTURE)), html.Figcaption(words)])
+
+
+def _numbers() -> Any:
+    from dash import html
+
+    return html.Details([html.Summary("The result in numbers"), html.Pre(id="numbers")])
+
+
+def _fields(session: Session) -> Any:
+    from dash import dcc, html
+
+    groups = itertools.groupby(quantities(session), key=lambda one: one.group)
+    points = [
+        html.Label("Lines left out [Hz]", htmlFor="left-out"),
+        dcc.Input(id="left-out", type="text", debounce=True, value=session.words(session.start.left_out_hz)),
+    ]
+    file = [
+        html.Label("Name of the file", htmlFor="file"),
+        dcc.Input(id="file", type="text", value="explored.toml"),
+        html.Button("Write it", id="write", type="button"),
+        html.P(id="written", role="status"),
+    ]
+    parts = [
+        *((name, [_row(one) for one in group]) for name, group in groups),
+        ("Frequency points", points),
+        ("Run file", file),
+    ]
+    sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
+    return html.Section(sets, id="fields", **_named("Choices"))
+
+
+def _row(one: Quantity) -> Any:
+    """A number with its field and its slider."""
+    from dash import dcc, html
+
+    slider = f"{one.name}-slider"
+    parts = [
+        html.Label(one.label, htmlFor=one.name),
+        dcc.Input(id=one.name, type="number", step="any", value=one.shown, debounce=0.15),
+        html.Label(f"{one.label}, slider", htmlFor=slider, className="unseen"),
+        dcc.Input(id=slider, type="range", min=0, max=STEPS, step=1, value=one.position),
+    ]
+    return html.Div(parts, className="row")
+
+
+def _named(words: str) -> dict[str, Any]:
+    """The name of a part for those who don't see it."""
+    return {"aria-label": words}

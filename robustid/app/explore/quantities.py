@@ -1,0 +1,107 @@
+"""The numbers that are changed by hand: where their sliders begin and end, and the choice that their fields state."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from robustid.app.explore.session import Choice, Session
+from robustid.errors import InputError
+
+STEPS = 1000  # of a slider
+_REST = "Non-parametric part"
+_NEAR, _WIDE = 1.2, 100.0  # factors from the start of a frequency, and of all else, to the ends of its slider
+_LEAST, _MOST = 1e-5, 1.0  # damping ratios
+_DIGITS = 6  # that a field shows
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A number with a field and a slider, whose steps are equal factors of `value - offset`.
+
+    Attributes
+    ----------
+    name : str
+        Of its field in the page; its slider is NAME-slider.
+    group, label : str
+        In words.
+    value : float
+        At the start.
+    low, high : float
+        Ends of the slider, less the offset.
+    offset : float
+    most : float
+        Largest value that makes sense.
+    """
+
+    name: str
+    group: str
+    label: str
+    value: float
+    low: float
+    high: float
+    offset: float = 0.0
+    most: float = math.inf
+
+    @property
+    def position(self) -> int:
+        """Place of the value on its slider."""
+        share = math.log((self.value - self.offset) / self.low) / math.log(self.high / self.low)
+        return round(STEPS * min(max(share, 0.0), 1.0))
+
+    @property
+    def shown(self) -> float:
+        """The value in the digits of the field."""
+        return float(f"{self.value:.{_DIGITS}g}")
+
+    def checked(self, value: Any) -> float:
+        """The number that a field states.
+
+        Raises
+        ------
+        InputError
+            No number, or one that makes no class.
+        """
+        is_number = isinstance(value, int | float) and math.isfinite(value)
+        if not is_number or not self.offset < value <= self.most:
+            wanted = f"above {self.offset:g}" + (f" and at most {self.most:g}" if math.isfinite(self.most) else "")
+            got = "" if value is None else f"; got {value}"
+            raise InputError(f"{self.group}, {self.label}: give a number {wanted}{got}")
+        # The number that the field began with has more digits than it shows.
+        return self.value if value == self.shown else float(value)
+
+
+def quantities(session: Session) -> list[Quantity]:
+    """Return all of them: frequency and damping of every mode, K, and the decay."""
+    start, found = session.start, []
+    for k, (hz, damping) in enumerate(zip(start.hz, start.damping, strict=True)):
+        mode = f"Mode {k + 1}"
+        found.append(Quantity(f"hz-{k}", mode, "frequency [Hz]", hz, hz / _NEAR, hz * _NEAR))
+        found.append(Quantity(f"damping-{k}", mode, "damping ratio", damping, _LEAST, _MOST, most=_MOST))
+    gain, rate = start.gain_bound, start.rate
+    found.append(Quantity("gain", _REST, "gain bound K", gain, gain / _WIDE, gain * _WIDE))
+    if session.continuous:
+        return [*found, Quantity("rate", _REST, "decay α [1/s]", rate, rate / _WIDE, rate * _WIDE)]
+    return [*found, Quantity("rate", _REST, "decay rate ρ", rate, (rate - 1) / _WIDE, (rate - 1) * _WIDE, 1.0)]
+
+
+def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[Any]) -> Choice:
+    """The choice that the fields state: those of the quantities, and the lines left out in words.
+
+    Raises
+    ------
+    InputError
+        A field that makes no class, or that names no line.
+    """
+    *numbers, words = values
+    found = {one.name: one.checked(value) for one, value in zip(every, numbers, strict=True)}
+    modes = range(len(session.start.hz))
+    return Choice(
+        tuple(found[f"hz-{k}"] for k in modes),
+        tuple(found[f"damping-{k}"] for k in modes),
+        found["gain"],
+        found["rate"],
+        session.points(words or ""),
+    )

@@ -1,0 +1,184 @@
+"""The page that is explored, but for the browser: choices, the thread that computes, the guard of the server, sentences."""
+
+import dataclasses
+import socket
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.explore.callbacks import write_run_file
+from robustid.app.explore.quantities import choice_of, quantities
+from robustid.app.explore.session import Session
+from robustid.app.explore.worker import Worker
+from robustid.app.run_file import read_run_file
+from robustid.errors import InputError
+from robustid.guarantees import growing_error
+from robustid.report import live_figure, live_words
+from support.explored import run_file, served, session, until
+
+pytest.importorskip("dash")
+
+
+@pytest.fixture(name="explored", scope="module")
+def _explored(tmp_path_factory):
+    return session(tmp_path_factory.mktemp("explored"))
+
+
+def test_lines_are_left_out_by_words_and_the_words_come_back(explored):
+    assert explored.points_hz.tolist() == [1, 6, 11, 16, 17.4, 17.6, 17.8, 21]
+    assert explored.points("17.4:18, 1") == (1.0, 17.4, 17.6, 17.8)
+    assert explored.words((1.0, 17.4, 17.6, 17.8)) == "1, 17.4:17.8"
+    assert explored.points("") == ()
+    for words, sentence in (
+        ("many", "give frequencies in Hz"),
+        ("12", "no response has a frequency point at 12 Hz"),
+        ("2:3", "no frequency points from 2 to 3 Hz"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            explored.points(words)
+
+
+def test_fields_without_a_sensible_number_name_themselves(explored):
+    every = quantities(explored)
+    assert [one.name for one in every] == ["hz-0", "damping-0", "hz-1", "damping-1", "gain", "rate"]
+    values = [one.shown for one in every]
+    assert choice_of(explored, every, [*values, None]) == explored.start
+    for place, wrong, sentence in (
+        (0, None, "Mode 1, frequency .Hz.: give a number above 0"),
+        (3, 4.0, "Mode 2, damping ratio: give a number above 0 and at most 1; got 4"),
+        (5, 0.9, "decay rate ρ: give a number above 1"),
+    ):
+        changed = [*values[:place], wrong, *values[place + 1 :], ""]
+        with pytest.raises(InputError, match=sentence):
+            choice_of(explored, every, changed)
+
+
+def test_a_choice_is_written_as_a_run_file_that_poses_the_same_problem(explored, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    choice = dataclasses.replace(explored.start, hz=(9.1, 17.6), gain_bound=0.3, left_out_hz=(6.0, 17.8))
+    problem, _ = explored.problem(choice)
+    assert [f.omega.size for f in problem.frequency] == [6]
+    path = write_run_file(explored, choice, "there/mine.toml")
+    again = Session.of(read_run_file(path), path.parent, lambda *_: None)
+    assert again.start == choice
+    assert repr(again.problem(again.start)[0]) == repr(problem)
+    assert rid.identify(again.problem(choice)[0]).margin == rid.identify(problem).margin
+    for name, sentence in (
+        ("mine.txt", "ends in .toml"),
+        ("there/mine.toml", "exists"),
+        ("no/x.toml", "does not exist"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            write_run_file(explored, choice, name)
+
+
+def test_frequency_points_that_are_left_out_are_none_of_a_run_and_must_be_there(explored, tmp_path):
+    path = run_file(tmp_path, more="[frequency_points]\nleave_out_hz = [6.0, 21.0]\n")
+    result = rid.run(path, tmp_path / "out")
+    assert result.identification.problem.frequency[0].freq_hz.max() == pytest.approx(17.8)
+    assert result.withheld is None
+    for hz, sentence in (([12.0], "no response has a frequency point at 12 Hz"), (explored.points_hz, "leave one in")):
+        path.write_text(run_file(tmp_path).read_text() + f"[frequency_points]\nleave_out_hz = {list(map(float, hz))}\n")
+        with pytest.raises(InputError, match=sentence):
+            rid.run(path, tmp_path / "none")
+
+
+def test_the_error_of_a_watched_computation_is_the_guaranteed_one(explored):
+    result = rid.identify(explored.problem(explored.start)[0])
+    omega, sides = np.array([20.0, 60.0, 111.0]), []
+    found = list(growing_error(result, omega, directions=4, gap=0.01, progress=lambda *one: sides.append(one)))
+    assert [one.omega.size for one in found] == [1, 2, 3]
+    assert sides == [(k, 12) for k in range(1, 13)]
+    whole = rid.worst_case_error(result, omega=omega, directions=4)
+    assert np.allclose(found[-1].upper, whole.upper, rtol=1e-6)
+    assert found[-1].certified
+    # Until all are bounded nothing is drawn between those that are.
+    parts = [live_figure(result, one, complete=one is found[-1])["data"] for one in found]
+    assert [any(trace.get("fill") == "toself" for trace in part) for part in parts] == [False, False, True]
+    assert live_words(result, found[0])[2].startswith("Every plant that agrees")
+
+
+def test_the_newest_choice_is_computed_and_can_be_cancelled(explored):
+    worker = Worker(explored)
+    far, near = (dataclasses.replace(explored.start, hz=(hz, 17.67)) for hz in (6.0, 9.0))
+    try:
+        worker.ask(far)
+        worker.ask(near)
+        until(lambda: worker.found.error is not None)
+        assert worker.found.choice == near
+        assert worker.found.doing
+        worker.cancel()
+        assert worker.found.cancelled
+        assert worker.found.error is not None  # what is proved stays
+        worker.ask(far)
+        until(lambda: not worker.found.doing)
+        assert worker.found.identification.margin > 1
+        assert "carry the proof: response at" in live_words(worker.found.identification)[2]
+        worker.ask(dataclasses.replace(far, left_out_hz=(12.0,)))
+        until(lambda: worker.found.trouble)
+        assert "no response has a frequency point at 12 Hz" in worker.found.trouble
+    finally:
+        worker.close()
+
+
+def answer(address, **headers):
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(urllib.request.Request(address, headers=headers), timeout=10) as found:
+            return found.status, found.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_only_who_has_the_token_is_answered_and_only_under_the_address(explored):
+    with served(explored) as server:
+        site, token = server.address.split("/?token=")
+        port = site.rsplit(":", 1)[1]
+        cookie = f"robustid-{port}={token}"
+        for path in ("/", "/_dash-layout", "/_dash-update-component", "/assets/page.js"):
+            code, words = answer(site + path)
+            assert code == 403
+            assert words.startswith("This page belongs to whoever started robustid explore")
+        assert answer(f"{site}/?token=guessed")[0] == 403
+        assert answer(f"{site}/", Cookie=cookie)[0] == 200
+        assert answer(f"{site}/", Cookie=cookie, Origin="http://elsewhere.example")[0] == 403
+        code, words = answer(server.address, Host="elsewhere.example")
+        assert (code, f"requests to 127.0.0.1:{port} only" in words) == (403, True)
+        assert answer(server.address)[1].startswith("This page")  # the cookie is for a browser, and this one keeps none
+
+
+def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ask = run_file(tmp_path).name
+    data = rid.load("frf.csv")
+    rid.save(
+        "matrix.npz",
+        dataclasses.replace(data, values=np.tile(data.values, (1, 2, 2)), bound=0.03, inputs=None, outputs=None),
+    )
+    (tmp_path / "broken.csv").write_text("omega,real\nfour,five\n")
+    (tmp_path / "passive.toml").write_text(
+        '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 1.0\n'
+    )
+    (tmp_path / "samples.toml").write_text('[[record]]\nfile = "step.csv"\nuse = "samples"\n')
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        for arguments, sentence in (
+            (["nothing.csv"], "nothing.csv: there is no such file"),
+            (["broken.csv"], "broken.csv"),
+            (["step.csv"], "robustid frf"),
+            (["matrix.npz"], "2 outputs and 2 inputs"),
+            (["matrix.npz", "--entry", "2,0"], "--entry 2,0"),
+            (["passive.toml"], "passive class"),
+            (["samples.toml"], "needs a frequency response"),
+            ([ask, "--dt", "0.01"], "says itself how its data are read"),
+            (["--dt", "0.01"], "without a FILE"),
+            ([ask, "--port", port, "--no-browser"], f"port {port} can't be used"),
+        ):
+            code, _, err = run(["explore", *arguments])
+            assert (code, sentence in " ".join(err.split())) == (2, True), (arguments, err)

@@ -1,0 +1,68 @@
+"""The page in a real browser: a mode is dragged until the data are consistent, and the run file gives the same margin."""
+
+from pathlib import Path
+
+import pytest
+
+import robustid as rid
+from support.browser import CHROMIUM
+from support.explored import served, session, until
+
+pytest.importorskip("dash")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chromium` on the path")
+
+VERDICT = "document.querySelector('#verdict').textContent"
+PIXEL = """(() => {{ const one = document.querySelector('#picture .js-plotly-plot'), axis = one._fullLayout.xaxis,
+  line = document.querySelector('#picture .shapelayer path').getBoundingClientRect();
+  return [one.getBoundingClientRect().x + axis._offset + axis.l2p(Math.log10({hz})), line.y + line.height * {part}]; }})()"""
+
+
+def field(name):
+    return f"document.querySelector('#{name}').value"
+
+
+def place(browser, hz, part):
+    return tuple(browser.value(PIXEL.format(hz=hz, part=part)))
+
+
+def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
+    """And the rest of the page: a brush, a slider by its keys, a run file; nothing is asked of another machine."""
+    from support.driven import Browser
+
+    monkeypatch.chdir(tmp_path)
+    one = session(tmp_path, hz=7.0)
+    with served(one) as server, Browser(tmp_path / "profile") as browser:
+        browser.open(server.address)
+        browser.wait(f"{VERDICT}.startsWith('Inconsistent, margin')")
+        browser.wait("document.querySelector('#picture .shapelayer path')")
+        browser.drag(place(browser, 7, 0.7), place(browser, 9, 0.7))
+        browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
+        assert abs(float(browser.value(field("hz-0"))) - 9) < 0.1
+        browser.drag(place(browser, 15, 0.05), place(browser, 16.9, 0.95))  # over the point at 16 Hz
+        browser.wait(f"{field('left-out')} === '16'")
+        browser.value("document.querySelector('#gain-slider').focus()")
+        browser.press("ArrowRight", 39)
+        browser.wait(f"{field('gain')} === '0.201851'")
+        worker = server._worker  # the state behind the page
+        until(lambda: worker.found.choice.gain_bound == 0.201851 and worker.found.choice.left_out_hz == (16.0,))
+        until(lambda: worker.found.identification is not None)
+        assert browser.value("document.querySelector('#gain-slider').getAttribute('aria-valuetext')") == "0.201851"
+        browser.value("document.querySelector('#write').click()")
+        browser.wait("document.querySelector('#written').textContent.startsWith('Written: explored.toml')")
+        browser.resize(360, 800)
+        browser.wait("document.querySelector('#picture .main-svg').clientWidth < 360")
+        assert browser.value("document.documentElement.scrollWidth") <= 360
+        check_names(browser)
+        assert browser.complaints == []
+        assert all(address.startswith(server.address.split("?")[0]) for address in browser.addresses)
+        margin = worker.found.identification.margin
+    assert rid.run("explored.toml", "out").identification.margin == margin
+    assert Path("out/report.html").exists()
+
+
+def check_names(browser):
+    """Every field has a label of its own, and every part that is no field a name."""
+    unnamed = "[...document.querySelectorAll('input, progress')].filter((one) => one.labels.length !== 1).map((one) => one.id)"
+    assert browser.value(unnamed) == []
+    assert browser.value("document.documentElement.lang") == "en"
+    assert browser.value("document.querySelector('[role=img]').getAttribute('aria-label').length") > 100

@@ -1,0 +1,65 @@
+"""Shared by the tests: a small plant that is explored."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import robustid as rid
+from robustid.app.explore.server import Server
+from robustid.app.explore.session import Session
+from robustid.app.run_file import read_run_file
+
+CLASS = "[modes]\nhz = [{hz}, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"
+DATA = """[[frequency]]
+file = "frf.csv"
+[[record]]
+file = "step.csv"
+use = "samples"
+[identify]
+solver = "structured"
+[small_model]
+time_limit = 0.1
+[worst_case]
+compute = false
+"""
+
+
+def run_file(folder: Path, hz: float = 9.0, more: str = "") -> Path:
+    """A run file of eight frequency points and four samples; its first mode is at 9 Hz in truth."""
+    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    rid.save(folder / "frf.csv", data.frequency)
+    rid.save(folder / "step.csv", data.time)
+    path = folder / "ask.toml"
+    path.write_text(DATA + CLASS.format(hz=hz) + more)
+    return path
+
+
+def session(folder: Path, hz: float = 9.0, more: str = "") -> Session:
+    path = run_file(folder, hz, more)
+    return Session.of(read_run_file(path), folder, lambda *_: None)
+
+
+@contextlib.contextmanager
+def served(one: Session) -> Iterator[Server]:
+    """Its page, as long as the block lasts."""
+    server = Server(one, "Test plant")
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.close()
+        thread.join()
+        server.end()
+
+
+def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something holds."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.01)
