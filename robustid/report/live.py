@@ -12,7 +12,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Layer, Panel, named
+from robustid.report.charts import Layer, Panel, named
 from robustid.report.identified import sample_words, shown_models, unit
 from robustid.report.sections.frequency import frequency_charts
 from robustid.report.sections.guarantee import sentence
@@ -25,10 +25,10 @@ from robustid.report.words import HZ, number, percent
 LEFT_OUT = "left out"
 _WITHHELD = "withheld, to test the result"
 _ESTIMATE = "estimate, not proved"
-_ACTIVE = "active constraints of the margin"
+_ACTIVE = "active constraints"
 _SHARE, _MOST = 0.05, 5  # of the proof, and of the samples that are named
 _HEIGHT = 760  # pixels
-_DOMAINS = {"yaxis": [0.48, 1.0], "yaxis2": [0.26, 0.44], "yaxis3": [0.0, 0.22]}
+_DOMAINS = {2: ([0.3, 1.0], [0.0, 0.25]), 3: ([0.48, 1.0], [0.26, 0.44], [0.0, 0.22])}  # of the panels, by their number
 
 Estimate = tuple[np.ndarray, np.ndarray]  # frequencies in rad/s and errors
 
@@ -48,22 +48,18 @@ def live_figure(
     nominal model, as far as it is bounded; until that is `complete`, nothing is drawn between the frequencies.
     """
     chart = (frequency_charts(identification) if error is None else worst_case_charts(error))[0]
-    magnitude, phase = chart.panels[:2]
-    below = chart.panels[2] if error is not None else Panel(title="", x=magnitude.x, y=Axis(label=""), layers=())
+    panels = chart.panels
     if error is not None and not complete:
-        magnitude, phase, below = _at_frequencies(error, magnitude, phase, below)
+        panels = _at_frequencies(error, *panels)
     if estimate is not None:
-        magnitude, below = _with_estimate(identification, estimate, magnitude, below)
+        panels = _with_estimate(identification, estimate, *panels)
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
-    layers = (*under, *magnitude.layers, *over, *_active(identification))
-    magnitude = dataclasses.replace(magnitude, layers=layers)
-    panels = zip(
-        (magnitude, phase, below),
-        (f"magnitude{_in(identification)}", "phase [°]", f"error{_in(identification)}"),
-        strict=True,
-    )
-    figure = plotly_figure(tuple(_labelled(panel, label) for panel, label in panels), _HEIGHT)
-    for name, domain in _DOMAINS.items():
+    first = dataclasses.replace(panels[0], layers=(*under, *panels[0].layers, *over, *_active(identification)))
+    labels = f"magnitude{_in(identification)}", "phase [°]", f"error{_in(identification)}"
+    drawn = [_labelled(*one) for one in zip((first, *panels[1:]), labels, strict=False)]
+    figure = plotly_figure(tuple(drawn), _HEIGHT)
+    figure["layout"]["legend"]["font"] = {"size": 12}
+    for name, domain in zip(("yaxis", "yaxis2", "yaxis3"), _DOMAINS[len(drawn)], strict=False):
         figure["layout"][name]["domain"] = domain
     for trace in figure["data"]:
         if "markers" in trace.get("mode", "") and trace["name"].startswith(("data", LEFT_OUT)):
@@ -119,21 +115,21 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
 
 
 def _with_estimate(
-    identification: Identification, estimate: Estimate, magnitude: Panel, below: Panel
-) -> tuple[Panel, Panel]:
+    identification: Identification, estimate: Estimate, magnitude: Panel, phase: Panel, below: Panel | None = None
+) -> tuple[Panel, ...]:
     """The panels of magnitude and error with an estimate, which is drawn apart from what is proved."""
     omega, width = estimate
     curve = named(magnitude, shown_models(identification)[0].name)
     bottom = (magnitude.y.range or (0.0, 1.0))[0]
     areas = band_around(_ESTIMATE, curve, omega / HZ, width[:, None] * np.array([-1.0, 1.0]), bottom)
     areas = [dataclasses.replace(area, colour=FAINT) for area in areas]
+    magnitude = dataclasses.replace(magnitude, layers=(*areas, *magnitude.layers))
+    if below is None:
+        return magnitude, phase
     line = Layer(name=_ESTIMATE, x=omega / HZ, y=width, colour=FAINT, dash="dot")
-    low, high = below.y.range or (float(width.min()), float(width.max()))
-    span = min(low, 0.8 * float(width.min())), max(high, 1.2 * float(width.max()))
-    return (
-        dataclasses.replace(magnitude, layers=(*areas, *magnitude.layers)),
-        dataclasses.replace(below, layers=(line, *below.layers), y=dataclasses.replace(below.y, range=span)),
-    )
+    low, high = below.y.range or (np.inf, 0.0)
+    axis = dataclasses.replace(below.y, range=(min(low, 0.8 * float(width.min())), max(high, 1.2 * float(width.max()))))
+    return magnitude, phase, dataclasses.replace(below, layers=(line, *below.layers), y=axis)
 
 
 def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:

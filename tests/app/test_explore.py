@@ -1,7 +1,10 @@
 """The page that is explored, but for the browser: choices, the thread that computes, the guard of the server, sentences."""
 
 import dataclasses
+import signal
 import socket
+import subprocess
+import sys
 import urllib.error
 import urllib.request
 
@@ -182,3 +185,44 @@ def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeyp
         ):
             code, _, err = run(["explore", *arguments])
             assert (code, sentence in " ".join(err.split())) == (2, True), (arguments, err)
+
+
+def test_the_command_says_the_address_and_ends_with_ctrl_c(tmp_path, run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_file(tmp_path)
+    opened = []
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))  # there is no browser
+    monkeypatch.setattr("robustid.app.explore.server.Server.serve", interrupted)
+    options = ["--frequency-bound", "0.03", "--dt", "0.01"]
+    for arguments in (["ask.toml"], ["frf.csv", *options]):
+        code, out, _ = run(["explore", *arguments])
+        assert code == 0
+        assert f"the page: {opened[-1]}" in out
+        assert "no browser was found: open that address" in out
+        assert out.endswith("closed\n")
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "dash", None)
+        code, _, err = run(["explore", "ask.toml"])
+    assert (code, "pip install 'robustid[explore]'" in " ".join(err.split())) == (2, True)
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_the_program_while_it_computes(tmp_path):
+    command = [sys.executable, "-m", "robustid", "explore", "--no-browser"]  # the data of the demo
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as program:
+        lines = iter(program.stdout.readline, "")
+        site, token = (
+            next(line for line in lines if "the page: " in line).split("the page: ")[1].strip().split("/?token=")
+        )
+        port = site.rsplit(":", 1)[1]
+        assert answer(f"{site}/", Cookie=f"robustid-{port}={token}")[0] == 200
+        program.send_signal(signal.SIGINT)
+        assert program.stdout.read().endswith("closed\n")
+    assert program.returncode == 0
+    assert (tmp_path / "robustid-demo" / "step.csv").exists()

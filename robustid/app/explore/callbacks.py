@@ -23,27 +23,17 @@ def connect(app: Any, session: Session, worker: Worker) -> None:
 
 
 def _connect_fields(app: Any, session: Session) -> None:
-    """Fields follow their sliders, and the picture; in the browser, but for the points that are brushed."""
+    """Fields and sliders follow each other, in the browser; points that are brushed are left out or taken back."""
     from dash import ClientsideFunction, Input, Output, State
     from dash.exceptions import PreventUpdate
 
-    every = quantities(session)
-    for one in every:
+    for one in quantities(session):
         slider = f"{one.name}-slider"
         app.clientside_callback(
             ClientsideFunction("explore", "together"),
             *(Output(one.name, "value"), Output(slider, "value")),
             *(Input(one.name, "value"), Input(slider, "value")),
             State(one.name, "id"),
-            prevent_initial_call=True,
-        )
-    if hertz := [one.name for one in every if one.name.startswith("hz")]:
-        app.clientside_callback(
-            ClientsideFunction("explore", "moved"),
-            *[Output(name, "value", allow_duplicate=True) for name in hertz],
-            Input("picture", "relayoutData"),
-            *[State(name, "value") for name in hertz],
-            prevent_initial_call=True,
         )
 
     @app.callback(
@@ -161,7 +151,8 @@ def _seen(session: Session, found: Found) -> list[Any]:
 
 def _line(hz: float, number: int) -> dict[str, Any]:
     """The vertical line of a mode, which can be dragged."""
-    label = {"text": f"mode {number}", "textposition": "start", "font": {"color": _MODE["color"]}}
+    label: dict[str, Any] = {"text": f"{number} ", "font": {"color": _MODE["color"]}}
+    label |= {"textposition": "start", "textangle": 0, "xanchor": "right", "yanchor": "bottom"}
     return {"type": "line", "x0": hz, "x1": hz, "y0": 0, "y1": 1, "yref": "y domain", "line": _MODE, "label": label}
 
 

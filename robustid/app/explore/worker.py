@@ -117,7 +117,7 @@ class Worker:
         """End the thread."""
         self._closed = True
         self._replace(None, self.found)
-        self._thread.join(timeout=5)
+        self._thread.join(timeout=1)
 
     def _replace(self, choice: Choice | None, found: Found) -> None:
         with self._asked:

@@ -8,8 +8,8 @@ window.dash_clientside.explore = (() => {
   function together(number, place, name) {
     const one = window.explored[name];
     const slider = document.getElementById(name + "-slider");
-    const moved = window.dash_clientside.callback_context.triggered_id === name + "-slider";
-    if (moved) {
+    const slid = window.dash_clientside.callback_context.triggered_id === name + "-slider";
+    if (slid) {
       const value = short(one.offset + one.low * Math.pow(one.high / one.low, place / STEPS));
       slider.setAttribute("aria-valuetext", String(value));
       return [value, same()];
@@ -21,14 +21,23 @@ window.dash_clientside.explore = (() => {
   }
 
   // A line that is dragged at one of its ends tells of that end only.
-  function moved(change, ...before) {
-    const found = before.map(same);
-    Object.entries(change || {}).forEach(([key, value]) => {
+  function moved(change) {
+    Object.entries(change).forEach(([key, value]) => {
       const parts = key.match(/^shapes\[(\d+)\]\.x[01]$/);
-      if (parts && value > 0 && short(value) !== before[parts[1]]) found[parts[1]] = short(value);
+      if (parts && value > 0) window.dash_clientside.set_props("hz-" + parts[1], { value: short(value) });
     });
-    return found.length === 1 ? found[0] : found;
   }
 
-  return { together, moved };
+  // A picture that is drawn anew would take away what is being dragged.
+  const hold = (held) => window.dash_clientside.set_props("tick", { disabled: held });
+  document.addEventListener("pointerdown", (event) => {
+    const picture = event.target.closest("#picture .js-plotly-plot");
+    if (!picture) return;
+    hold(true);
+    if (!picture.followed) picture.on("plotly_relayout", moved); // none of its events is lost, as between two of a property
+    picture.followed = true;
+  }, true);
+  ["pointerup", "pointercancel"].forEach((name) => document.addEventListener(name, () => hold(false), true));
+
+  return { together };
 })();
