@@ -38,7 +38,7 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.drag(place(browser, 7, 0.7), place(browser, 9, 0.7))
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         assert abs(float(browser.value(field("hz-0"))) - 9) < 0.1
-        browser.drag(place(browser, 15, 0.05), place(browser, 16.9, 0.95))  # over the point at 16 Hz
+        browser.drag(place(browser, 15, 0.5), place(browser, 16.9, 0.6))  # over the point at 16 Hz
         browser.wait(f"{field('left-out')} === '16'")
         browser.value("document.querySelector('#gain-slider').focus()")
         browser.press("ArrowRight", 39)

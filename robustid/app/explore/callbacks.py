@@ -140,6 +140,7 @@ def _seen(session: Session, found: Found) -> list[Any]:
         "uirevision": "kept",  # zoom
         "selectionrevision": found.number,
         "dragmode": "select",
+        "selectdirection": "h",
         "autosize": True,
         "shapes": [_line(hz, k) for k, hz in enumerate(found.choice.hz, start=1)],
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hmac
 import json
 import logging
+import os
 import secrets
 import socket
 from collections.abc import Callable
@@ -128,7 +129,8 @@ def _equal(given: str, token: str) -> bool:
 def _listening(port: int) -> socket.socket:
     """A socket at a port of this machine, 0 for any free one."""
     listening = socket.socket()
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if os.name == "posix":  # elsewhere it would share the port of another program
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((_HOST, port))
         listening.listen()

@@ -96,7 +96,7 @@ class Worker:
 
     def __init__(self, session: Session) -> None:
         self.found = Found()
-        self._session, self._asked, self._lock = session, threading.Condition(), threading.Lock()
+        self._session, self._asked = session, threading.Condition()
         self._wanted: Choice | None = None
         self._ticket, self._closed = 0, False
         self._thread = threading.Thread(target=self._work, name="explore", daemon=True)
