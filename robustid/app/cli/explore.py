@@ -40,7 +40,7 @@ def explore(
     run, folder, title = _asked(console, file, responses, general)
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-            session = Session.of(run, folder, lambda text, done=None, count=None: show(text))
+            session = Session.of(run, folder, lambda text, done=None, count=None: show(text) if done is None else None)
         serve(session, title, port, lambda address: _opened(console, address, browser))
     say(console, "closed")
 
