@@ -147,7 +147,7 @@ def page(name: str, printed: str | None, out: Path) -> str:
 def paragraphs(text: str) -> list[str]:
     """Paragraphs of a docstring; lines with their own breaks stay as they are."""
     found = []
-    for block in re.split(r"\n\s*\n", text.strip()):
+    for block in re.split(r"\n\s*\n|\n(?=(?:Run|Data): )", text.strip()):
         if block.startswith(("Run:", "Command", "    ")):
             command = block.removeprefix("Run:").strip()
             found.append(f"Run: ``{' '.join(command.split())}``" if command else "")
