@@ -79,6 +79,23 @@ def test_a_choice_is_written_as_a_run_file_that_poses_the_same_problem(explored,
             write_run_file(explored, choice, name)
 
 
+def test_modes_that_are_moved_are_those_of_no_fit_and_of_no_box(tmp_path):
+    path = run_file(tmp_path)
+    _, rest = path.read_text().split("[modes]")
+    boxes = "hz_interval = [[8.9, 9.1], [17.6, 17.7]]\ndamping_interval = [[0.09, 0.11], [0.003, 0.005]]\n"
+    whole = path.read_text().replace("compute = false", "over_poles = true").replace("[prior]", boxes + "[prior]")
+    fitted = path.read_text().split("[modes]")[0] + "[fit]\norder = 4\n[prior]" + rest.split("[prior]")[1]
+    for text in (whole, fitted):
+        path.write_text(text)
+        one = Session.of(read_run_file(path), tmp_path, lambda *_: None)
+        moved = dataclasses.replace(one.start, hz=(9.05, 17.6))
+        for choice in (one.start, moved):
+            path.write_text(one.stated(choice).text())
+            again = Session.of(read_run_file(path), tmp_path, lambda *_: None)
+            assert repr(again.problem(again.start)) == repr(one.problem(choice))
+            assert again.run.modes.hz == choice.hz
+
+
 def test_frequency_points_that_are_left_out_are_none_of_a_run_and_must_be_there(explored, tmp_path):
     path = run_file(tmp_path, more="[frequency_points]\nleave_out_hz = [6.0, 21.0]\n")
     result = rid.run(path, tmp_path / "out")

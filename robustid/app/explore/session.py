@@ -121,8 +121,10 @@ class Session(Frozen):
         run, start = self.run, self.start
         if (choice.hz, choice.damping) != (start.hz, start.damping):
             given: dict[str, Any] = {"hz": choice.hz, "damping": choice.damping, "note": _BY_HAND}
-            run = run.changed("modes", **given, hz_interval=None, damping_interval=None)
-            run = dataclasses.replace(run, fit=Fit())  # modes are stated, or those of a fit
+            modes = dataclasses.replace(run.modes, **given, hz_interval=None, damping_interval=None)
+            # Modes are stated or those of a fit, and the pole-uncertainty box was that of others.
+            worst_case = dataclasses.replace(run.worst_case, over_poles=False)
+            run = dataclasses.replace(run, modes=modes, fit=Fit(), worst_case=worst_case)
         if (choice.gain_bound, choice.rate) != (start.gain_bound, start.rate):
             name = "decay" if self.continuous else "decay_rate"
             given = {"gain_bound": choice.gain_bound, name: choice.rate, "note": _BY_HAND}
