@@ -126,7 +126,9 @@ def _seen(session: Session, found: Found) -> list[Any]:
     from dash import no_update
 
     if found.identification is None or found.choice is None:
-        words = "The margin of this choice is being computed; the picture is of the one before." if found.doing else ""
+        words = (
+            "The margin of this choice is being computed; what is drawn is of the one before." if found.doing else ""
+        )
         return [no_update, words, "", "", no_update]
     figure = live_figure(
         found.identification,
