@@ -15,8 +15,10 @@ from robustid.advice import (
     response_sizes,
     suggest_kautz,
     suggest_prior,
+    suggest_roll_off,
     suggest_scaling,
 )
+from robustid.app.checks import AUTO
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
@@ -191,7 +193,11 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
     Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
     """
     if (stated := run.prior.stated) is not None:
-        return run, dataclasses.replace(problem, prior=stated)
+        problem = dataclasses.replace(problem, prior=stated)
+        if run.prior.roll_off != AUTO:
+            return run, problem
+        problem, words = with_roll_off(problem, say)
+        return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words)), problem
     say("looking for a prior")
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
@@ -207,7 +213,27 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     problem = dataclasses.replace(problem, prior=prior)
-    return dataclasses.replace(run, prior=PriorChoice.of(prior, note)), problem
+    if run.prior.roll_off == AUTO:
+        problem, words = with_roll_off(problem, say)
+        note += f"\n{words}"
+    return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, note)), problem
+
+
+def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedProblem, str]:
+    """The problem with the roll-off that its responses show, where they show one; and what was found."""
+    if say is not None:
+        say("looking for a roll-off")
+    if not problem.frequency:
+        return problem, "No roll-off: it is taken from a frequency response, and there is none."
+    prior = suggest_roll_off(problem)
+    if prior is None:
+        return problem, "No roll-off: none leaves a gain bound nearly as small and half of it at the highest frequency."
+    corner = prior.corner / (2 * np.pi)
+    words = (
+        f"Roll-off: K = {prior.gain_bound:.4g} falls as frequency^-{prior.roll_off} above {corner:.4g} Hz, twice the smallest that"
+        " fits; what lies above the data is assumed too"
+    )
+    return dataclasses.replace(problem, prior=prior), words
 
 
 def suggested(

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.checks import key, listed, number, several, text, whole
+from robustid.app.checks import AUTO, auto_or, key, listed, number, several, text, whole
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,10 +45,13 @@ class PriorChoice:
     scaling: tuple | None = key(
         several(several(_positive)), help="Of MIMO responses: sizes of the entries, one row an output."
     )
-    roll_off: int | None = key(
-        whole(1, 8),
-        help="Prior: the gain bound falls as frequency^-N above the corner, 2 for a mass line; with a corner.",
+    roll_off: int | str | None = key(
+        auto_or(whole(1, 8)),
+        help='Prior: the gain bound falls as frequency^-N above the corner, 2 for a mass line; with a corner. "auto": the steepest'
+        " that leaves the gain bound nearly as small, where there is one (`suggest_roll_off`).",
         flag="--roll-off",
+        text=lambda _, content: int(content) if content.isdigit() else content,
+        metavar="N",
     )
     corner_hz: float | None = key(
         _positive, help="Prior: where the gain bound begins to fall.", unit="Hz", flag="--corner"
@@ -69,7 +72,7 @@ class PriorChoice:
     @property
     def shape(self) -> dict[str, Any]:
         """The roll-off, as a prior takes it; empty where there is none."""
-        if self.roll_off is None or self.corner_hz is None:
+        if self.roll_off in (None, AUTO) or self.corner_hz is None:
             return {}
         return {"roll_off": self.roll_off, "corner": 2 * math.pi * self.corner_hz}
 
@@ -102,6 +105,12 @@ class PriorChoice:
         if (self.gain_bound is None) != (not given):
             one, other = (given[0], gain) if given else (gain, f"{decays[0]} (or {decays[1]} in 1/s)")
             raise InputError(f"{one} is given without {other}; give both, or neither to have them chosen")
+        if self.roll_off == AUTO:
+            if self.corner_hz is not None:
+                raise InputError(
+                    f"{names['corner_hz']} is chosen too where {names['roll_off']} is {AUTO}; leave it out"
+                )
+            return
         if (self.roll_off is None) != (self.corner_hz is None):
             order, corner = names["roll_off"], names["corner_hz"]
             one, other = (order, corner) if self.corner_hz is None else (corner, order)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from robustid.advice import response_sizes, suggest_kautz
-from robustid.app.choices import DOUBLED, basis_of, default_prior, suggested
+from robustid.app.choices import DOUBLED, basis_of, default_prior, suggested, with_roll_off
 from robustid.app.options import Modes
 from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
 from robustid.bases import kautz
@@ -38,6 +38,7 @@ def propose(
     modes: Modes | None = None,
     prior: Prior | None = None,
     shape: dict[str, Any] | None = None,
+    roll_off: bool = False,
 ) -> Proposal:
     """Propose a `MixedProblem`.
 
@@ -50,6 +51,8 @@ def propose(
         None to take it from the curve of the smallest gain bound.
     shape : dict, optional
         `roll_off` and `corner` of a prior that is taken from there.
+    roll_off : bool
+        Add the roll-off that the responses show.
 
     Raises
     ------
@@ -79,4 +82,7 @@ def propose(
             size = 100 * response_sizes(problem)[0]
             chosen = dataclasses.replace(placeholder.with_rate(float(found.decay_rates[0])), gain_bound=size or 1.0)
         problem = dataclasses.replace(problem, prior=chosen)
+    if roll_off:
+        problem, words = with_roll_off(problem)
+        choices.append(words)
     return Proposal(problem, tuple(choices))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
 from robustid.app.proposal import propose
 
@@ -39,3 +40,24 @@ def test_the_roll_off_stays_when_the_program_chooses_the_rest():
     found = propose(frequency=[frf], shape=asked.shape).problem.prior
     assert (found.roll_off, found.corner) == (2, pytest.approx(2 * np.pi * 3.2))
     assert rid.identify(rid.MixedProblem(frequency=frf, prior=found)).consistent
+
+
+def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
+    """On the way of a run file and of the command line; with a stated gain bound too; a corner beside it is refused."""
+    monkeypatch.chdir(tmp_path)
+    omega = np.linspace(1.0, 60.0, 30)
+    frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
+    found = propose(
+        frequency=[frf], modes=Modes(hz=(), damping=()), prior=rid.Prior(gain_bound=1.0, decay=4.0), roll_off=True
+    )
+    assert found.problem.prior.roll_off == 2
+    assert "falls as frequency^-2" in found.choices[-1]
+    rid.save("frf.npz", frf)
+    with open("run.toml", "w") as file:
+        file.write('[[frequency]]\nfile = "frf.npz"\n[modes]\nhz = []\ndamping = []\n')
+        file.write('[prior]\ngain_bound = 1.0\ndecay = 4.0\nroll_off = "auto"\n[worst_case]\ncompute = false\n')
+    result = rid.run("run.toml", "out")
+    assert result.identification.problem.prior.roll_off == 2
+    assert result.consistent
+    with pytest.raises(rid.InputError, match="corner_hz is chosen too"):
+        PriorChoice(roll_off="auto", corner_hz=3.0).check({n: n for n in ("gain_bound", "decay_rate", "decay")})

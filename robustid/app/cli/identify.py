@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.checks import too_large
+from robustid.app.checks import AUTO, too_large
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report, Static
 from robustid.app.cli.terminal import counted, say, shown, step
@@ -81,7 +81,16 @@ def identify(
     ]
     lines, samples = (one.read(console) for one in asked)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
-    result = identified(console, how, frequency=lines, time=samples, modes=modes, prior=prior.stated, shape=prior.shape)
+    result = identified(
+        console,
+        how,
+        frequency=lines,
+        time=samples,
+        modes=modes,
+        prior=prior.stated,
+        shape=prior.shape,
+        roll_off=prior.roll_off == AUTO,
+    )
     if apply and not result.consistent:
         result = _applied(console, how, result)
     finish(console, result, output, report, reduce=reduce, static=static)
