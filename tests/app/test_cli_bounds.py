@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import control
 import numpy as np
 import pytest
 
@@ -76,6 +77,28 @@ def test_the_circle_is_bounded_where_asked(files, run):
     assert code == 0
     assert f"<= {saved.hinf:.4g} at every frequency" in out
     assert "pi/dt" in out
+
+
+def test_a_controller_is_judged_against_every_consistent_system(files, run):
+    """As `robust_stability_margin` does of what was saved; without the circle, or a file, a sentence."""
+    controller = control.ss([[0.9]], [[0.1]], [[1e-3]], [[0.0]], rid.load("good").problem.dt)
+    rid.save("low.npz", controller)
+    grid = ["--points", "3", "--directions", "4", "--rtol", "2"]
+    code, _, err = run("bounds", "good", *grid, "--controller", "low.npz")
+    assert code == 2
+    assert "add --circle" in err
+    code, _, err = run("bounds", "good", *grid, "--circle", "--controller", "none.npz")
+    assert code == 2
+    assert "--controller none.npz: there is no such file" in err
+    code, out, _ = run(
+        "bounds", "good", *grid, "--circle", "--controller", "low.npz", "--report", "loop.html", "-o", "loop"
+    )
+    assert code == 0
+    margin = rid.load("loop").robust_stability_margin(controller)
+    assert margin.guaranteed
+    assert "controller low:" in out
+    assert f"{margin.margin:.3g}"[:3] in out
+    assert "low" in pathlib.Path("loop.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])

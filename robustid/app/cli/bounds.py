@@ -40,6 +40,13 @@ def bounds(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Number of processes. Default: all cores where it is worth it.")
     ] = None,
+    controller: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Controller K of u = -K y, a model in .npz or .mat with the sample time of the data: its stability margin against"
+            " every consistent system, which needs --circle. Repeatable."
+        ),
+    ] = None,
     resume: Annotated[
         Path | None, typer.Option(help="Folder for finished frequencies: an interrupted run goes on from there.")
     ] = None,
@@ -56,15 +63,18 @@ def bounds(
     program, 130 interrupted.
     """
     from robustid.app.files import load_result
-    from robustid.report import write_report
+    from robustid.report import render_summary, write_report
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
+    if controller and not how.circle:
+        raise InputError("--controller needs the bound between the frequencies too: add --circle")
     written, written_poles = outputs.result_files(output), outputs.result_files(_beside(output))
     outputs.check_static(report, static)
     both = [*written, *(written_poles if how.over_poles else ())]
-    outputs.check_outputs([*both, report], outputs.sources(source), force)
+    outputs.check_outputs([*both, report], [*outputs.sources(source), *(controller or [])], force)
     console = terminal.console()
+    loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
     spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
@@ -74,6 +84,10 @@ def bounds(
     certified, band = _certified(console, error), None
     error.save(output)
     say(console, error.summary(), *([circle_words(error)] if how.circle else []))
+    margins = {name: error.robust_stability_margin(loop) for name, loop in loops.items()}
+    for name, margin in margins.items():
+        say(console, f"controller {name}:")
+        console.print(render_summary(margin))
     terminal.say_written(console, *written)
     if how.over_poles:
         with in_words(words), _resumable(console, resume):
@@ -88,12 +102,22 @@ def bounds(
             terminal.say_written(console, *written_poles)
     if report is not None:
         with step(console, "drawing the report"):
-            write_report(identification, report, static=static, worst_case=error, over_poles=band)
+            shown_too: dict[str, Any] = {"stability": margins} if margins else {}
+            write_report(identification, report, static=static, worst_case=error, over_poles=band, **shown_too)
         terminal.say_written(console, report)
     terminal.repeat_warnings(console, identification)
     if not certified:
         terminal.warn(console, "a certificate does not hold: robustid verify names it")
     raise typer.Exit(0 if certified else 1)
+
+
+def _controller(path: Path) -> Any:
+    """The controller that a file holds."""
+    from robustid.app.files import load
+
+    if not path.is_file():
+        raise InputError(f"--controller {path}: there is no such file")
+    return load(path, kind="model")
 
 
 def _beside(output: Path) -> Path:
