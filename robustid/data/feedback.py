@@ -9,6 +9,9 @@ from robustid.data.time_record import TimeRecord
 
 _LAGS = 20
 _FEWEST = 400
+# Parts of a record, and the mean square of their autocorrelations, from which on it isn't random: 1 for white noise, over 22 for
+# sweeps of 1000 samples, 2 to 5 for the excitation of a CD player and for a multisine.
+_PARTS, _COLOURED = 8, 10.0
 _CERTAIN = 6.0  # standard deviations of a correlation between unrelated signals
 _PART = 0.2  # of the correlation with later outputs, that of an open loop is surely less
 _COPY = 1 - 1e-6
@@ -58,12 +61,20 @@ def _correlations(u: Real, y: Real) -> tuple[float, float]:
 
     whitening = _autoregression(u)
     e, z = (scipy.signal.lfilter(whitening, 1, x - x.mean())[2 * _LAGS :] for x in (u, y))
-    if e.std() <= _CONTINUED * u.std() or np.mean(e**4) > _PEAKED * np.mean(e**2) ** 2:
+    if e.std() <= _CONTINUED * u.std() or np.mean(e**4) > _PEAKED * np.mean(e**2) ** 2 or not _white_everywhere(e):
         return 0.0, 0.0
     scale = np.sqrt(e.size) * e.std() * z.std()
     early = [abs(float(e[lag:] @ z[:-lag])) / scale for lag in range(1, _LAGS + 1)]
     late = [abs(float(e[:-lag] @ z[lag:])) / scale for lag in range(1, _LAGS + 1)]
     return max(early), max(late)
+
+
+def _white_everywhere(e: Real) -> bool:
+    """Return whether a signal is white in every part, not only on the average: a sweep is a sine in every part of it."""
+    parts = e[: e.size // _PARTS * _PARTS].reshape(_PARTS, -1)
+    power = np.maximum(np.sum(parts**2, axis=1), np.finfo(float).tiny)
+    r = np.stack([np.sum(parts[:, lag:] * parts[:, :-lag], axis=1) / power for lag in range(1, _LAGS + 1)])
+    return float(np.mean(r**2)) * parts.shape[1] < _COLOURED
 
 
 def _autoregression(u: Real) -> Real:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.signal
 
 import robustid as rid
 from robustid.data.problems import found_period
@@ -152,3 +153,22 @@ def test_whatever_is_no_record_is_refused():
             rid.record_problems(wrong)
     with pytest.raises(rid.errors.InputError, match="`period` must be at least 2; got 1"):
         rid.record_problems(record(), period=1)
+
+
+def test_sweeps_of_an_open_loop_are_no_feedback():
+    """Twenty pairs of sweeps, with and without noise of their measurement; and the measured CD player, in its loop, is found."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        time = np.arange(3000) * 1e-3
+        phase = 2 * np.pi * (1.0 + 40 / time[-1] * time) * time
+        noise = 1e-3 * (seed % 2) * rng.standard_normal((time.size, 2))
+        u = np.stack([np.sin(phase), np.cos(phase) if seed % 4 < 2 else np.sin(phase)], axis=1) + noise
+        first = scipy.signal.lfilter([0, 0.01, 0.02], [1, -1.9, 0.95], u @ [1, 0.5])
+        second = scipy.signal.lfilter([0, 0.02], [1, -1.8, 0.9], u @ [0.3, 1])
+        y = np.stack([first, second], axis=1) + 0.01 * rng.standard_normal((time.size, 2))
+        assert not [words for words in rid.record_problems(rid.TimeRecord(u, y, dt=1e-3)) if "follows" in words]
+
+
+@pytest.mark.realdata
+def test_the_loop_of_the_cd_player_is_found():
+    assert any("follows earlier outputs" in words for words in rid.record_problems(rid.datasets.load("cdplayer")))
