@@ -95,7 +95,7 @@ def judged(machine, out, bounded=None):
 
     result = identified(machine, frf)
     smallest = rid.reduce_within_bounds(result)
-    worth = model_worth_having(result, smallest, frf)
+    worth = model_worth_having(result, smallest, frf, records=[used])
     small = worth.reduction
     print(f"3. {worth.summary()}")
 

@@ -42,12 +42,16 @@ class Say(Protocol):
 
 
 class Measured(NamedTuple):
-    """Measured responses and records, with bounds, and responses of one kind that were kept out."""
+    """Measured responses and records, with bounds, and responses of one kind that were kept out.
+
+    `excited` are the records that a response was estimated from, where all of them is used.
+    """
 
     responses: tuple[FrequencyResponse, ...]
     records: tuple[TimeRecord, ...]
     withheld: tuple[FrequencyResponse, ...] = ()
     kind: str = "records"
+    excited: tuple[TimeRecord, ...] = ()
 
     @property
     def dt(self) -> float | None:
@@ -56,7 +60,8 @@ class Measured(NamedTuple):
 
     def each(self, change: Callable[[Any], Any]) -> Measured:
         """With a change of every response and record."""
-        return self.each_response(change)._replace(records=tuple(map(change, self.records)))
+        records, excited = (tuple(map(change, kept)) for kept in (self.records, self.excited))
+        return self.each_response(change)._replace(records=records, excited=excited)
 
     def each_response(self, change: Callable[[FrequencyResponse], FrequencyResponse]) -> Measured:
         """With a change of every response."""
@@ -74,6 +79,8 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
     run, data = _bounded(run, records)
     data = data._replace(responses=(*data.responses, *read))
     if (entry := run.entry) is not None:
+        if any(len(record.inputs) > 1 for record in data.excited):  # the output answers to the other inputs too
+            data = data._replace(excited=())
         try:
             data = data.each(lambda item: item.entry(*entry))
         except InputError as error:
@@ -82,7 +89,7 @@ def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
             ) from None
     run, data = _without_delay(run, data)
     if (band := run.frequency_points.band_hz) is not None:
-        data = data.each_response(lambda frf: frf.band(*band))
+        data = data.each_response(lambda frf: frf.band(*band))._replace(excited=())
     return run, without_points(data, run.frequency_points.leave_out_hz or ())
 
 
@@ -258,7 +265,7 @@ def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
     samples = []
     for record in (record for use, made in records if use == "samples" for record in made):
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
-    return run, Measured(tuple(estimated), tuple(samples), kept.withheld, kept.kind)
+    return run, Measured(tuple(estimated), tuple(samples), kept.withheld, kept.kind, tuple(kept.used))
 
 
 def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:

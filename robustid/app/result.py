@@ -28,7 +28,7 @@ class IdentifiedReduced(Frozen):
         The smallest model that was found inside the bounds (those times the margin, where the data contradict the class), or one
         inside them that fits significantly better; see `worth`.
     worth : ModelWorth or None
-        The small model beside the best least-squares fits; None without a frequency response, or with integrators.
+        The small model beside the best least-squares fits; None where they don't compare, as a sentence in `findings` says.
     worst_case, error : WorstCaseError or None
         Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent. Bounds of
         matrices are made tight around the small one.

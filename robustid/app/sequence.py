@@ -19,7 +19,7 @@ from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import MODES_NOTE, RunFile
 from robustid.app.withheld import compared, looked_at, split_points
 from robustid.core import Progress
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
     WorstCaseError,
@@ -90,7 +90,8 @@ def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, 
     run, problem = choices.with_prior(run, problem, say)
     folder.choices(run)
     left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
-    return run, problem, Untouched(left, out, kind, used)
+    records = data.excited if used else data.records
+    return run, problem, Untouched(left, out, kind, used, records)
 
 
 def kept_out(
@@ -118,7 +119,12 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
     )
     _check(run, problem)
     run = choices.with_inflation(run, problem, around.say)
-    return _decided(run, _inflated(problem, run), Untouched([], [], "lines", problem.frequency), around)
+    return _decided(
+        run,
+        _inflated(problem, run),
+        Untouched([], [], "lines", problem.frequency, () if problem.frequency else problem.time),
+        around,
+    )
 
 
 def _check(run: RunFile, problem: MixedProblem) -> None:
@@ -144,13 +150,14 @@ def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
 class Untouched(NamedTuple):
     """Data that were not used: frequency points with the bounds of those that were, and what was kept out, of one kind.
 
-    `measured` are those that were used, with the bounds as they were measured.
+    `measured` are those that were used, with the bounds as they were measured; a small model is simulated over `records`.
     """
 
     points: list[FrequencyResponse]
     withheld: list[FrequencyResponse]
     kind: str
     measured: Sequence[Any]
+    records: Sequence[TimeRecord] = ()
 
     @property
     def response(self) -> FrequencyResponse | None:
@@ -170,7 +177,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     if worth is not None:
         found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
     else:
-        found.append(why_not_compared(result, reduction, left.response))
+        found.append(why_not_compared(result, reduction, left.response, left.records))
     found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
     error = small = band = seen = None
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
@@ -214,9 +221,9 @@ def _small_model(
     body = None if bodies is None else RigidBody(bodies)
     reduction = reduce_within_bounds(result, rigid_body=body, time_limit=asked.time_limit, progress=told)
     worth = None
-    if left.response is not None and not why_not_compared(result, reduction, left.response):
+    if not why_not_compared(result, reduction, left.response, left.records):
         told = around.begun("comparing it with the best fits")
-        worth = model_worth_having(result, reduction, left.response, progress=told)
+        worth = model_worth_having(result, reduction, left.response, records=left.records, progress=told)
         reduction = reduction if worth is None else worth.reduction
     model, doubtful = without_doubtful_modes(result, reduction.model, left.points)
     if model is not reduction.model:

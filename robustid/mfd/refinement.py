@@ -133,11 +133,13 @@ class _Descent:
         problem, best = self.problem, self.best
         if best.cost <= problem.rounding:
             return FitStatus.EXACT
+        reach = best.model.reach(problem.xi)
+        if not reach.size:  # a rigid body alone: nothing but the outputs
+            return FitStatus.STATIONARY
         R, gradient = _orthonormal(self.outputs.directions(best), best.residual.ravel())
         slope = float(np.linalg.norm(gradient)) / math.sqrt(best.cost)
         if slope**2 <= self.tiny:
             return FitStatus.STATIONARY
-        reach = best.model.reach(problem.xi)
         least = None if self.resolved is None else best.model.least_distances(problem.xi, self.resolved)
         promised = math.inf
         while self.radius >= _SHORTEST:

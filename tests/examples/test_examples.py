@@ -154,12 +154,9 @@ def run_torsion_margin(example, tmp_path, capsys):
     assert margins[-1] == 0
 
 
-BEHIND = pytest.mark.xfail(strict=True, reason="order 7 at 71.2 and 77.7 %, the best of twelve fits at 75.7 and 80.1 %")
-
-
 @pytest.mark.slow
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", ["hairdryer", pytest.param("cdplayer", marks=BEHIND)])
+@pytest.mark.parametrize("name", ["hairdryer", "cdplayer"])
 def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
     try:
         datasets.find(f"daisy/{name}.mat")

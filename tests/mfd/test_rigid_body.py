@@ -303,3 +303,15 @@ def test_decoupling_shows_the_rigid_body_alone(form):
     expected = np.zeros((4, 3))
     expected[:2, :2] = np.eye(2)
     np.testing.assert_allclose(rest, expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("dt", [None, 0.01])
+def test_a_rigid_body_alone_has_nothing_to_refine(dt):
+    omega = np.geomspace(1, 100, 60)
+    s = 1j * omega
+    plant = 1 / s**2 if dt is None else dt**2 / 2 * (np.exp(s * dt) + 1) / (np.exp(s * dt) - 1) ** 2
+    noise = 1 + 0.01 * np.random.default_rng(0).standard_normal(60)
+    frf = rid.FrequencyResponse(omega, plant * noise, dt=dt)
+    fit = rid.fit_mfd(frf, order=2, rigid_body=rid.RigidBody(1))
+    np.testing.assert_allclose(fit.poles, 0 if dt is None else 1, atol=1e-12)
+    assert np.sqrt(fit.cost / 60) < 0.02

@@ -26,12 +26,15 @@ def worth_section(found: ModelWorth | None) -> list[Block]:
     if found is None:
         return []
     words = (
-        "Misfit: root mean square of the residuals at the used frequency points in units of their bounds, as measured"
+        "Misfit: root mean square of the residuals at the used frequency points in units of their bounds, as measured, without any"
+        " factor (of their covariance, where there is one)."
+        if found.of_response
+        else "Misfit: root mean square of the error of simulations over that of the outputs, from the initial state that fits best."
     )
     return [
         Heading("What the small model is worth"),
         Text(found.summary()),
-        Text(f"{words}, without any factor (of their covariance, where there is one).", "soft"),
+        Text(words, "soft"),
         Drawing(worth_chart(found)),
     ]
 
