@@ -367,7 +367,7 @@ def _simulating(
 
 
 def _guard(identification: Identification, like: Any) -> Guard:
-    """What holds models near the identified one where nothing was measured; `like` has the integrators of all of them."""
+    """Guard that holds models near the identified one where nothing was measured; `like` has the integrators of all of them."""
     integrators = int(np.sum(np.abs(like.poles() - 1) < _AT_ONE)) if like.dt else 0
     return Guard(image_of(identification), integrators, max(1.0, identification.margin))
 
