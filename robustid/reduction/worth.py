@@ -101,7 +101,7 @@ class ModelWorth(Frozen):
 
     @property
     def of_response(self) -> bool:
-        """Whether misfits are those of a frequency response, not of simulations."""
+        """True where misfits are those of a frequency response, not of simulations."""
         return isinstance(self.fit, MatrixFraction)
 
 
@@ -380,7 +380,7 @@ def _limit(identification: Identification) -> float:
 def _inside(
     identification: Identification, guard: Guard, candidates: Iterator[tuple[Any, int]]
 ) -> Iterator[tuple[Any, int]]:
-    """Those that keep every sample, and stay near the identified model where nothing was measured."""
+    """Keep models inside the bounds: those that keep every sample, and stay near the identified model where nothing was measured."""
     limit, plane = _limit(identification), identification.problem.plane
     for model, order in candidates:
         inside = largest_ratio(identification.problem, model) <= limit
