@@ -380,7 +380,7 @@ def _limit(identification: Identification) -> float:
 def _inside(
     identification: Identification, guard: Guard, candidates: Iterator[tuple[Any, int]]
 ) -> Iterator[tuple[Any, int]]:
-    """Keep models inside the bounds: those that keep every sample, and stay near the identified model where nothing was measured."""
+    """Keep models that keep every sample within its bound, and are near the identified model where nothing was measured."""
     limit, plane = _limit(identification), identification.problem.plane
     for model, order in candidates:
         inside = largest_ratio(identification.problem, model) <= limit
