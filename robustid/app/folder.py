@@ -95,22 +95,33 @@ class RunFolder:
         if self.folder is not None:
             fit.save(self.folder / "fit")
 
-    def identification(self, problem: MixedProblem, objective: str) -> Identification | None:
-        """The one that was finished before, of exactly this problem."""
-        if self.folder is None or not self.resume or not paths(self.folder / "identification")[1].is_file():
+    def _identification(self, member: int | None) -> Path | None:
+        """Place of the identification, or of that of a member, which is kept until the family is there."""
+        if self.folder is None or self.unfinished is None:
             return None
-        found = load_result(self.folder / "identification", "identification")
+        return self.folder / "identification" if member is None else self.unfinished / f"identification-{member}"
+
+    def identification(
+        self, problem: MixedProblem, objective: str, *, member: int | None = None
+    ) -> Identification | None:
+        """The one that was finished before, of exactly this problem."""
+        place = self._identification(member)
+        if place is None or not self.resume or not paths(place)[1].is_file():
+            return None
+        found = load_result(place, "identification")
         return found if found.objective == objective and _digest(found.problem) == _digest(problem) else None
 
-    def identified(self, result: Identification) -> None:
+    def identified(self, result: Identification, *, member: int | None = None) -> None:
         """Keep it, if it came to its end."""
+        place = self._identification(member)
         ended = result.status in (Status.CONSISTENT, Status.INCONSISTENT)
         if (
-            self.folder is not None
+            place is not None
             and ended
             and not any(note.startswith(("interrupted", "stopped")) for note in result.notes)
         ):
-            result.save(self.folder / "identification")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            result.save(place)
 
     def finish(self, result: IdentifiedReduced) -> list[Path]:
         """Keep everything that isn't kept yet; the names of all files."""

@@ -116,10 +116,17 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
     run, prior = _one_prior(run, problems, around)
     folder.choices(run)
     found: dict[str, Identification] = {}
-    for name, problem in problems.items():
-        around.say(f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples")
-        result = identify(dataclasses.replace(problem, prior=prior), **run.identify.arguments)
+    for k, (name, problem) in enumerate(problems.items(), start=1):
+        posed = dataclasses.replace(problem, prior=prior)
+        before = folder.identification(posed, run.identify.objective, member=k)
+        if before is not None:
+            around.say(f"margin and model of {name}: taken from the unfinished run")
+            found[name] = before
+            continue
+        words = f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples"
+        result = identify(posed, **run.identify.arguments, progress=around.begun(words))
         found[name] = dataclasses.replace(result, notes=(*result.notes, *run.choices))
+        folder.identified(found[name], member=k)
     return _united(run, found, left, folder, around)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.app import members
 from robustid.app.run_file import read_run_file
 from support.families import DT, LINES, measured
 
@@ -124,3 +125,26 @@ SOURCES = [{"file": "a.csv", "member": "a"}, {"file": "b.csv", "member": "b"}]
 def test_contradictions_are_refused(change, words):
     with pytest.raises(rid.InputError, match=words):
         read_run_file({"members": MEMBERS, "frequency": SOURCES} | change)
+
+
+def test_an_interrupted_family_goes_on_where_it_was(done, tmp_path, monkeypatch):
+    """Members whose margin and model are there are not identified again; the folder ends as without the interrupt."""
+    path = asked(tmp_path, family={"interval": [0.5, 1.5]})
+    calls = []
+
+    def then_interrupted(*arguments, **options):
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return rid.identify(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(members, "identify", then_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            rid.run(path, tmp_path / "out")
+    said = []
+    again = rid.run(path, tmp_path / "out", resume=True, progress=lambda text, *_: said.append(text))
+    assert "margin and model of weak: taken from the unfinished run" in said
+    assert "margin and model of strong: taken from the unfinished run" not in said
+    assert np.array_equal(again.family.upper, done[1].family.upper)
+    assert not (tmp_path / "out" / "unfinished").exists()
