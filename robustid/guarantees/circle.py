@@ -331,3 +331,16 @@ def norms_of_class(
     ball = problem.prior.gain_bound * schur_bound(problem.prior.scales(p, q))
     ball = ball * problem.weighting.sizes(problem.plane.angles(omega))
     return (ball + np.linalg.norm(known, 2, axis=(1, 2)) + norm_of_bounds(loose) + 1e-9 * rounding) * (1 + 1e-9)
+
+
+def union_of_circles(circles: Sequence[CircleBound]) -> CircleBound:
+    """The largest bound of several on every arc between the edges of all; its values are those of the members."""
+    edges = np.unique(np.concatenate([circle.edges for circle in circles]))
+    low, high = max(circle.edges[0] for circle in circles), min(circle.edges[-1] for circle in circles)
+    edges = edges[(edges >= low) & (edges <= high)]
+    middle = (edges[:-1] + edges[1:]) / 2
+    at = [np.searchsorted(circle.edges, middle) - 1 for circle in circles]
+    bound = np.max([circle.bound[k] for circle, k in zip(circles, at, strict=True)], axis=0)
+    entries = np.max([circle.entries[k] for circle, k in zip(circles, at, strict=True)], axis=0)
+    lower, converged = max(circle.lower for circle in circles), all(circle.converged for circle in circles)
+    return CircleBound(edges, bound, lower, converged, (), entries)

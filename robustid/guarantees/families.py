@@ -5,15 +5,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from robustid.core import Complex, Frozen, Plane, Real, Savable, freeze
-from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.member import Bounded, Member
@@ -146,33 +144,17 @@ class Family(Frozen, Drawable, Savable):
 
         On every arc the largest of the bounds of the members, each refined by itself; see `WorstCaseError.on_circle`.
 
-        Raises
-        ------
-        InputError
-            A member was bounded over a pole-uncertainty box: such bounds hold at their frequencies alone.
+        Members with a pole-uncertainty box are bounded on the circle over every cell that may contain their poles, as of
+        `WorstCaseOverPoles.on_circle`.
         """
-        for error in self._exact:
+        for error in self.errors:
             error.on_circle(rtol, everywhere=everywhere, executor=executor, progress=progress)
         return self.circle
 
     @property
-    def _exact(self) -> tuple[WorstCaseError, ...]:
-        """The bounds of the members, none of them over a box."""
-        found = tuple(e for e in self.errors if isinstance(e, WorstCaseError))
-        if len(found) < len(self.errors):
-            name = next(
-                m.name for m, e in zip(self.members, self.errors, strict=True) if not isinstance(e, WorstCaseError)
-            )
-            raise InputError(
-                f"member {name!r} was bounded over a pole-uncertainty box, at its frequencies alone: nothing is known of the whole"
-                " circle; leave out its `poles` for a weight or a margin"
-            )
-        return found
-
-    @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle, to 5 % where none was computed before."""
-        return union_of_circles([e.circle for e in self._exact])
+        """The bound on the whole circle, to 5 % where none was computed before; `on_circle` first for members with a box."""
+        return union_of_circles([e.circle for e in self.errors])
 
     @property
     def hinf(self) -> float:
@@ -288,16 +270,3 @@ class Family(Frozen, Drawable, Savable):
             "assumed    one class for all members, its poles, and the bounds of the samples: data can refute them, never prove them"
         )
         return "\n".join(lines)
-
-
-def union_of_circles(circles: Sequence[CircleBound]) -> CircleBound:
-    """The largest bound of several on every arc between the edges of all; its values are those of the members."""
-    edges = np.unique(np.concatenate([circle.edges for circle in circles]))
-    low, high = max(circle.edges[0] for circle in circles), min(circle.edges[-1] for circle in circles)
-    edges = edges[(edges >= low) & (edges <= high)]
-    middle = (edges[:-1] + edges[1:]) / 2
-    at = [np.searchsorted(circle.edges, middle) - 1 for circle in circles]
-    bound = np.max([circle.bound[k] for circle, k in zip(circles, at, strict=True)], axis=0)
-    entries = np.max([circle.entries[k] for circle, k in zip(circles, at, strict=True)], axis=0)
-    lower, converged = max(circle.lower for circle in circles), all(circle.converged for circle in circles)
-    return CircleBound(edges, bound, lower, converged, (), entries)

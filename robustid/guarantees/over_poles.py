@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import logging
-import pathlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,30 +17,30 @@ from robustid.core import (
     Real,
     Savable,
     as_count,
+    as_flag,
     as_kind,
     as_positive,
     freeze,
     threads_for,
-    worker_pool,
 )
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
+from robustid.guarantees.circle import CircleBound, Remembered
 from robustid.guarantees.claims import RefutationClaim, SupportClaim
-from robustid.guarantees.consistent_set import ConsistentSet, set_of, which
+from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
-from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation, union_of
+from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
+from robustid.guarantees.pole_sweep import bounded, default_frequencies, searched
 from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, value_sets
-from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
-from robustid.guarantees.widening import smallest_bounds
-from robustid.identification import Identification, MixedProblem, prove_margin
+from robustid.guarantees.sweep import Folder
+from robustid.guarantees.value_set import norm_of_bounds
+from robustid.identification import Identification
 
 _log = logging.getLogger("robustid")
 
 _SEARCH = 1 / 3  # of a time limit, after which cells are split no further
-_MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
 _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are computed again elsewhere
 
 
@@ -75,9 +73,12 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     box: PoleCell
     kept: tuple[KeptCell, ...]
     refuted: tuple[RefutedCell, ...]
+    _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
     def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "upper", "magnitude")})
+        self._set(
+            **{name: freeze(getattr(self, name)) for name in ("omega", "upper", "magnitude")}, _circle=Remembered()
+        )
 
     @property
     def cells(self) -> tuple[PoleCell, ...]:
@@ -180,6 +181,50 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         model = as_nominal(model, self.identification)
         upper, magnitude = _bounds(self.kept, model, self.omega, self.identification)
         return dataclasses.replace(self, model=model, upper=upper, magnitude=magnitude)
+
+    def on_circle(
+        self,
+        rtol: float = 0.05,
+        *,
+        everywhere: bool = False,
+        executor: Spread = None,
+        progress: Progress | None = None,
+        time_limit: float | None = None,
+    ) -> CircleBound:
+        """Rigorous bound of |F - model| on the whole circle over all poles in the box; MIMO: of its singular values.
+
+        For every cell that may contain the poles the bound of its relaxed problem, as of `WorstCaseError.on_circle`, and what
+        the relaxation leaves out; the largest over the cells. Where cells are wide beside the damping, far above the bounds at
+        the frequencies: bound the box with more `cells` then.
+
+        Parameters
+        ----------
+        rtol, everywhere, executor, time_limit : optional
+            As in `WorstCaseError.on_circle`.
+        progress : callable (done, all), optional
+            Cells.
+
+        Raises
+        ------
+        InputError
+            A cell is so wide that no sample says anything of all its poles at once.
+        """
+        from robustid.guarantees.pole_circle import circle_over_poles
+
+        rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
+        budget, problem = Budget(time_limit, progress), self.identification.problem
+        found = circle_over_poles(
+            problem, self.kept, self.model, self.omega, rtol, everywhere=everywhere, executor=executor, budget=budget
+        )
+        self._circle.take(found)
+        return found
+
+    @property
+    def circle(self) -> CircleBound:
+        """The smallest bound that `on_circle` has found."""
+        if self._circle.bound is None:
+            raise InputError("nothing is known of the whole circle yet: call `on_circle`, which takes a while, before")
+        return self._circle.bound
 
     def __repr__(self) -> str:
         return (
@@ -313,13 +358,13 @@ def worst_case_over_poles(
     grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):
-        sets, refuted = _search(problem, whole, grid, cells, budget.share(_SEARCH))
+        sets, refuted = searched(problem, whole, grid, cells, budget.share(_SEARCH))
     if not sets:
         raise InconsistentDataError(
             f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"
             " the bounds, the prior or the box"
         )
-    kept, grid = _bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model)
+    kept, grid = bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model)
     upper, magnitude = _bounds(kept, model, grid, identification)
     return WorstCaseOverPoles(
         identification=identification,
@@ -331,79 +376,3 @@ def worst_case_over_poles(
         kept=kept,
         refuted=tuple(refuted),
     )
-
-
-def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
-    """Over the range of the frequency points, and at the modes."""
-    top = problem.plane.top
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)
-    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
-
-
-def _search(
-    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
-) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
-    """Split cells until their relaxation costs little; leave out what is refuted."""
-    smallest = smallest_bounds(problem)
-    waiting = [whole]
-    kept: list[tuple[PoleCell, ConsistentSet | None]] = []
-    refuted: list[RefutedCell] = []
-    angles = problem.plane.angles(np.concatenate([grid, *(f.omega for f in problem.frequency)]))
-    while waiting:
-        # The widest cell first, so that the number of cells that are allowed goes where it matters.
-        costs = [c.cost(angles, smallest) for c in waiting]
-        widest = int(np.argmax(costs))
-        cell = waiting.pop(widest)
-        posed = posed_relaxation(cell, problem)
-        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3)
-        if claim is not None and claim.certificate.value > 1:
-            refuted.append(RefutedCell(cell, claim.certificate))
-            continue
-        if costs[widest] > _MATTERS and len(waiting) + len(kept) + 2 <= limit and not budget.over:
-            waiting += cell.split(problem, grid)
-            continue
-        consistent = None
-        if posed is not None and claim is not None:
-            consistent = set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
-        kept.append((cell, consistent))
-        _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))
-    return kept, refuted
-
-
-def _bounded(
-    sets: list[tuple[PoleCell, ConsistentSet | None]],
-    grid: Real,
-    settings: tuple[int, float],
-    means: tuple[Spread, Progress | None, Folder | None],
-    budget: Budget,
-    model: Any,
-) -> tuple[tuple[KeptCell, ...], Real]:
-    """The values of every cell, and the frequencies that are finished in all of them.
-
-    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
-    """
-    executor, progress, resume = means
-    left = sum(consistent is not None for _, consistent in sets)
-    done, count = 0, grid.size * left
-    found: list[tuple[PoleCell, dict[float, tuple[ValueSet, ...]] | None]] = []
-
-    def counted(here: int, _: int) -> None:
-        if progress is not None:
-            progress(done + here, count)
-
-    with contextlib.ExitStack() as stack:
-        if isinstance(executor, int):
-            executor = stack.enter_context(worker_pool(as_count("executor", executor, least=1)))
-        for number, (cell, consistent) in enumerate(sets, start=1):
-            if consistent is None:
-                found.append((cell, None))
-                continue
-            folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
-            mine = executor, counted, folder, budget.share(1 / left), model
-            values = by_frequency(value_sets(consistent, grid, *settings, *mine))
-            # Other frequencies are of no use any more: the union is over all cells.
-            done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
-            found.append((cell, values))
-    kept = [KeptCell(c, () if v is None else tuple(one for w in grid.tolist() for one in v[w])) for c, v in found]
-    return tuple(kept), grid

@@ -96,15 +96,32 @@ class PoleCell(Frozen):
 
     def remainder(self, angles: Real) -> Real:
         """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge. MIMO: (F, M, ny, nu)."""
-        z = np.exp(-1j * np.asarray(angles))[:, None]
-        total = np.zeros((z.size, *self.amplitude.shape))
+        total = np.zeros((np.size(angles), *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
-            distance = np.abs(1 - pole * z) - _ROUNDING
-            room = self._each(distance - self.radius)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
-                total += np.where(room > 0, terms, np.inf)
+            total += self._left_out(pole, np.asarray(angles))
         return total * _WIDER
+
+    def _left_out(self, pole: Complex, angles: Real) -> Real:
+        """Part that the expansion about poles (M,) leaves out at exp(j angle), (F, M); MIMO: (F, M, ny, nu)."""
+        distance = np.abs(1 - pole * np.exp(-1j * angles)[:, None]) - _ROUNDING
+        room = self._each(distance - self.radius)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
+            return np.where(room > 0, terms, np.inf)
+
+    def slack_on(self, low: Real, high: Real) -> Real:
+        """Largest `slack` on arcs of the upper half of the circle, (F, ny, nu); inf where the expansion does not converge.
+
+        What is left out falls with the distance from the pole: it is largest at the angle of the pole, or at an end.
+        """
+        total = np.zeros((low.size, *self.amplitude.shape))
+        for pole in (self.middle, self.middle.conj()):
+            for mode, turn in enumerate(np.angle(pole).tolist()):
+                ends = np.abs(1 - pole[mode] * np.exp(-1j * np.stack([low, high])))
+                nearest = np.where(ends[0] <= ends[1], low, high)
+                nearest = np.where((low <= turn) & (turn <= high), turn, nearest)
+                total[:, mode] += self._left_out(pole, nearest)[:, mode]
+        return self._matrices((total * _WIDER).sum(axis=1))
 
     def slack(self, angles: Real) -> Real:
         """Remainder of the expansion of all modes in every entry at exp(j angle), (F, ny, nu)."""

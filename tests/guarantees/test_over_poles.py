@@ -1,5 +1,7 @@
 """The guarantee over a pole-uncertainty box: the band of the flexible structure, and misuse."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,53 @@ def test_eleven_lines_leave_the_damping_open(capsys):
     assert np.all(away <= found.upper[:, 0, 0])
     assert found.upper[2, 0, 0] >= 0.3 * 7
     assert abs(found.next_line / (2 * np.pi) - 17.67) < 1
+
+
+def single_mode(lines):
+    """One light mode of 3.2 Hz with a delayed rest, its box, and the identification at the middle."""
+    omega, basis = np.linspace(2, 100, lines), rid.kautz([20.0], [0.05], dt=0.02, delay=1)
+    truth = basis.response(omega * 0.02) @ [0.5, 0.3] + 0.02 * np.exp(-3j * omega * 0.02)
+    frf = rid.FrequencyResponse(omega, truth, bound=0.05 * np.abs(truth) + 0.02, dt=0.02)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.3), parametric=basis)
+    return problem, (np.array([[19.9, 20.1]]), np.array([[0.048, 0.052]]))
+
+
+@pytest.mark.parametrize(("lines", "rtol", "plants"), [(10, 1.0, 3), pytest.param(25, 0.1, 20, marks=pytest.mark.slow)])
+def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lines, rtol, plants):
+    """Plants of the class through the data with other poles, on a fine grid; more than any single one of them is allowed."""
+    problem, box = single_mode(lines)
+    result = rid.identify(problem)
+    band = rid.worst_case_over_poles(
+        result, *box, delay=1, omega=np.linspace(0, np.pi / 0.02, 9), directions=6, cells=1
+    )
+    with pytest.raises(rid.InputError, match="call `on_circle`"):
+        _ = band.circle
+    circle = band.on_circle(rtol)
+    assert band.circle is circle
+    assert circle.edges[0] == 0
+    assert circle.edges[-1] == pytest.approx(np.pi / 0.02)
+    dense = np.linspace(0, np.pi / 0.02, 4001)
+    bound = circle.bound[np.clip(np.searchsorted(circle.edges, dense) - 1, 0, circle.bound.size - 1)]
+    rng, inside = np.random.default_rng(0), 0
+    for _ in range(plants):
+        poles = rid.kautz(rng.uniform(*box[0].T), rng.uniform(*box[1].T), dt=0.02, delay=1)
+        other = rid.identify(dataclasses.replace(problem, parametric=poles), objective="margin")
+        if other.consistent:
+            away = other.model(np.exp(1j * dense * 0.02)) - result.model(np.exp(1j * dense * 0.02))
+            assert np.all(np.abs(away) <= bound)
+            inside += 1
+    assert inside >= plants // 2
+    assert circle.lower <= circle.largest
+
+
+def test_what_the_expansion_leaves_out_on_an_arc_is_the_largest_inside_it():
+    problem, box = single_mode(5)
+    cell = rid.worst_case_over_poles(rid.identify(problem), *box, delay=1, omega=[3.0], directions=3, cells=1).cells[0]
+    ends = np.array([0.0, 0.3, 0.41, 1.0, 3.0, np.pi])
+    on_arcs = cell.slack_on(ends[:-1], ends[1:])[:, 0, 0]
+    for low, high, largest in zip(ends[:-1], ends[1:], on_arcs, strict=True):
+        brute = cell.slack(np.linspace(low, high, 4001)).max()
+        assert brute <= largest <= 1.1 * brute  # the pole and its conjugate are nearest at different angles
 
 
 def test_bad_input():

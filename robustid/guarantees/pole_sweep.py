@@ -1,0 +1,100 @@
+"""Cells of a pole-uncertainty box: split until their relaxation costs little, refuted, bounded at every frequency."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import pathlib
+from typing import Any
+
+import numpy as np
+
+from robustid.core import Budget, Progress, Real, as_count, worker_pool
+from robustid.guarantees.consistent_set import ConsistentSet, set_of
+from robustid.guarantees.pole_cells import PoleCell
+from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.value_set import ValueSet, by_frequency
+from robustid.guarantees.widening import smallest_bounds
+from robustid.identification import MixedProblem, prove_margin
+
+_log = logging.getLogger("robustid")
+
+_MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
+
+
+def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
+    """Over the range of the frequency points, and at the modes."""
+    top = problem.plane.top
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)
+    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
+
+
+def searched(
+    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
+) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
+    """Split cells until their relaxation costs little; leave out what is refuted."""
+    smallest = smallest_bounds(problem)
+    waiting = [whole]
+    kept: list[tuple[PoleCell, ConsistentSet | None]] = []
+    refuted: list[RefutedCell] = []
+    angles = problem.plane.angles(np.concatenate([grid, *(f.omega for f in problem.frequency)]))
+    while waiting:
+        # The widest cell first, so that the number of cells that are allowed goes where it matters.
+        costs = [c.cost(angles, smallest) for c in waiting]
+        widest = int(np.argmax(costs))
+        cell = waiting.pop(widest)
+        posed = posed_relaxation(cell, problem)
+        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3)
+        if claim is not None and claim.certificate.value > 1:
+            refuted.append(RefutedCell(cell, claim.certificate))
+            continue
+        if costs[widest] > _MATTERS and len(waiting) + len(kept) + 2 <= limit and not budget.over:
+            waiting += cell.split(problem, grid)
+            continue
+        consistent = None
+        if posed is not None and claim is not None:
+            consistent = set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
+        kept.append((cell, consistent))
+        _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))
+    return kept, refuted
+
+
+def bounded(
+    sets: list[tuple[PoleCell, ConsistentSet | None]],
+    grid: Real,
+    settings: tuple[int, float],
+    means: tuple[Spread, Progress | None, Folder | None],
+    budget: Budget,
+    model: Any,
+) -> tuple[tuple[KeptCell, ...], Real]:
+    """The values of every cell, and the frequencies that are finished in all of them.
+
+    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
+    """
+    executor, progress, resume = means
+    left = sum(consistent is not None for _, consistent in sets)
+    done, count = 0, grid.size * left
+    found: list[tuple[PoleCell, dict[float, tuple[ValueSet, ...]] | None]] = []
+
+    def counted(here: int, _: int) -> None:
+        if progress is not None:
+            progress(done + here, count)
+
+    with contextlib.ExitStack() as stack:
+        if isinstance(executor, int):
+            executor = stack.enter_context(worker_pool(as_count("executor", executor, least=1)))
+        for number, (cell, consistent) in enumerate(sets, start=1):
+            if consistent is None:
+                found.append((cell, None))
+                continue
+            folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
+            mine = executor, counted, folder, budget.share(1 / left), model
+            values = by_frequency(value_sets(consistent, grid, *settings, *mine))
+            # Other frequencies are of no use any more: the union is over all cells.
+            done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
+            found.append((cell, values))
+    kept = [KeptCell(c, () if v is None else tuple(one for w in grid.tolist() for one in v[w])) for c, v in found]
+    return tuple(kept), grid
