@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,11 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.identification import validate
 from robustid.mfd import RecordFit, fit_records
+from robustid.reduction.drawn_inside import Bounds, as_known, drawn_inside
 
 AS_WELL = 1.05  # of the root mean square error: differences that don't matter
 _FIRST = 0.7  # of a record, to which fits are judged by the rest of it
 _PREDICTS = 1.1  # of the smallest error there: what the fit of the right order may have
-_SIGMAS = 3.0  # standard deviations that a bound is taken for
-_AIM = 0.97  # of the bound, so that the limit is reached in a few rounds
-_ROUNDS = 10  # of weights that grow where a fit is outside a bound
 _MOST = 20000  # samples in all: longer records are for spectra
 
 
@@ -96,7 +94,7 @@ class Simulations:
         budget: Budget,
     ):
         self.records, self.offset = list(records), all(record.bound is None for record in records)
-        self.frf = None if frf is None else _with_deviation(frf, _deviation(frf))
+        self.frf = None if frf is None else as_known(frf)
         self.feedthrough, self.budget = feedthrough, budget
         self.samples = sum(len(record.u) for record in records)
         self.fits: dict[int, RecordFit] = {}
@@ -179,41 +177,14 @@ class Simulations:
             found[order] = math.inf if fit is None else self.error(fit.model, last)
         return found
 
-    def drawn_inside(
-        self,
-        order: int,
-        outside: Callable[[Any], float],
-        beyond: Callable[[Any], FrequencyResponse | None],
-    ) -> Iterator[Any]:
-        """The fit of an order, and fits with more weight where the one before lies outside a bound, until none does.
+    def drawn_inside(self, order: int, bounds: Bounds) -> Iterator[Any]:
+        """The fit of an order, and fits with more weight where the one before lies outside a bound (`drawn_inside`)."""
 
-        Weights that are multiplied by what is outside end at the least largest error where they end (`lawson1961`); the records
-        keep the fit from going further than it must.
+        def fitted(points: FrequencyResponse, start: Any) -> Any:
+            fit = self._fit(order, start, points)
+            return None if fit is None else fit.model
 
-        Parameters
-        ----------
-        outside : callable
-            Largest error of a model over its bound.
-        beyond : callable
-            Frequency points that hold a model where nothing was measured and it is too far from what is known; None: it isn't.
-        """
-        fit: RecordFit | None = self.fits[order]
-        points, deviation = self.frf, None if self.frf is None else _deviation(self.frf)
-        for _ in range(_ROUNDS + 1):
-            if fit is None:
-                return
-            yield fit.model
-            ratio, further = outside(fit.model), beyond(fit.model)
-            if self.budget.over or (ratio <= 1 and further is None):
-                return
-            if points is not None and deviation is not None:
-                deviation = deviation / np.maximum(_missed(fit.model, points) / (_AIM * _SIGMAS), 1.0)
-            if further is not None:
-                points, deviation = _joined(points, deviation, further)
-            if points is None or deviation is None:
-                return
-            points = _with_deviation(points, deviation)
-            fit = self._fit(order, fit.model, points)
+        yield from drawn_inside(self.fits[order].model, self.frf, fitted, bounds, self.budget)
 
 
 def _part(record: TimeRecord, samples: slice) -> TimeRecord:
@@ -234,45 +205,3 @@ def with_transients(records: Sequence[TimeRecord]) -> list[TimeRecord]:
     """Keep the records that say more than their spectrum, with transients; none where they are too long."""
     found = [record for record in records if record.initial != "periodic"]
     return found if sum(len(record.u) for record in found) <= _MOST else []
-
-
-def _deviation(frf: FrequencyResponse) -> Real:
-    """Standard deviation that a bound is taken for, (F, ny, nu), positive."""
-    radius = np.ones(frf.values.shape) if frf.bound is None else np.asarray(frf.bound.outer_radius, dtype=float)
-    usable = np.isfinite(radius) & (radius > 0)
-    usual = np.median(radius[usable]) if usable.any() else 1.0
-    return np.where(usable, radius, usual) / _SIGMAS
-
-
-def _with_deviation(frf: FrequencyResponse, deviation: Real) -> FrequencyResponse:
-    """The response with a known variance at every point."""
-    flat = deviation.transpose(0, 2, 1).reshape(len(deviation), -1)
-    return dataclasses.replace(frf, covariance=np.eye(flat.shape[1]) * np.square(flat)[:, :, None], dof=None)
-
-
-def _missed(model: Any, points: FrequencyResponse) -> Real:
-    """Error over the standard deviation that the bound is taken for, (F, ny, nu)."""
-    z = np.exp(1j * points.omega * float(points.dt or 0))
-    response = np.moveaxis(np.asarray(model(z, squeeze=False)), -1, 0)
-    return np.where(points.missing, 0.0, np.abs(response - points.values) / _deviation(points))
-
-
-def _joined(
-    points: FrequencyResponse | None, deviation: Real | None, further: FrequencyResponse
-) -> tuple[FrequencyResponse, Real]:
-    """All frequency points, with their deviations; of two at the same frequency the first."""
-    if points is None or deviation is None:
-        return further, _deviation(further)
-    unknown = np.flatnonzero(~np.isin(further.omega, points.omega))
-    if not unknown.size:
-        return points, deviation
-    new = further.select(unknown)
-    omega = np.concatenate([points.omega, new.omega])
-    order = np.argsort(omega)
-    values = np.concatenate([points.values, new.values])[order]
-    both = np.concatenate([deviation, _deviation(new)])[order]
-    radius = np.concatenate([_SIGMAS * _deviation(points), _SIGMAS * _deviation(new)])[order]
-    joined = FrequencyResponse(
-        omega[order], values, bound=radius, dt=points.dt, inputs=points.inputs, outputs=points.outputs
-    )
-    return joined, both

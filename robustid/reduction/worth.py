@@ -14,6 +14,7 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification import Identification, image_of, in_image, largest_ratio
 from robustid.mfd import MatrixFraction, OrderSweep, RecordFit, RigidBody, suggest_order
 from robustid.reduction.balanced import Reduction
+from robustid.reduction.drawn_inside import Bounds
 from robustid.reduction.guard import Guard
 from robustid.reduction.simulation import AS_WELL, Simulated, Simulations, with_transients
 from robustid.reduction.within_bounds import SearchStatus, near_fit
@@ -315,18 +316,13 @@ def _simulating(
     fit, reference = found.fits[carried], found.error(found.fits[carried].model)
     before = smallest if worth is None else worth.reduction
     chosen, error = before, found.error(before.model)
-    first, guard, limit = found.error(smallest.model), _guard(identification, smallest.model), _limit(identification)
-
-    def ratio(model: Any) -> float:
-        return largest_ratio(identification.problem, model) / limit
-
-    def beyond(model: Any) -> FrequencyResponse | None:
-        return guard.check(model, limit)[1]
+    first, guard = found.error(smallest.model), _guard(identification, smallest.model)
+    limits = _limits(identification, guard, found.frf)
 
     def candidates() -> Iterator[tuple[Any, int]]:
         for order in found.fits:
             drawn = None
-            for drawn in found.drawn_inside(order, ratio, beyond):
+            for drawn in found.drawn_inside(order, limits):
                 yield _alike(drawn, identification), order
             if (moved := None if drawn is None else near_fit(identification, drawn)) is not None:
                 yield moved, order
@@ -375,6 +371,26 @@ def _guard(identification: Identification, like: Any) -> Guard:
 def _limit(identification: Identification) -> float:
     """Largest error over its bound that is inside: the margin, where data are inconsistent."""
     return 1.0 if identification.consistent else float(identification.margin) * (1 + 1e-5)
+
+
+def _limits(identification: Identification, guard: Guard, frf: FrequencyResponse | None) -> Bounds:
+    """Where fits are drawn to; `frf` has the bounds as they were measured, and the problem wider ones, perhaps."""
+    limit, plane = _limit(identification), identification.problem.plane
+    times = limit
+    if frf is not None and frf.bound is not None:
+        parts = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
+        wide = next((one.bound for one in parts if one.values.shape == frf.values.shape), frf.bound)
+        if wide is not None:
+            times = limit * float(np.nanmedian(wide.outer_radius / frf.bound.outer_radius))
+
+    def ratio(model: Any) -> float:
+        return largest_ratio(identification.problem, model) / limit
+
+    def beyond(model: Any) -> FrequencyResponse | None:
+        # Points of the guard are angles: of continuous time no frequency points.
+        return guard.check(in_image(model, plane), limit)[1] if plane.dt else None
+
+    return Bounds(ratio, beyond, times)
 
 
 def _inside(
