@@ -374,7 +374,7 @@ def _limit(identification: Identification) -> float:
 
 
 def _limits(identification: Identification, guard: Guard, frf: FrequencyResponse | None) -> Bounds:
-    """Where fits are drawn to; `frf` has the bounds as they were measured, and the problem wider ones, perhaps."""
+    """Bounds that fits are drawn to; `frf` has them as they were measured, and the problem wider ones, perhaps."""
     limit, plane = _limit(identification), identification.problem.plane
     times = limit
     if frf is not None and frf.bound is not None:
