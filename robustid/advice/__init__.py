@@ -1,6 +1,6 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
-from robustid.advice.causes import Cause, Trial
+from robustid.advice.causes import SLIGHTLY, Cause, Trial
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
@@ -16,6 +16,7 @@ from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 
 __all__ = [
+    "SLIGHTLY",
     "Cause",
     "ClassCandidate",
     "ClassSuggestion",

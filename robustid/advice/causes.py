@@ -11,7 +11,7 @@ import numpy as np
 
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
-from robustid.data import Fault, FrequencyResponse, correct, response_faults
+from robustid.data import REMOVED, Fault, FrequencyResponse, correct, response_faults
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import formulate
@@ -163,7 +163,8 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
             pass
         causes.append(Cause(fault.cause, evidence, change, option, after, changed))
     of_records = dict.fromkeys(words for frf in problem.frequency for words in getattr(frf, "problems", ()))
-    causes += [Cause(words, "the records show it", "", "") for words in of_records]
+    # A drift that was removed is said elsewhere; it contradicts nothing any more.
+    causes += [Cause(words, "the records show it", "", "") for words in of_records if not words.endswith(REMOVED)]
     return causes
 
 

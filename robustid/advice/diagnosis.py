@@ -130,12 +130,12 @@ class Diagnosis(Frozen):
 
     def _last(self) -> list[str]:
         """The change to make."""
-        return [f"Change to make: {self.causes[0].sentence}."] if self.causes else []
+        return [f"Change to make: {one}." for cause in self.causes[:1] if (one := cause.sentence)]
 
 
 @one_thread()
 def diagnose(
-    identification: Identification, *, time_limit: float | None = None, progress: Progress | None = None
+    identification: Identification, *, time_limit: float | None = 60.0, progress: Progress | None = None
 ) -> Diagnosis:
     """Name the active constraints of a result, what inflation of the bounds makes the data consistent, and what else would.
 
@@ -150,7 +150,8 @@ def diagnose(
     identification : Identification
         Usually of inconsistent data.
     time_limit : float, optional
-        Seconds after which no further change is tried; margins that were reached by then are kept. So it is on Ctrl-C.
+        Seconds after which no further change is tried; margins that were reached by then are kept. So it is on Ctrl-C. None: no
+        limit.
     progress : callable (done, all), optional
         Changes.
 

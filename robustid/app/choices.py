@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.advice import (
+    SLIGHTLY,
     PriorSuggestion,
     entry_sizes,
     possible_rates,
@@ -25,14 +26,16 @@ from robustid.app.prior_options import PriorChoice
 from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
-from robustid.identification import MixedProblem, Prior, any_prior, identify
+from robustid.errors import InputError, InputTypeError, Status
+from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify
 from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
     " says something between the samples holds the data."
 )
+NOT_TAKEN = "Not taken:"
+_LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
 
@@ -209,7 +212,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
     if prior is None or not says_something(problem, found):
         prior, what = _reference(run, problem)
         note += (
-            f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
+            f"\n{NOT_TAKEN} a non-parametric part larger than every response says nothing. In its place {what}:"
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     problem = dataclasses.replace(problem, prior=prior)
@@ -217,6 +220,27 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
         problem, words = with_roll_off(problem, say)
         note += f"\n{words}"
     return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, note)), problem
+
+
+def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
+    """The class with twice the gain bound, where the program chose one that all data together contradict by a little.
+
+    A prior is taken from frequency points that stand for all; where some beside them ask for slightly more, the class was chosen
+    too small, and nothing about the plant was found. None where the class was stated, or is far from the data.
+    """
+    note = run.prior.note or ""
+    chosen = note.startswith(PRIOR_NOTE) and NOT_TAKEN not in note and run.prior.gain_bound is not None
+    if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
+        return None
+    prior = dataclasses.replace(result.problem.prior, gain_bound=2 * float(result.problem.prior.gain_bound))
+    if prior.gain_bound > _LARGEST * response_sizes(result.problem)[0]:
+        return None  # larger than every response it says nothing
+    note += (
+        f"\nAll samples together contradict K = {result.problem.prior.gain_bound:.4g} (margin {result.margin:.4g}); twice as large:"
+        f" K = {prior.gain_bound:.4g}"
+    )
+    found = dataclasses.replace(run, prior=PriorChoice.of(prior, note))
+    return found, dataclasses.replace(result.problem, prior=prior)
 
 
 def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedProblem, str]:

@@ -41,6 +41,8 @@ from robustid.reduction import (
 )
 from robustid.report import at_most
 
+_LARGER = 4  # times that a gain bound which the program chose is doubled
+
 
 @dataclasses.dataclass(frozen=True)
 class Surroundings:
@@ -168,6 +170,12 @@ class Untouched(NamedTuple):
 def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
     result = _identified(run, problem, around)
+    for _ in range(_LARGER):
+        if (larger := choices.with_larger_gain(run, result)) is None:
+            break
+        run, problem = larger
+        around.folder.choices(run)
+        result = _identified(run, problem, around)
     reduction, worth, doubtful = _small_model(run, result, left, around)
     found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
     said = content(result) if result.consistent and problem.frequency else None

@@ -16,7 +16,7 @@ from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time
-from robustid.data.problems import record_problems
+from robustid.data.problems import REMOVED, record_problems
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
@@ -26,6 +26,7 @@ __all__ = [
     "INITIAL",
     "NONLINEAR",
     "PAST",
+    "REMOVED",
     "Bound",
     "Delay",
     "DelayedModel",

@@ -22,6 +22,7 @@ _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 _DRIFTS = 0.05  # part of the rms of an output
 _INPUT_NOISE = 0.05  # of the input at the lines that carry it
 _CARRYING = 0.2  # of its largest line
+REMOVED = "is removed"  # ends the sentences about what no longer matters
 
 
 def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[str, ...]:
@@ -218,7 +219,7 @@ def _periodic(records: list[TimeRecord], period: int) -> list[str]:
         of = f"record {k + 1}: " if several else ""
         found.append(
             f"{of}output {records[0].outputs[i].name} drifts by {100 * size[k, i]:.2g} % of its rms; the drift over whole periods"
-            " is removed"
+            f" {REMOVED}"
         )
     noise = _scatter(y, period)
     if several:

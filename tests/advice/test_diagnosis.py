@@ -104,3 +104,13 @@ def test_a_missing_rigid_body_is_found():
     assert str(found).splitlines()[0].startswith("Most likely cause: a rigid body is missing: 2 poles at z = 1")
     assert found.summary().splitlines()[-1].endswith("for the program: --integrators 2.")
     assert "integrators = 2" in rid.suggest_kautz(frf).reason
+
+
+def test_a_drift_that_was_removed_is_no_cause():
+    frf = rid.FrequencyResponse([1.0, 2.0, 3.0], [1.0, 5.0, 1.0], bound=0.01, dt=0.1)
+    removed, noisy = "output y drifts by 9 % of its rms; the drift over whole periods is removed", "record 2: noisy"
+    frf = dataclasses.replace(frf, problems=(removed, noisy))
+    found = diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.5))))
+    assert removed not in [cause.cause for cause in found.causes]
+    assert noisy in [cause.cause for cause in found.causes]
+    assert "Change to make: ." not in found.summary()

@@ -253,3 +253,22 @@ def test_integrators_and_real_poles_are_stated_in_keyword_and_run_file():
     again = tomllib.loads(found.run_file.text())["modes"]
     assert (again["integrators"], again["damping"]) == (1, [1.0])
     assert found.reduction.order == 2
+
+
+def test_a_chosen_gain_bound_that_all_samples_contradict_a_little_is_doubled():
+    """What stands for many points says less than all of them; a stated class stays as it is."""
+    record = rid.TimeRecord([1.0, 0.0], [0.5, 1.1], dt=1.0, bound=0.5)
+    problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=0.5, decay_rate=1.1))
+    result = rid.identify(problem)
+    assert 1 < result.margin < 1.5
+    stated = RunFile(prior=choices.PriorChoice.of(problem.prior))
+    assert choices.with_larger_gain(stated, result) is None
+    chosen = stated.changed("prior", note=choices.PRIOR_NOTE + "0.5 at decay rate 1.1")
+    run, wider = choices.with_larger_gain(chosen, result)
+    assert wider.prior == rid.Prior(gain_bound=1.0, decay_rate=1.1)
+    assert run.prior.stated == wider.prior
+    assert "All samples together contradict K = 0.5" in run.prior.note
+    assert rid.identify(wider).consistent
+    assert choices.with_larger_gain(run, rid.identify(wider)) is None
+    reference = chosen.changed("prior", note=f"{choices.PRIOR_NOTE}0.5, 1.1\n{choices.NOT_TAKEN} a part")
+    assert choices.with_larger_gain(reference, result) is None
