@@ -294,8 +294,9 @@ class WorstCase:
         flag="--rtol",
         keyword="rtol",
     )
-    time_limit: float | None = key(
+    time_limit: float = key(
         _positive,
+        300.0,
         help="Seconds after which the bounds at the frequencies finished so far are taken, spread over the range; so does Ctrl-C.",
         unit="s",
         flag="--time-limit",

@@ -268,6 +268,7 @@ def _bounded(
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
+    around.say(f"bounding the error at {omega.size} frequencies, at most {asked.time_limit:g} s")
     counted = around.counted("bounding the error at every frequency")
     how: dict[str, Any] = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")}
     small = worst_case_error(result, model=reduction.model, omega=omega, **how, **counted)
