@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from robustid.core import Real
 
 _DIGITS = 53
+_SHOWN = 64
 _LARGE = 30_000  # products of integers
 _ONE = 1 << 240  # what a definite matrix is scaled to and cut off below
 _ROUNDS = 4  # congruences that are tried: each brings a definite matrix nearer to the identity
@@ -72,6 +74,15 @@ class Exact:
     def symmetrised(self) -> Exact:
         """The matrix plus its transpose."""
         return self + self.T
+
+    def rounded(self) -> Real:
+        """The nearest doubles, about."""
+
+        def nearest(digits: int) -> float:
+            surplus = max(abs(digits).bit_length() - _SHOWN, 0)
+            return math.ldexp(digits >> surplus, surplus + self.power)
+
+        return np.array([[nearest(x) for x in row] for row in self.digits.tolist()], dtype=float)
 
     def is_zero(self) -> bool:
         """Say whether every entry is 0."""

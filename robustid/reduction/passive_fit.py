@@ -11,7 +11,10 @@ import scipy.linalg
 
 from robustid.core import Complex, Real, StateMatrices, input_states
 from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.mfd import fit_mfd
 from robustid.reduction.gramians import Parts, gramian_factors
+from robustid.reduction.passive_cuts import cut
 from robustid.reduction.passivity_certificate import BOUNDED
 from robustid.reduction.passivity_search import Popov
 
@@ -23,6 +26,8 @@ _LITTLE = 1e-4  # relative: inputs that every state gets for its coordinates
 _SOLVED = 1e-4  # relative violation that a solver may leave
 _FAR = 3.0  # times the largest frequency: poles beyond are tried there too, as fits place them anywhere
 _PROGRESS = 1e-3  # relative decrease of a step below which the next one is shorter
+_EXACT = 1e-8  # of the data: a fit that is off by less needs no other start
+_SAME = 1e-6  # relative distance of poles that ports share
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
 
 
@@ -50,10 +55,26 @@ def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
         fit = _Fit(model, kind, data)
         found = fit.of_gains(fit.squares)
         return model if found is None else found
-    top = float(np.max(data.omega))
-    starts = [model, *_nearer(model, _FAR * top), _evenly(model, float(np.min(data.omega)), top)]
+    fit = _Fit(model, kind, data)
+    touched = fit.touched()
+    if touched is not None and fit.cost(touched) <= _EXACT * np.linalg.norm(fit.values / fit.radius):
+        return touched
+    top, low = float(np.max(data.omega)), float(np.min(data.omega))
+    others = [model, *_nearer(model, _FAR * top), _evenly(model, low, top)]
+    starts = [(model, STRICT), *((start, _INSIDE) for start in others)]
+    if (fewer := _of_fewer_poles(model, data, top)) is not None:
+        found = _raced(fewer, kind, data, [(fewer, STRICT), (fewer, _INSIDE)])
+        starts.append((_with_further(found, model.nstates - fewer.nstates, low, top), STRICT))
+    found = _raced(model, kind, data, starts)
+    if touched is None or (fit.holds(found) and fit.cost(found) <= fit.cost(touched)):
+        return found
+    return touched
+
+
+def _raced(model: Any, kind: str, data: FrequencyResponse, starts: list[tuple[Any, float]]) -> Any:
+    """The best of what is refined from several starts, each so far inside; the model itself where nothing passive was found."""
     race: list[tuple[float, _Fit, Any]] = []
-    for start, inside in [(model, STRICT), *((start, _INSIDE) for start in starts)]:
+    for start, inside in starts:
         fit = _Fit(start, kind, data)
         fit.strict = inside
         if (found := fit.of_gains(fit.squares)) is not None and fit.holds(found):
@@ -98,6 +119,50 @@ def _nearer(model: Any, reach: float) -> list[Any]:
     return [like(model, moved, B, C, D)] if np.all(np.linalg.eigvals(moved).real < 0) else []
 
 
+def _of_fewer_poles(model: Any, data: FrequencyResponse, top: float) -> Any:
+    """A fit of two poles fewer (of every port, where all have them), where the model has poles beyond the band; else None.
+
+    Poles that a fit puts there for little may stand in the way of passivity; those in the band don't.
+    """
+    poles, ports = np.asarray(model.poles()), model.ninputs
+    apart = np.abs(poles[:, None] - poles) <= _SAME * np.abs(poles)
+    shared = ports > 1 and bool(np.all(apart.sum(axis=1) >= ports))
+    order = len(poles) // ports - 2 if shared else len(poles) - 2
+    if order < 1 or np.abs(poles).max() <= top:
+        return None
+    radius = radius_of(data)
+    try:
+        fit = fit_mfd(
+            data,
+            order=order,
+            form="shared" if shared else None,
+            feedthrough=True,
+            weight=np.where(np.isfinite(radius), 1 / radius, 0.0),
+        )
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    found = fit.model
+    return like(model, found.A, found.B, found.C, found.D)
+
+
+def _with_further(model: Any, count: int, low: float, high: float) -> Any:
+    """The model with further states, broad pairs of poles in the middle of the band, which nothing sees yet."""
+    A, B, C, D = StateMatrices.of(model)
+    w, m = (low + high) / 2, B.shape[1]
+    drive, poles = np.zeros((count, m)), -w * np.eye(count)
+    for k in range(0, count - 1, 2):
+        poles[k : k + 2, k : k + 2] = [[-(high - low) / 2, w], [-w, -(high - low) / 2]]
+    for k in range(count):
+        drive[k, (k // 2) % m] = np.sqrt(w)
+    return like(
+        model,
+        np.asarray(scipy.linalg.block_diag(A, poles), dtype=float),
+        np.vstack([B, drive]),
+        np.hstack([C, np.zeros((len(C), count))]),
+        D,
+    )
+
+
 def smallest_ratio(model: Any, kind: str, data: FrequencyResponse) -> Any:
     """The passive model of the same A and B with the smallest largest ratio of residual to bound."""
     fit = _Fit(model, kind, data)
@@ -129,13 +194,33 @@ class _Fit:
         n, m = B.shape
         gains: Any = cp.Variable((m, n + m))
         P: Any = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
-        basis: Complex = np.concatenate(
-            [self._states(A, B), np.broadcast_to(np.eye(m, dtype=complex), (self.omega.size, m, m))], axis=1
-        )
-        if not _solved(cost(gains, basis), self._inequality(A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])):
+        if not _solved(
+            cost(gains, self._basis(A, B)), self._inequality(A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])
+        ):
             return None
         found = np.asarray(gains.value, dtype=float)
         return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
+
+    def touched(self) -> Any:
+        """The model with the nearest passive C and D, where it is passive but for little; else None."""
+        A, B = self._input_normal()
+        found = cut(self.model, self.kind, self.omega, self._triangles(self._basis(A, B)), (A, B)) if len(A) else None
+        return None if found is None else self._model(found)
+
+    def _basis(self, A: Real, B: Real) -> Complex:
+        """Responses that C and D multiply, (F, n + m, m)."""
+        m = B.shape[1]
+        ones = np.broadcast_to(np.eye(m, dtype=complex), (self.omega.size, m, m))
+        return np.concatenate([self._states(A, B), ones], axis=1)
+
+    def _triangles(self, basis: Complex) -> list[Real]:
+        """Small problems of the squares of every row of C and D."""
+        triangles: list[Real] = []
+        for i in range(self.ports):
+            weight = 1 / self.radius[:, i]
+            regressors = (basis * weight[:, None]).transpose(0, 2, 1).reshape(-1, basis.shape[1])
+            triangles.append(_triangle(regressors, np.asarray(self.values[:, i] * weight, dtype=complex).ravel()))
+        return triangles
 
     def _input_normal(self) -> tuple[Real, Real]:
         """A and B with a controllability Gramian of about the identity: bounded real P are at most that."""
@@ -156,11 +241,7 @@ class _Fit:
     def squares(self, gains: Any, basis: Complex) -> Any:
         """Root of the sum of squared residuals over bounds, relative to that of the best gains without a limit."""
         cp = _cvxpy()
-        triangles: list[Real] = []
-        for i in range(self.ports):
-            weight = 1 / self.radius[:, i]
-            regressors = (basis * weight[:, None]).transpose(0, 2, 1).reshape(-1, basis.shape[1])
-            triangles.append(_triangle(regressors, np.asarray(self.values[:, i] * weight, dtype=complex).ravel()))
+        triangles = self._triangles(basis)
         scale = _scale(triangles)
         return cp.norm(cp.hstack([(t[:, :-1] @ gains[i] - t[:, -1]) / scale for i, t in enumerate(triangles)]))
 

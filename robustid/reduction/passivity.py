@@ -18,16 +18,19 @@ from robustid.reduction.passivity_certificate import (
     NEGATIVE,
     POSITIVE,
     PassivityCertificate,
+    equation_of,
     face_of,
     matrices_of,
 )
-from robustid.reduction.passivity_search import Band, Popov
+from robustid.reduction.passivity_refined import refined_proofs
+from robustid.reduction.passivity_search import Band, Popov, inequality
 
 if TYPE_CHECKING:
     import control
 
 # Of the size of the response: an excess below the first is rounding, and no violation; the others are tried for a proof.
 _ROUNDING = 1e-10
+_REFINED = 1e-8  # gap up to which P is refined beyond double precision
 _GAPS = (1e-9, 1e-8, 3e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2, 0.1)
 
 
@@ -128,7 +131,8 @@ def prove_passive(model: control.StateSpace, *, kind: str = BOUNDED, decay: floa
     -----
     The largest excess over the frequencies comes from eigenvalues of a Hamiltonian matrix on the axis, not from a grid
     (`boyd1989`); where the limit is exceeded they are the ends of the bands. The matrix solves a Riccati equation a little above
-    that excess, in balanced coordinates (bounded-real and positive-real lemma, `anderson1973`).
+    that excess, in balanced coordinates (bounded-real and positive-real lemma, `anderson1973`). Next to the limit it is refined
+    beyond double precision.
 
     A model that touches the limit at a frequency, exactly 1 or 0, allows no strict inequality, and rounded numbers can't tell it
     from one that is beyond: then `holds` is False and `margin` says by how much at most it is beyond, commonly 1e-9. Only where a
@@ -249,6 +253,30 @@ def _proved_bound(model: Any, popov: Popov, peak: float, kind: str, decay: float
                 claim = PassivityCertificate(kind, decay=decay, bound=bound, coordinates=popov.S, P=P)
                 if claim.verify(model):
                     return claim
+            if (
+                part <= _REFINED
+                and model.nstates
+                and (claim := _refined(model, popov, bound, bound - peak, kind, decay))
+            ):
+                return claim
+    return None
+
+
+def _refined(
+    model: Any, popov: Popov, bound: float, gap: float, kind: str, decay: float
+) -> PassivityCertificate | None:
+    """The proof of a bound next to the largest excess, with P beyond double precision."""
+    zero = np.zeros(popov.S.shape)
+    posed = PassivityCertificate(kind, decay=decay, bound=bound, coordinates=popov.S, P=zero)
+
+    def form(system: StateMatrices) -> Any:
+        return inequality(system, bound, bounded=popov.bounded)
+
+    exact = equation_of(posed, model)
+    for P, rest in refined_proofs(popov.system, form, popov.slack, gap, exact, popov.S, popov.unit):
+        claim = dataclasses.replace(posed, P=P, P_rest=rest)
+        if claim.verify(model):
+            return claim
     return None
 
 

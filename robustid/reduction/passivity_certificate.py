@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import operator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +17,7 @@ from robustid.reduction.exact_matrices import (
     solved,
     symmetric_blocks,
 )
+from robustid.reduction.passivity_refined import Equation
 
 BOUNDED, POSITIVE, NEGATIVE = "bounded real", "positive real", "negative imaginary"
 KINDS = (BOUNDED, POSITIVE, NEGATIVE)
@@ -44,6 +47,8 @@ class PassivityCertificate(Frozen):
         Of the largest singular value; or of how far the smallest eigenvalue of the Hermitian part is below zero.
     coordinates, P : (n, n) arrays
         S and P.
+    P_rest : (n, n) array, optional
+        What is to be added to P: next to the limit one double an entry is not enough.
     exact_limit : bool
     """
 
@@ -53,10 +58,13 @@ class PassivityCertificate(Frozen):
     bound: float
     coordinates: Real
     P: Real
+    P_rest: Any = None
     exact_limit: bool = False
 
     def __post_init__(self) -> None:
         self._set(coordinates=freeze(self.coordinates), P=freeze(self.P))
+        if self.P_rest is not None:
+            self._set(P_rest=freeze(np.asarray(self.P_rest, dtype=float)))
 
     def verify(self, model: Any) -> bool:
         """Say whether it proves its claim about a continuous model: every number exact, no rounding, no solver."""
@@ -64,12 +72,11 @@ class PassivityCertificate(Frozen):
         if not self.P.size:
             return _static(self, given)
         S, inverse = Exact.of(self.coordinates), np.asarray(np.linalg.inv(self.coordinates), dtype=float)
-        P = Exact.of((self.P + self.P.T) / 2)
-        if not is_positive_definite(
-            P
-        ):  # then X is, since the rest says that A' X + X A has no kernel that X could have
-            return False
-        X = S.T @ P @ S
+        parts = [self.P] if self.P_rest is None else [self.P, self.P_rest]
+        exact = functools.reduce(operator.add, [Exact.of((part + part.T) / 2) for part in parts])
+        if not is_positive_definite(exact):
+            return False  # else X is, since the rest says that A' X + X A has no kernel that X could have
+        X = S.T @ exact @ S
         return _in_the_limit(self.kind, given, X, inverse) if self.exact_limit else _strict(self, given, X, inverse)
 
 
@@ -119,6 +126,14 @@ def face_of(kind: str, given: Matrices) -> Face | None:
 def _asked(kind: str, given: Matrices) -> Matrices:
     """The realisation that is to be bounded or positive real: for "negative imaginary" that of s (F - D)."""
     return Matrices(given.A, given.B, given.C @ given.A, given.C @ given.B) if kind == NEGATIVE else given
+
+
+def equation_of(claim: PassivityCertificate, model: Any) -> Equation:
+    """The inequality of a claim, without rounding."""
+    A, B, C, D = _asked(claim.kind, matrices_of(model, claim.decay))
+    if claim.kind == BOUNDED:
+        return Equation(A, B, C.T @ C, C.T @ D, _end(claim, D))
+    return Equation(A, B, Exact.of(np.zeros((len(A.digits),) * 2)), -C.T, _end(claim, D))
 
 
 def _static(claim: PassivityCertificate, given: Matrices) -> bool:

@@ -233,3 +233,28 @@ def test_a_port_that_reaches_nothing():
     assert rid.prove_passive(idle).margin == pytest.approx(0.5)
     none = control.StateSpace(np.diag([-1.0, -2.0]), np.zeros((2, 1)), np.zeros((1, 2)), 0.0, 0)
     assert rid.prove_passive(none, kind="positive real").status is PassivityStatus.EDGE
+
+
+def times(factor, model):
+    return control.StateSpace(model.A, model.B, factor * model.C, factor * model.D, 0)
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+def test_next_to_the_limit_at_all_frequencies(ports):
+    """A lossless network with a mode that hardly acts, less 2e-9: less room than the rounding of P takes, so P is two matrices."""
+    network = foster(np.random.default_rng(1), 3, ports, damping=0.0)
+    B = np.array(network.B)
+    B[2:4] *= 0.01
+    lossless = scattering(control.StateSpace(network.A, B, B.T, network.D, 0))
+    model = times(1 - 2e-9, lossless)
+    proof = rid.prove_passive(model)
+    assert proof.holds
+    assert 0 <= proof.margin <= 2e-9
+    assert proof.certificate.verify(model)
+    rest = proof.certificate.P_rest
+    assert rest is not None
+    assert np.abs(rest).max() < 1e-9
+    assert not dataclasses.replace(proof.certificate, P_rest=None).verify(model)
+    assert not dataclasses.replace(proof.certificate, P_rest=-rest).verify(model)
+    assert not proof.certificate.verify(lossless)
+    assert not rid.prove_passive(times(1 + 1e-8, lossless)).holds
