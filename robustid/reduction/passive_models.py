@@ -170,11 +170,10 @@ def make_passive(
     Notes
     -----
     The inequality is solved as a semidefinite program (clarabel); in the refinement in coordinates where P = I, so that it is
-    linear in the matrices of the model: every step is passive, and a local minimum is reached. Beside it C and D of a fit that is
-    almost passive are moved by cutting planes, to rounding, and a fit of two poles fewer is another start where poles lie beyond the
-    data. A solver's word is not taken:
-    `prove_passive` judges the result, and what it finds beyond the limit is taken from C and D (bounded real: by a factor) or
-    added to D (positive real).
+    linear in the matrices of the model: every step is passive, and a local minimum is reached. Beside it C and D of a fit that
+    is almost passive are moved by cutting planes, to rounding, and where poles lie beyond the data a fit of two poles fewer is
+    another start. A solver's word is not taken: `prove_passive` judges the result, and what it finds beyond the limit is taken
+    from C and D (bounded real: by a factor) or added to D (positive real).
 
     Source: `coelho2004` for the convex problem.
 

@@ -193,6 +193,11 @@ class Formulation(Frozen, Functions):
             )
 
     @property
+    def size_words(self) -> str:
+        """Number of coefficients of an entry in this form, and the largest possible one, in words."""
+        return f"{self.count} {self._kind[0]} where up to {self._limit} are possible ({self.name} form)"
+
+    @property
     def _limit(self) -> int:
         """Largest number of coefficients: dense matrices of all unknowns."""
         return int(self._kind[1] / math.sqrt(self.problem.entries.count))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from robustid.bases import Sections
-from robustid.errors import InputError
+from robustid.errors import InputError, SizeError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation
 from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.exact import ExactFormulation
@@ -61,7 +64,21 @@ def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
         found = SectionsFormulation.within(problem, accuracy)
         if found.work < _CLEARLY * best.work:
             return found
+        if math.isinf(best.work) and math.isinf(found.work):
+            raise SizeError(_too_large([exact, *others, found], accuracy))
     return best
+
+
+def _too_large(forms: Sequence[Formulation], accuracy: float) -> str:
+    """Sentences that say what every form would need, and the ways out."""
+    problem = forms[0].problem
+    needs = "; ".join(form.size_words for form in forms)
+    ports = "" if problem.entries.single else "single entries (frf.entry(output, input)), "
+    return (
+        f"`problem` is too large for every form of the class at accuracy {accuracy:g} and {problem.prior.decay_words}: {needs}. A"
+        f" larger decay, less accuracy, {ports}or fewer data make it smaller: a narrower band (frf.band(low, high)), every second"
+        " frequency point off resonance (frf.select), lightly damped modes in `parametric`"
+    )
 
 
 def lightest(formulation: Formulation, accuracy: float) -> Formulation:
