@@ -1,3 +1,11 @@
+"""The choice of a form: what is said where none is small enough."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+
+
 def test_too_large_for_every_form_says_what_each_would_need():
     omega = np.geomspace(0.5, 150, 200)
     values = np.broadcast_to(0.5 / (1 + 1j * omega)[:, None, None] * np.ones((4, 4)), (200, 4, 4))
