@@ -12,7 +12,7 @@ def test_too_large_for_every_form_says_what_each_would_need():
     frf = rid.FrequencyResponse(omega, values, bound=0.02)
     problem = rid.MixedProblem(frequency=frf, prior=rid.BoundedReal(decay=0.3))
     with pytest.raises(
-        rid.errors.SizeError, match=r"400 coefficients where up to \d+ .* sections form.* single entries"
+        rid.errors.SizeError, match=r"400 coefficients where up to \d+ .*sections form.* single entries"
     ) as said:
         rid.identify(problem, accuracy=1e-3)
     assert 'form="auto"' not in str(said.value)
