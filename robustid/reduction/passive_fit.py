@@ -189,7 +189,7 @@ class _Fit:
 
     def of_gains(self, cost: Callable[[Any, Complex], Any]) -> Any:
         """The passive model of least cost with the A and B of the model; None where the solver fails."""
-        cp = _cvxpy()
+        cp = solver()
         A, B = self._input_normal()
         n, m = B.shape
         gains: Any = cp.Variable((m, n + m))
@@ -240,14 +240,14 @@ class _Fit:
 
     def squares(self, gains: Any, basis: Complex) -> Any:
         """Root of the sum of squared residuals over bounds, relative to that of the best gains without a limit."""
-        cp = _cvxpy()
+        cp = solver()
         triangles = self._triangles(basis)
         scale = _scale(triangles)
         return cp.norm(cp.hstack([(t[:, :-1] @ gains[i] - t[:, -1]) / scale for i, t in enumerate(triangles)]))
 
     def largest(self, gains: Any, basis: Complex) -> Any:
         """The largest ratio of residual to bound."""
-        cp = _cvxpy()
+        cp = solver()
         worst: list[Any] = []
         for i in range(self.ports):
             for j in range(self.ports):
@@ -305,7 +305,7 @@ class _Fit:
 
     def _step(self, system: StateMatrices, reach: float) -> StateMatrices | None:
         """The change to the minimum of the linearised residuals among the models that P = I proves passive."""
-        cp = _cvxpy()
+        cp = solver()
         n, m = system.B.shape
         right = self._states(system.A, system.B)
         left = self._states(system.A.T, system.C.T).transpose(0, 2, 1)
@@ -331,7 +331,7 @@ class _Fit:
 
     def _inequality(self, corner: Any, side: Any, C: Any, D: Any) -> Any:
         """The block that is to be negative semidefinite."""
-        cp = _cvxpy()
+        cp = solver()
         eye = np.eye(self.ports)
         if self.bounded:
             end = -(1 - self.strict) * eye
@@ -346,7 +346,8 @@ class _Fit:
         return like(self.model, system.A * root**2, system.B * root, system.C * root, system.D)
 
 
-def _cvxpy() -> Any:
+def solver() -> Any:
+    """Return the module that poses semidefinite programs, imported where it is needed."""
     import cvxpy
 
     return cvxpy
@@ -354,7 +355,7 @@ def _cvxpy() -> Any:
 
 def _solved(cost: Any, block: Any, *others: Any) -> bool:
     """Say whether the solver found the minimum of a cost where a block is negative semidefinite; the variables hold it then."""
-    cp = _cvxpy()
+    cp = solver()
     problem = cp.Problem(cp.Minimize(cost), [block << 0, *others])
     try:
         with warnings.catch_warnings():  # its word is not taken anyway

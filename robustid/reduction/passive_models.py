@@ -13,6 +13,7 @@ from robustid.core import Frozen, Real, StateMatrices, as_count, as_kind, balanc
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.reduction.error_norm import hinf_error
+from robustid.reduction.passive_compliance import nearest_compliances
 from robustid.reduction.passive_fit import STRICT, like, nearest, radius_of, response_of, smallest_ratio
 from robustid.reduction.passivity import Passivity, check_passive_input, prove_passive
 from robustid.reduction.passivity_certificate import BOUNDED, NEGATIVE
@@ -152,7 +153,8 @@ def make_passive(
     ----------
     model : control.StateSpace
         Continuous and stable, such as ``fit_mfd(...).model`` of measured scattering parameters.
-    kind : {"bounded real", "positive real"}, optional
+    kind : {"bounded real", "positive real", "negative imaginary"}, optional
+        Of "negative imaginary" (displacement per force) only the gains are moved, ``C = -B' A^-T X`` and a symmetric D.
     response : FrequencyResponse, optional
         Measured, without `dt`: Y, with W one over its bounds if it has any, else 1. Default: the response of the model itself at
         frequencies between and beyond those of its poles.
@@ -175,7 +177,7 @@ def make_passive(
     another start. A solver's word is not taken: `prove_passive` judges the result, and what it finds beyond the limit is taken
     from C and D (bounded real: by a factor) or added to D (positive real).
 
-    Source: `coelho2004` for the convex problem.
+    Source: `coelho2004` for the convex problem, `lanzon2008` for the negative-imaginary lemma.
 
     Examples
     --------
@@ -185,12 +187,12 @@ def make_passive(
     >>> rid.prove_passive(active).holds, passive.passivity.holds, bool(passive.error < 0.2)
     (False, True, True)
     """
-    given = _checked(model, kind)
+    given = check_passive_input(model, kind)
     data = None if response is None else _matching(response, given)
     with threads_for(given.nstates):
         if (proof := prove_passive(given, kind=kind)).holds and data is None:
             return _result(given, given, proof)
-        fitted = _nudged(nearest(given, kind, data), kind)
+        fitted = _compliance(given, data) if kind == NEGATIVE else _nudged(nearest(given, kind, data), kind)
         if data is not None and proof.holds and _squares(given, data) <= _squares(fitted[0], data):
             fitted = given, proof
         return _result(given, *fitted, data=data)
@@ -199,9 +201,22 @@ def make_passive(
 def _checked(model: Any, kind: str) -> Any:
     if kind == NEGATIVE:
         raise InputError(
-            '`kind` must be "bounded real" or "positive real" here; of a compliance F take the mobility, s F, and divide by s again'
+            '`kind` must be "bounded real" or "positive real" here: a truncated compliance is not negative imaginary by itself. Fit'
+            ' fewer poles, and make that model negative imaginary: make_passive(model, kind="negative imaginary", response=...)'
         )
     return check_passive_input(model, kind)
+
+
+def _compliance(given: Any, data: FrequencyResponse | None) -> tuple[Any, Passivity]:
+    """The nearest negative-imaginary model that is proved to be one; else the one that came nearest to a proof."""
+    best = given, prove_passive(given, kind=NEGATIVE)
+    for model in nearest_compliances(given, data):
+        proof = prove_passive(model, kind=NEGATIVE)
+        if proof.holds:
+            return model, proof
+        if proof.margin > best[1].margin:
+            best = model, proof
+    return best
 
 
 def _matching(response: Any, model: Any) -> FrequencyResponse:

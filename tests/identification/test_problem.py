@@ -81,7 +81,7 @@ def test_what_is_too_large_is_refused_at_once():
     with pytest.raises(rid.errors.SizeError, match=r"10000 coefficients.*[Tt]hin"):
         rid.identify(problem(frequency=None, time=record), form="orthonormal")
     slow = rid.Prior(gain_bound=1.0, decay_rate=1.001)
-    with pytest.raises(rid.errors.SizeError, match=r"10000 coefficients.*\d+ Taylor.*decay rate 1.001.*thin"):
+    with pytest.raises(rid.errors.SizeError, match=r"decay rate 1.001: 10000 coefficients.*\d+ Taylor.*thin the data"):
         rid.identify(problem(frequency=None, time=record, prior=slow))
 
 

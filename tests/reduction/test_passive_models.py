@@ -105,7 +105,7 @@ def test_noisy_networks_become_passive_and_come_nearer_to_the_truth(kind):
     [
         (lambda m, d: rid.reduce_passive(m), "give either `order`"),
         (lambda m, d: rid.reduce_passive(m, order=7), "`order` must be at most the order of the model, 1; got 7"),
-        (lambda m, d: rid.reduce_passive(m, kind="negative imaginary", order=1), "take the mobility"),
+        (lambda m, d: rid.reduce_passive(m, kind="negative imaginary", order=1), "Fit fewer poles"),
         (lambda m, d: rid.reduce_passive(3 * m, order=0), r"beyond the limit by 0\.5.*make_passive"),
         (lambda m, d: rid.reduce_passive(m, response=d), "must have bounds to stay inside"),
         (
@@ -161,3 +161,27 @@ def test_networks_are_passive_at_most_a_tenth_worse_than_the_vector_fit(name, po
     error = np.linalg.norm(values(passive.model, data.omega) - network.s)
     fitted = [peer.get_model_response(i, j, network.f) - network.s[:, i, j] for i, j in np.ndindex(network.s.shape[1:])]
     assert error <= 1.1 * np.linalg.norm(fitted)
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+def test_a_fit_of_a_compliance_is_made_negative_imaginary(ports):
+    """A fit whose second mode has the wrong sign by a little: among models with its poles none comes nearer to the data."""
+    omega = np.geomspace(0.3, 300, 80)
+    truth = foster(np.random.default_rng(4), 2, ports, damping=0.05, velocity=False)
+    C = np.array(truth.C)
+    C[:, 3] = -0.02  # a velocity in the displacement: the phase leaves the half-plane
+    fit = control.StateSpace(truth.A, truth.B, C, truth.D, 0)
+    assert not rid.prove_passive(fit, kind="negative imaginary").holds
+    data = rid.FrequencyResponse(omega, values(truth, omega))
+    found = rid.make_passive(fit, kind="negative imaginary", response=data)
+    away = np.abs(values(found.model, omega) - data.values).max()
+    assert away < 1e-5 * np.abs(data.values).max()  # the truth has these poles, and is negative imaginary
+    # Along the imaginary axis, seen: the Hermitian part of j F is positive semidefinite.
+    seen = 1j * values(found.model, np.geomspace(0.01, 1e4, 400))
+    lowest = np.linalg.eigvalsh((seen + seen.conj().transpose(0, 2, 1)) / 2)[:, 0]
+    assert lowest.min() > -1e-9 * np.abs(data.values).max()
+    if ports == 1:
+        assert found.passivity.holds
+        assert found.status is PassiveStatus.PASSIVE
+    alone = rid.make_passive(fit, kind="negative imaginary")
+    assert alone.passivity.margin > -1e-6

@@ -76,8 +76,8 @@ def _too_large(forms: Sequence[Formulation], accuracy: float) -> str:
     ports = "" if problem.entries.single else "single entries (frf.entry(output, input)), "
     return (
         f"`problem` is too large for every form of the class at accuracy {accuracy:g} and {problem.prior.decay_words}: {needs}. A"
-        f" larger decay, less accuracy, {ports}or fewer data make it smaller: a narrower band (frf.band(low, high)), every second"
-        " frequency point off resonance (frf.select), lightly damped modes in `parametric`"
+        f" larger decay, less accuracy, {ports}lightly damped modes in `parametric`, or less data make it smaller: thin the data,"
+        " frf.select(slice(None, None, step)), or take a narrower band or a shorter record"
     )
 
 
