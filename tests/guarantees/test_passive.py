@@ -1,9 +1,12 @@
 """Guarantees of passive classes: truths at their edge are inside, at frequencies and between them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.identification.exact_evaluation import verify_margin_exactly
 from support.passive import reactance, scattering
 
 
@@ -88,10 +91,27 @@ def test_the_bound_between_the_frequency_points(kind, ports, tmp_path):
     assert rid.load(tmp_path / "bound.json").verify()
 
 
-def test_certificates_in_ball_arithmetic():
+@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("kind", ["positive", "bounded", "negative"])
+def test_certificates_in_ball_arithmetic(kind, ports):
     pytest.importorskip("flint")
-    _, problem = edge(1, "positive", 2)
+    _, problem = edge(1, kind, ports)
     error = rid.worst_case_error(rid.identify(problem), omega=[0.7], directions=4, rtol=0.3)
     checked = [claim.verify(exact=True) for claim in error.claims()]
-    assert checked
+    assert len(checked) >= 4 * ports
     assert all(checked)
+
+
+@pytest.mark.parametrize("kind", ["positive", "bounded", "negative"])
+def test_a_refutation_in_ball_arithmetic(kind):
+    """Values that no function of the class has: their margin above 1 is proved, and a larger one is not."""
+    pytest.importorskip("flint")
+    _, problem = edge(2, kind, 1)
+    (frf,) = problem.frequency
+    wrong = dataclasses.replace(frf, values=-frf.values if kind != "bounded" else 1.5 * frf.values / np.abs(frf.values))
+    found = rid.identify(dataclasses.replace(problem, frequency=wrong))
+    assert found.margin_lower > 1
+    data, proof = found.formulation.data, found.certificate
+    assert verify_margin_exactly(proof, data.rows, data.sarason)
+    object.__setattr__(proof, "value", proof.value * (1 + 1e-6))
+    assert not verify_margin_exactly(proof, data.rows, data.sarason)
