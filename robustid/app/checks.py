@@ -255,6 +255,16 @@ def low_high(name: str, content: str) -> tuple[float, float]:
     return low, high
 
 
+def hz_levels(name: str, content: str) -> list[list[float]]:
+    """Rows of a table from HZ:LEVEL,HZ:LEVEL,..."""
+    try:
+        return [[float(part) for part in row.split(":")] for row in content.split(",")]
+    except ValueError:
+        raise InputError(
+            f"{name} must be HZ:LEVEL,HZ:LEVEL,... such as 10:1,200:1,2000:0.01; got {content!r}"
+        ) from None
+
+
 def output_input(name: str, content: str) -> list[int | str]:
     """Two numbers or names from OUTPUT,INPUT."""
     parts = [part.strip() for part in content.split(",")]

@@ -152,8 +152,8 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 def placeholder(run: RunFile, data: Measured) -> Prior:
     """A prior of no meaning but its shape and scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
-        return default_prior((*data.responses, *data.records), run.prior.shape)
-    return any_prior(data.dt, run.prior.scaling, **run.prior.shape)
+        return default_prior((*data.responses, *data.records), run.prior.shape(data.dt))
+    return any_prior(data.dt, run.prior.scaling, **run.prior.shape(data.dt))
 
 
 def default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
@@ -165,7 +165,7 @@ def default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> P
 
 def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
     """A class that says something: as stated, or a non-parametric part that is not larger than the data and decays."""
-    if (stated := run.prior.stated) is not None:
+    if (stated := run.prior.stated(problem.dt)) is not None:
         return stated, "the class as stated"
     sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
     small = run.modes.hz and sizes.size
@@ -195,12 +195,12 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
 
     Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
     """
-    if (stated := run.prior.stated) is not None:
+    if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
         if run.prior.roll_off != AUTO:
             return run, problem
         problem, words = with_roll_off(problem, say)
-        return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words)), problem
+        return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words, run.prior)), problem
     say("looking for a prior")
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
@@ -219,7 +219,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
     if run.prior.roll_off == AUTO:
         problem, words = with_roll_off(problem, say)
         note += f"\n{words}"
-    return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, note)), problem
+    return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, note, run.prior)), problem
 
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
@@ -239,7 +239,7 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
         f"\nAll samples together contradict K = {result.problem.prior.gain_bound:.4g} (margin {result.margin:.4g}); twice as large:"
         f" K = {prior.gain_bound:.4g}"
     )
-    found = dataclasses.replace(run, prior=PriorChoice.of(prior, note))
+    found = dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior))
     return found, dataclasses.replace(result.problem, prior=prior)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,17 +13,23 @@ from robustid.app import choices, findings
 from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
+from robustid.app.options import Modes
 from robustid.app.prior_options import prior_keys
-from robustid.app.run_file import RunFile
+from robustid.app.run_file import MODES_NOTE, RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
+from robustid.app.sources import MemberChoice
 from robustid.app.withheld import compared, looked_at
 from robustid.core import Frozen
-from robustid.errors import InconsistentDataError, Status
-from robustid.guarantees import Coverage, Family, Member, default_grid, family
+from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.guarantees import Coverage, Family, Member, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior, identify
 
 if TYPE_CHECKING:
     import control
+
+_AS_STATED = "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not be covered"
+_NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
+POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -98,19 +104,20 @@ class FamilyRun(Frozen):
 def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
     """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
 
-    Modes are those of the first member's response, or of a fit of it. The prior has the largest gain bound and the smallest decay
-    rate that any member asks for, in a class that holds those of all.
+    Modes are those of the first member's response, or of a fit of it; with ``over_poles = true`` every member has poles of its own,
+    as many, and the box that its data leave them. The prior has the largest gain bound and the smallest decay rate that any member
+    asks for, in a class that holds those of all.
     """
     data: dict[str, Measured] = {}
     for member in run.members:
         around.say(f"member {member.name}")
         stated, data[member.name] = measured(run.of_member(member.name), place, around.say)
         run = run.with_member(member.name, stated)
-    run = _with_modes(run, data, folder, around)
+    run = _with_own_poles(_with_modes(run, data, folder, around), data, around)
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
-        run, problems[name], left[name] = _problem(run, mine)
+        run, problems[name], left[name] = _problem(run, name, mine)
     run = _one_inflation(run, problems, around)
     problems = {name: _inflated(problem, run) for name, problem in problems.items()}
     run, prior = _one_prior(run, problems, around)
@@ -139,14 +146,52 @@ def _with_modes(run: RunFile, data: dict[str, Measured], folder: RunFolder, arou
     return found.changed("modes", note=f"{found.modes.note}\nOf {name}, the first of the members.")
 
 
-def _problem(run: RunFile, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:
+def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surroundings) -> RunFile:
+    """The poles of every member with the box that its own data leave them, where the band is to cover it."""
+    if not run.worst_case.over_poles or not run.modes.hz:
+        return run
+    found: list[MemberChoice] = []
+    one_box = run.modes.hz_interval is not None and not (run.modes.note or "").startswith(MODES_NOTE)
+    for member in run.members:
+        own = member
+        if own.hz is None and one_box:
+            own = dataclasses.replace(member, **{name: getattr(run.modes, name) for name in POLES})
+        elif own.hz is None:
+            around.say(f"looking for the modes of {member.name}")
+            open_modes = dataclasses.replace(run.modes, hz=None, count=len(run.modes.hz), note=None, **_NO_BOX)
+            try:
+                modes = choices.with_modes(
+                    run.changed("modes", **vars(open_modes)), data[member.name], around.say
+                ).modes
+            except InputError as error:
+                raise InputError(f"modes of member {member.name!r}: {error}") from None
+            own = dataclasses.replace(member, **{name: getattr(modes, name) for name in POLES})
+        if own.hz_interval is None or len(own.hz or ()) != len(run.modes.hz):
+            raise InputError(
+                f"over_poles = true needs the poles of member {member.name!r} and their box, and its data show"
+                f" {len(own.hz or ())} of the {len(run.modes.hz)} modes of [modes]: give hz, damping, hz_interval and"
+                " damping_interval in its [[members]], or leave over_poles out"
+            )
+        found.append(own)
+    return dataclasses.replace(run, members=tuple(found))
+
+
+def _modes_of(run: RunFile, name: str) -> Modes:
+    """The poles of a member: its own, or those of all."""
+    own = next(member for member in run.members if member.name == name)
+    if own.hz is None:
+        return run.modes
+    return dataclasses.replace(run.modes, **{pole: getattr(own, pole) for pole in POLES})
+
+
+def _problem(run: RunFile, name: str, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:
     """The run, the problem of a member with a prior of no meaning, and the data that were kept out."""
     placeholder = choices.placeholder(run, data)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
     unused = [rest for _, rest in parts if rest is not None]
     run, used, out, kind = kept_out(run, data, [points for points, _ in parts], unused)
     dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
-    basis = choices.basis_of(run.modes, dt)
+    basis = choices.basis_of(_modes_of(run, name), dt)
     problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
     return run, problem, Untouched([], out, kind, used)
 
@@ -166,7 +211,7 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
     """The smallest class that holds those that every member asks for."""
     found = [choices.with_prior(run, problem, around.say, double=False) for problem in problems.values()]
     asked = [(one, problem.prior) for one, problem in found]
-    if run.prior.stated is not None:
+    if run.prior.is_stated:
         return asked[0]
     gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.rate for _, prior in asked)
     first, prior = asked[0]
@@ -175,7 +220,14 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
         f"One class for all members, {gain:.4g} and {decay:.5g}: the largest gain bound and the smallest decay rate.\n"
     )
     prior = dataclasses.replace(prior.with_rate(decay), gain_bound=gain)
-    return first.changed("prior", **prior_keys(prior), note=note + "\n".join(notes)), prior
+    return first.changed("prior", **prior_keys(prior, run.prior), note=note + "\n".join(notes)), prior
+
+
+def _box_of(member: MemberChoice) -> Any:
+    """The pole-uncertainty box of a member, in rad/s; None where it has none."""
+    if member.hz_interval is None:
+        return None
+    return 2 * np.pi * np.array(member.hz_interval), np.array(member.damping_interval)
 
 
 def _united(
@@ -187,29 +239,51 @@ def _united(
 ) -> FamilyRun:
     """The family of the members, and what withheld data say of its band."""
     members = [
-        Member(found[m.name], m.name, amplitude=m.amplitude, position=m.position, load=m.load, date=m.date)
+        Member(
+            found[m.name],
+            m.name,
+            amplitude=m.amplitude,
+            position=m.position,
+            load=m.load,
+            date=m.date,
+            poles=_box_of(m) if run.worst_case.over_poles else None,
+            delay=run.modes.delay or 0,
+        )
         for m in run.members
     ]
     said = [f"{name}: {words}" for name, one in found.items() for words in findings.class_words(run, one, around.say)]
     asked = run.worst_case
     if asked.at_hz is None:
-        grid = np.unique(np.concatenate([default_grid(one) for one in found.values()]))
-        basis = members[0].identification.problem.parametric
+        grid = frequencies_of(members)
+        bases = [one.problem.parametric for one in found.values()]
+        poles = np.unique(np.concatenate([[], *(basis.poles for basis in bases if basis is not None)]))
         withheld = [frf for one in left.values() for frf in one.withheld]
-        grid = looked_at(grid, () if basis is None else basis.poles, members[0].identification.problem.plane, withheld)
+        grid = looked_at(grid, tuple(poles), members[0].identification.problem.plane, withheld)
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
-    how = {"directions": asked.directions, "rtol": asked.rtol, "order": run.family.order}
+    how = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")} | {"order": run.family.order}
     spread = around.counted("bounding the members at every frequency")
+    how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:
-        one = family(members, omega=omega, schedule=run.family.schedule, interval=run.family.interval, **how, **spread)
+        try:
+            one = family(members, **how, **spread)
+        except InputError as error:
+            if not asked.over_poles:
+                raise
+            said.insert(0, f"{_AS_STATED} ({error}).")
+            one = family([dataclasses.replace(m, poles=None) for m in members], **how, **spread)
     except InconsistentDataError as error:
         words = (*said, str(error))
         return FamilyRun(identifications=found, family=None, withheld={}, findings=words, run_file=run)
     if asked.circle:
         spread = around.counted("bounding the members between the frequencies")
         one.on_circle(asked.rtol, executor=spread["executor"], progress=spread["progress"])
+    if one.omega.size < omega.size:
+        said.append(
+            f"The time limit of {asked.time_limit:g} s ended the sweep: {one.omega.size} of {omega.size} frequencies are bounded"
+            " for all members, nothing is said of the others."
+        )
     seen = {name: c for name, mine in left.items() if (c := compared(one, mine.withheld, mine.kind)) is not None}
     judged = [f"{name}: {words}" for name, c in seen.items() for words in c.sentences]
     bad = any(c.contradicted for c in seen.values())

@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.checks import AUTO, auto_or, key, listed, number, several, text, whole
-from robustid.errors import InputError
+from robustid.app.checks import AUTO, Check, auto_or, hz_levels, key, listed, number, several, text, whole
+from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
-    from robustid.identification import Prior
+    from robustid.identification import Prior, PriorWeight
+
 
 _positive = number(above=0)
 _NOTE = "How the program chose these values, in words; written by the program."
+
+
+def _weight_model() -> Check:
+    """The numbers of a weight that is stable and of minimum phase."""
+    roots = several(several(number(), 2))
+    checks: dict[str, Check] = {"zeros": roots, "poles": roots, "gain": number(), "dt": number(least=0)}
+
+    def check(name: str, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping) or {*value} != {*checks}:
+            raise InputTypeError(
+                f"{name} must be a table {{ zeros, poles, gain, dt }}, as the program writes it; got {value!r}"
+            )
+        found = {part: one(f"{name} {part}", value[part]) for part, one in checks.items()}
+        sizes = [math.hypot(*root) - 1 if found["dt"] else root[0] for root in (*found["zeros"], *found["poles"])]
+        if max(sizes, default=-1.0) >= 0 or len(found["zeros"]) > len(found["poles"]):
+            raise InputError(
+                f"{name} must be stable and of minimum phase, without more zeros than poles; give weight, a table"
+            )
+        return found
+
+    return check
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,40 +80,53 @@ class PriorChoice:
     corner_hz: float | None = key(
         _positive, help="Prior: where the gain bound begins to fall.", unit="Hz", flag="--corner"
     )
+    weight: tuple | None = key(
+        several(several(number(least=0), 2)),
+        help="Prior: the gain bound times a level that depends on the frequency, rows [Hz, level], between them straight in"
+        " logarithms; covered from above by a small weight. In the place of a roll-off.",
+        flag="--weight",
+        text=hz_levels,
+        metavar="HZ:LEVEL,...",
+    )
+    weight_model: Mapping[str, Any] | None = key(
+        _weight_model(),
+        help="The weight of a prior that was made in Python, by its zeros and poles; written by the program.",
+    )
     note: str | None = key(text(), help=_NOTE)
 
     @property
-    def stated(self) -> Prior | None:
-        """The prior; None where it is to be chosen."""
+    def is_stated(self) -> bool:
+        """True if nothing is to be chosen."""
+        return self.gain_bound is not None or self.passive is not None
+
+    def stated(self, dt: float | None) -> Prior | None:
+        """The prior, for data of a sample time; None where it is to be chosen."""
         from robustid.identification import prior_from
 
+        if not self.is_stated:
+            return None
         names = ("gain_bound", "decay_rate", "decay", "passive", "slack")
         fields = {name: value for name in names if (value := getattr(self, name)) is not None}
-        if not {"gain_bound", "passive"} & set(fields):
-            return None
-        return prior_from({**fields, "scaling": self.scaling, **self.shape})
+        return prior_from({**fields, "scaling": self.scaling, **self.shape(dt)})
 
-    @property
-    def shape(self) -> dict[str, Any]:
-        """The roll-off, as a prior takes it; empty where there is none."""
+    def shape(self, dt: float | None) -> dict[str, Any]:
+        """The roll-off or weight, as a prior takes it for data of a sample time; empty where there is none."""
+        if self.weight is not None:
+            return {"weight": _covering(self.weight, dt or None)}
+        if self.weight_model is not None:
+            return {"weight": self.weight_model}
         if self.roll_off in (None, AUTO) or self.corner_hz is None:
             return {}
         return {"roll_off": self.roll_off, "corner": 2 * math.pi * self.corner_hz}
 
     @classmethod
-    def of(cls, prior: Prior, note: str | None = None) -> PriorChoice:
-        """A prior as it is stated in a run file.
-
-        Raises
-        ------
-        InputError
-            One with a weight, which has no keys there.
-        """
-        return cls(**prior_keys(prior), note=note)
+    def of(cls, prior: Prior, note: str | None = None, asked: PriorChoice | None = None) -> PriorChoice:
+        """A prior as it is stated in a run file; its weight by the table that was asked for, where there is one."""
+        return cls(**prior_keys(prior, asked), note=note)
 
     def check(self, names: dict[str, str]) -> None:
         """Refuse a part of a prior; `names` are those of its keys where they were given, if they are others."""
-        others = ("decay_rate", "decay", "slack", "scaling", "roll_off", "corner_hz")
+        others = ("decay_rate", "decay", "slack", "scaling", "roll_off", "corner_hz", "weight", "weight_model")
         names = {name: name for name in others} | names
         gain, *decays = (names[name] for name in ("gain_bound", "decay_rate", "decay"))
         given = [name for name, value in zip(decays, (self.decay_rate, self.decay), strict=True) if value is not None]
@@ -98,6 +135,12 @@ class PriorChoice:
         if self.passive is not None:
             self._check_passive(names, bool(given))
             return
+        shapes = [name for name in ("roll_off", "weight", "weight_model") if getattr(self, name) is not None]
+        if len(shapes) > 1:
+            one, other = (names[name] for name in shapes[:2])
+            raise InputError(
+                f"{one} and {other} both say how the gain bound depends on the frequency; give one of them"
+            )
         if self.slack:
             raise InputError(
                 f'{names["slack"]} belongs to {names["passive"]} = "positive real", which is not given; leave it out'
@@ -121,7 +164,7 @@ class PriorChoice:
     def _check_passive(self, names: dict[str, str], decays: bool) -> None:
         """Refuse what a passive class has no use for."""
         name = names["passive"]
-        for other in ("gain_bound", "scaling", "roll_off", "corner_hz"):
+        for other in ("gain_bound", "scaling", "roll_off", "corner_hz", "weight", "weight_model"):
             if getattr(self, other) is not None:
                 raise InputError(
                     f"{names[other]} has no meaning with {name}, which bounds the plant by itself; leave it out"
@@ -133,24 +176,32 @@ class PriorChoice:
             )
 
 
-def prior_keys(prior: Prior) -> dict[str, Any]:
+def prior_keys(prior: Prior, asked: PriorChoice | None = None) -> dict[str, Any]:
     """The keys of a prior in a run file: without the gain bound that a passive class doesn't ask for.
 
-    Raises
-    ------
-    InputError
-        A prior with a weight.
+    A weight is stated by the table that was asked for, where there is one, else by its zeros and poles.
     """
     from robustid.identification import prior_fields
 
     fields = {name: value for name, value in prior_fields(prior).items() if value is not None}
     if "weight" in fields:
-        raise InputError(
-            "`prior` has a `weight`, for which run files have no key: state it by `roll_off` and `corner`, or take identify() and"
-            " reduce_within_bounds() one after the other"
-        )
+        model, table = fields.pop("weight"), None if asked is None else asked.weight
+        fields |= {"weight_model": model} if table is None else {"weight": table}
     if prior.physical:
         fields.pop("gain_bound", None)
     if "corner" in fields:
         fields["corner_hz"] = fields.pop("corner") / (2 * math.pi)
     return fields
+
+
+@functools.lru_cache(maxsize=8)
+def _covering(rows: tuple[tuple[float, float], ...], dt: float | None) -> PriorWeight:
+    """The weight above a table, for data of a sample time."""
+    from robustid.advice import prior_weight
+    from robustid.identification import as_weight
+
+    hz, level = zip(*rows, strict=True) if rows else ((), ())
+    try:
+        return as_weight(prior_weight([2 * math.pi * one for one in hz], level, dt=dt))
+    except InputError as error:
+        raise InputError(f"[prior] weight (rows [Hz, level]): {error}") from None

@@ -125,10 +125,12 @@ class RunFile(Frozen, General):
 
     def agrees(self, asked: RunFile) -> bool:
         """True if this answers what was asked: every value stated there is the same here."""
-        if (len(self.record), len(self.frequency)) != (len(asked.record), len(asked.frequency)):
+        many = [[len(getattr(run, name)) for name in _MANY] for run in (self, asked)]
+        if many[0] != many[1]:
             return False
         pairs: list[tuple[Any, Any]] = [*zip(self.record, asked.record, strict=True)]
         pairs += zip(self.frequency, asked.frequency, strict=True)
+        pairs += zip(self.members, asked.members, strict=True)
         pairs += [
             (getattr(self, f.name), getattr(asked, f.name)) for f in dataclasses.fields(self) if f.name in SECTIONS
         ]
@@ -139,7 +141,7 @@ class RunFile(Frozen, General):
             for f in dataclasses.fields(want)
             for value in [getattr(want, f.name)]
         )
-        same = [(run.title, run.entry, run.members) for run in (self, asked)]
+        same = [(run.title, run.entry) for run in (self, asked)]
         return alike and same[0] == same[1]
 
 
@@ -164,25 +166,35 @@ def _check_fit(run: RunFile) -> None:
         raise InputError("[fit] takes the modes from a fit, [modes] states them otherwise: give one of them")
 
 
-def _check_modes(run: RunFile) -> None:
-    modes = run.modes
+def _check_poles(place: str, modes: Modes | MemberChoice) -> None:
+    """Refuse poles that are half stated, or in percent."""
     for name in ("damping", "hz_interval", "damping_interval"):
         value = getattr(modes, name)
         if value is not None and (modes.hz is None or len(value) != len(modes.hz)):
             size = "none" if modes.hz is None else str(len(modes.hz))
-            raise InputError(f"[modes] {name} has {len(value)} items, hz has {size}; give one of each for every mode")
+            raise InputError(f"{place} {name} has {len(value)} items, hz has {size}; give one of each for every mode")
     if modes.hz and modes.damping is None:
-        raise InputError("[modes] hz is given without damping; give both, or neither to have them taken from the data")
+        raise InputError(f"{place} hz is given without damping; give both, or neither to have them taken from the data")
+    if bad := [d for d in modes.damping or () if d > 1]:
+        raise InputError(f"{place} damping is a ratio below 1, not percent; got {bad[0]:g} (1 stands for a real pole)")
+    if (modes.hz_interval is None) != (modes.damping_interval is None):
+        raise InputError(
+            f"{place} hz_interval and damping_interval make one pole-uncertainty box; give both or neither"
+        )
+
+
+def _check_modes(run: RunFile) -> None:
+    modes = run.modes
+    _check_poles("[modes]", modes)
     if modes.hz is not None and modes.count is not None:
         raise InputError("[modes] count says how many to look for, hz which they are; give one of them")
-    if bad := [d for d in modes.damping or () if d > 1]:
-        raise InputError(f"[modes] damping is a ratio below 1, not percent; got {bad[0]:g} (1 stands for a real pole)")
-    if (modes.hz_interval is None) != (modes.damping_interval is None):
-        raise InputError("[modes] hz_interval and damping_interval make one pole-uncertainty box; give both or neither")
-    if run.worst_case.over_poles and modes.hz is not None and modes.hz_interval is None:
-        raise InputError(
-            "[worst_case] over_poles = true needs the pole-uncertainty box: give hz_interval and damping_interval in [modes]"
-        )
+    for k, member in enumerate(run.members, start=1):
+        _check_poles(f"[[members]] {k}:", member)
+        if member.hz is not None and modes.hz is not None and len(member.hz) != len(modes.hz):
+            raise InputError(
+                f"[[members]] {k}: hz has {len(member.hz)} items, that of [modes] {len(modes.hz)}; the poles may differ between"
+                " members, their number may not"
+            )
 
 
 def _check_notes(run: RunFile) -> None:
@@ -271,8 +283,6 @@ def _check_members(run: RunFile) -> None:
             raise InputError(f"[[members]] {k} needs name = ..., one of its own")
         if not any(source.member == name for _, source in sources):
             raise InputError(f"[[members]] {k}: no [[record]] and no [[frequency]] has member = {name!r}")
-    if run.members and run.worst_case.over_poles:
-        raise InputError("[worst_case] over_poles = true is about one plant; leave it out where there are [[members]]")
     if run.members and not run.worst_case.compute:
         raise InputError(
             "[worst_case] compute = false leaves nothing of a family; leave it out where there are [[members]]"
@@ -282,6 +292,11 @@ def _check_members(run: RunFile) -> None:
 def _check_sources(run: RunFile) -> None:
     """Refuse what contradicts itself, before any file is opened."""
     _check_members(run)
+    lone = run.worst_case.over_poles and not run.members
+    if lone and run.modes.hz is not None and run.modes.hz_interval is None:
+        raise InputError(
+            "[worst_case] over_poles = true needs the pole-uncertainty box: give hz_interval and damping_interval in [modes]"
+        )
     if not run.record and not run.frequency:
         raise InputError("no data: give [[record]] or [[frequency]] with file = ..., or dataset = ... in a [[record]]")
     for k, source in enumerate(run.record, start=1):

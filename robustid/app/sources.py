@@ -219,6 +219,21 @@ class MemberChoice:
     position: float | None = key(number(), help="Position of the machine.")
     load: float | None = key(number(), help="Load on the machine.")
     date: str | None = key(text(), help="When it was measured.")
+    hz: tuple[float, ...] | None = key(
+        several(_positive),
+        help="Frequencies of its own poles, as many as [modes] has; default: those of [modes].",
+        unit="Hz",
+    )
+    damping: tuple[float, ...] | None = key(several(_positive), help="Damping ratios of its own poles.")
+    hz_interval: tuple | None = key(
+        several(several(_positive, 2)),
+        help="Its own pole-uncertainty box, where over_poles = true: an interval for each of hz; default: that of [modes], or what"
+        " its data leave.",
+        unit="Hz",
+    )
+    damping_interval: tuple | None = key(
+        several(several(_positive, 2)), help="Its own pole-uncertainty box: an interval for each of damping."
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.scores import Ranked, chance_of_order, ranked
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
-from robustid.guarantees.unite import family
+from robustid.guarantees.unite import family, frequencies_of
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.weight_structures import (
@@ -67,6 +67,7 @@ __all__ = [
     "diameter",
     "entry_weights",
     "family",
+    "frequencies_of",
     "growing_error",
     "magnitude_weight",
     "norm_of_bounds",

@@ -32,7 +32,7 @@ from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
-from robustid.guarantees.pole_sweep import bounded, default_frequencies, searched
+from robustid.guarantees.pole_sweep import affordable, bounded, default_frequencies, searched
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.sweep import Folder
 from robustid.guarantees.value_set import norm_of_bounds
@@ -316,8 +316,8 @@ def worst_case_over_poles(
     cells : int
         Cells at most.
     time_limit : float, optional
-        Seconds; cells are split no further after a third of it, and at the end the result has the frequencies that are finished in
-        all cells, spread over the range. So it has on Ctrl-C without `resume`.
+        Seconds; cells are split no further after a third of it, nor where so many can't be bounded at 24 frequencies. At the end
+        the result has the frequencies that are finished in all cells, spread over the range. So it has on Ctrl-C without `resume`.
 
     Returns
     -------
@@ -359,6 +359,9 @@ def worst_case_over_poles(
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):
         sets, refuted = searched(problem, whole, grid, cells, budget.share(_SEARCH))
+        most = affordable(sets, grid, (directions, gap), budget, model)
+        if most < sum(consistent is not None for _, consistent in sets):
+            sets, refuted = searched(problem, whole, grid, most, budget.share(_SEARCH))
     if not sets:
         raise InconsistentDataError(
             f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"

@@ -21,6 +21,7 @@ from robustid.identification import MixedProblem, prove_margin
 
 _log = logging.getLogger("robustid")
 
+_ENOUGH = 24  # frequencies, for which cells are left undivided where the time is short
 _MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
 
 
@@ -60,6 +61,23 @@ def searched(
         kept.append((cell, consistent))
         _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))
     return kept, refuted
+
+
+def affordable(
+    sets: list[tuple[PoleCell, ConsistentSet | None]],
+    grid: Real,
+    settings: tuple[int, float],
+    budget: Budget,
+    model: Any,
+) -> int:
+    """So many cells can be bounded at enough frequencies in the time that is left, by what one of them takes at one frequency."""
+    first = next((consistent for _, consistent in sets if consistent is not None), None)
+    if budget.seconds is None or first is None:
+        return len(sets)
+    before = budget.left
+    value_sets(first, grid[grid.size // 2 :][:1], *settings, model=model)
+    each = max(before - budget.left, 1e-9)
+    return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size))
 
 
 def bounded(

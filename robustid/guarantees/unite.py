@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import logging
 import pathlib
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Real, as_array, as_count
+from robustid.core import Budget, Real, as_array, as_count
 from robustid.errors import InputError
 from robustid.guarantees.common_nominal import centres_of, fitted_nominal
 from robustid.guarantees.families import Family
 from robustid.guarantees.member import CONDITIONS, Bounded, Member, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import worst_case_over_poles
+from robustid.guarantees.pole_cells import box_of
+from robustid.guarantees.pole_sweep import default_frequencies
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.sweep import Folder, Progress
 from robustid.guarantees.worst_case import worst_case_error
+from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
+
+_log = logging.getLogger("robustid")
 
 
 class _Settings(NamedTuple):
@@ -57,6 +64,7 @@ def family(
     executor: Spread = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
+    time_limit: float | None = None,
 ) -> Family:
     r"""Plants that differ by amplitude, position, load or date as one family: a nominal model, and a band that holds them all.
 
@@ -83,6 +91,8 @@ def family(
         Range of it that you ask about; default from the smallest to the largest of the members.
     directions, rtol, executor, progress, resume : optional
         As in `worst_case_error`; progress counts the frequencies of all members.
+    time_limit : float, optional
+        Seconds, shared by the members: the family then has the frequencies that were finished for all of them; a warning says so.
 
     Returns
     -------
@@ -117,8 +127,8 @@ def family(
     order = None if order is None else as_count("order", order, least=1)
     if model is not None and order is not None:
         raise InputError("`order` is that of the nominal that is fitted, and `model` states one; leave one of them out")
-    settings = _Settings(directions, rtol, executor, progress, resume)
-    bounded = _bounded(found, _frequencies(found, omega), settings)
+    settings, grid = _Settings(directions, rtol, executor, progress, resume), _frequencies(found, omega)
+    bounded = _bounded(found, grid, settings, Budget(time_limit))
     results = [result for _, result in bounded]
     first, tried = results[0].identification, ()
     if model is not None:
@@ -142,7 +152,7 @@ def _frequencies(members: Sequence[Member], omega: Any) -> Real:
     elif known:
         grid = known[0]
     else:
-        grid = np.unique(np.concatenate([default_grid(m.identification) for m in members]))
+        grid = frequencies_of(members)
     for m in members:
         if not isinstance(m.result, Identification) and not np.array_equal(m.result.omega, grid):
             raise InputError(
@@ -152,21 +162,63 @@ def _frequencies(members: Sequence[Member], omega: Any) -> Real:
     return grid
 
 
-def _bounded(members: Sequence[Member], grid: Real, settings: _Settings) -> list[tuple[Member, Bounded]]:
-    """The members with the bounds of their values at the same frequencies, computed where they aren't there."""
-    todo = [k for k, m in enumerate(members) if isinstance(m.result, Identification)]
-    found: list[tuple[Member, Bounded]] = []
-    for k, m in enumerate(members):
-        if not isinstance(m.result, Identification):
-            found.append((m, m.result))
-            continue
-        how = settings.of(todo.index(k), len(todo))
+def frequencies_of(members: Sequence[Member]) -> Real:
+    """Default frequencies of members: those of `worst_case_error`, fewer where a pole-uncertainty box is to be covered."""
+    found: list[Real] = []
+    for m in members:
+        problem = m.identification.problem
         if m.poles is None:
-            error: Bounded = worst_case_error(m.result, omega=grid, **how)
+            found.append(default_grid(m.identification))
         else:
-            error = worst_case_over_poles(m.result, *m.poles, delay=m.delay, omega=grid, **how)
-        found.append((m.bounded(error), error))
-    return found
+            omega, damping = m.poles
+            found.append(default_frequencies(problem, box_of(m.identification, omega, damping, m.delay)))
+    return np.unique(np.concatenate(found))
+
+
+def _bounded(
+    members: Sequence[Member], grid: Real, settings: _Settings, budget: Budget
+) -> list[tuple[Member, Bounded]]:
+    """The members with the bounds of their values at the same frequencies, computed where they aren't there.
+
+    Where the time ends, at those that were finished for all: each member is asked about what the ones before it have.
+    """
+    todo, asked = [k for k, m in enumerate(members) if isinstance(m.result, Identification)], grid.size
+    results: list[Bounded] = []
+    for k, m in enumerate(members):
+        if isinstance(m.result, Identification):
+            how = settings.of(todo.index(k), len(todo))
+            how["time_limit"] = budget.share(1 / (len(todo) - todo.index(k))).seconds
+            if m.poles is None:
+                error: Bounded = worst_case_error(m.result, omega=grid, **how)
+            else:
+                error = worst_case_over_poles(m.result, *m.poles, delay=m.delay, omega=grid, **how)
+        else:
+            error = m.result
+        grid = error.omega
+        results.append(error)
+    if grid.size < asked:
+        _log.warning(
+            "the time limit ended the sweep: %d of %d frequencies are bounded for all members", grid.size, asked
+        )
+    results = [_at(error, grid) for error in results]
+    return [(m if error is m.result else m.bounded(error), error) for m, error in zip(members, results, strict=True)]
+
+
+def _at(error: Bounded, grid: Real) -> Bounded:
+    """The bounds at those of the frequencies that all members have."""
+    used = np.isin(error.omega, grid)
+    if used.all():
+        return error
+    wanted = set(grid.tolist())
+    if isinstance(error, WorstCaseError):
+        values = tuple(one for one in error.values if one.omega in wanted)
+        return dataclasses.replace(error, values=values, missing=np.union1d(error.missing, error.omega[~used]))
+    kept = [
+        dataclasses.replace(item, values=tuple(one for one in item.values if one.omega in wanted))
+        for item in error.kept
+    ]
+    parts = {name: getattr(error, name)[used] for name in ("omega", "upper", "magnitude")}
+    return dataclasses.replace(error, kept=tuple(kept), **parts)
 
 
 def _scheduled(

@@ -28,6 +28,7 @@ from robustid.identification.result import Identification
 from robustid.identification.storage import describe_problem
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
 from robustid.identification.verification import Check, Claim
+from robustid.identification.weighting import PriorWeight, as_weight
 
 __all__ = [
     "FORMS",
@@ -43,10 +44,12 @@ __all__ = [
     "NegativeImaginary",
     "PositiveReal",
     "Prior",
+    "PriorWeight",
     "Residual",
     "SupportCertificate",
     "Validation",
     "any_prior",
+    "as_weight",
     "ball_arithmetic",
     "certify_support",
     "check_gain",

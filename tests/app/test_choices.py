@@ -266,7 +266,7 @@ def test_a_chosen_gain_bound_that_all_samples_contradict_a_little_is_doubled():
     chosen = stated.changed("prior", note=choices.PRIOR_NOTE + "0.5 at decay rate 1.1")
     run, wider = choices.with_larger_gain(chosen, result)
     assert wider.prior == rid.Prior(gain_bound=1.0, decay_rate=1.1)
-    assert run.prior.stated == wider.prior
+    assert run.prior.stated(1.0) == wider.prior
     assert "All samples together contradict K = 0.5" in run.prior.note
     assert rid.identify(wider).consistent
     assert choices.with_larger_gain(run, rid.identify(wider)) is None

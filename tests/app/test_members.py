@@ -95,6 +95,65 @@ def test_the_modes_are_those_of_a_fit_of_the_first_member(tmp_path):
     assert again.run_file.modes.note == modes.note
 
 
+def moved(tmp_path, **sections):
+    """Two members whose mode lies at 8.0 and 8.3 rad/s, each measured within 1e-3 of its plant."""
+    omega, place = np.linspace(5.0, 11.0, 25), {"weak": 8.0, "strong": 8.3}
+    path = asked(tmp_path, worst_case={"at_hz": [1.1, 1.29], "directions": 4, "over_poles": True}, **sections)
+    for k, (name, at) in enumerate(place.items()):
+        error = 0.9e-3 * np.exp(2j * np.pi * np.random.default_rng(k).uniform(0, 1, omega.size))
+        values = rid.kautz([at], [0.03], dt=DT, delay=1).response(omega * DT) @ np.array([0.1, 0.05]) + error
+        rid.save(tmp_path / f"{name}.csv", rid.FrequencyResponse(omega, values, bound=1e-3, dt=DT))
+    return path, place
+
+
+@pytest.mark.parametrize("modes", [{}, {"hz": [1.28], "damping": [0.03], "delay": 1}])
+def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
+    """As the family that is made by hand with the boxes that the effective run file states; the true poles lie inside."""
+    path, place = moved(tmp_path, modes=modes, prior={"gain_bound": 0.3, "decay_rate": 1.5})
+    found = rid.run(path, tmp_path / "out")
+    members = []
+    for m in found.run_file.members:
+        ((low, high),) = 2 * np.pi * np.array(m.hz_interval)
+        assert low < place[m.name] < high
+        assert m.damping_interval[0][0] < 0.03 < m.damping_interval[0][1]
+        box = 2 * np.pi * np.array(m.hz_interval), np.array(m.damping_interval)
+        members.append(rid.Member(found.identifications[m.name], m.name, amplitude=m.amplitude, poles=box))
+    hand = rid.family(members, omega=found.family.omega, directions=4)
+    np.testing.assert_allclose(found.family.upper, hand.upper, rtol=1e-9)
+    assert found.family.certified
+    poles = [one.problem.parametric.poles for one in found.identifications.values()]
+    assert not np.array_equal(*poles)
+    again = read_run_file(tmp_path / "out" / "run.toml")
+    assert again.members == found.run_file.members
+    resumed = rid.run(path, tmp_path / "out", resume=True)
+    assert np.array_equal(resumed.family.upper, found.family.upper)
+
+
+def test_a_box_that_modes_states_is_that_of_every_member(tmp_path):
+    box = {"hz_interval": [[1.25, 1.34]], "damping_interval": [[0.02, 0.04]]}
+    modes = {"hz": [1.3], "damping": [0.03], "delay": 1} | box
+    path, _ = moved(tmp_path, modes=modes, prior={"gain_bound": 0.5, "decay_rate": 1.5})
+    found = rid.run(path, tmp_path / "out")
+    assert [m.hz_interval for m in found.run_file.members] == [((1.25, 1.34),)] * 2
+
+
+def test_a_box_that_is_too_wide_is_said_and_the_band_is_that_of_the_poles_as_they_are(tmp_path):
+    box = {"hz_interval": [[0.1, 2.4]], "damping_interval": [[1e-4, 0.9]]}
+    modes = {"hz": [1.3], "damping": [0.03], "delay": 1} | box
+    path, _ = moved(tmp_path, modes=modes, prior={"gain_bound": 10.0, "decay_rate": 1.02})
+    found = rid.run(path, tmp_path / "out")
+    assert "not for their pole-uncertainty boxes" in found.findings[0]
+    assert "is too wide for a bound" in found.findings[0]
+    assert np.all(np.isfinite(found.family.upper))
+
+
+def test_a_member_with_too_few_points_for_the_modes_is_named(tmp_path):
+    path, _ = moved(tmp_path, modes={"hz": [1.28, 9.0], "damping": [0.03, 0.01], "delay": 1}, prior=CLASS["prior"])
+    rid.save(tmp_path / "weak.csv", rid.FrequencyResponse([5.0, 8.0, 11.0], np.ones(3), bound=1e-3, dt=DT))
+    with pytest.raises(rid.InputError, match=r"member 'weak'.*has 3 frequency points; at least 4 are needed"):
+        rid.run(path, tmp_path / "out")
+
+
 def test_a_member_that_refutes_the_class_is_a_finding(tmp_path):
     found = rid.run(asked(tmp_path, {"weak": 0.8, "wild": 30.0}), tmp_path / "out")
     assert found.family is None
@@ -118,7 +177,15 @@ SOURCES = [{"file": "a.csv", "member": "a"}, {"file": "b.csv", "member": "b"}]
         ({"members": [*MEMBERS, {"name": "b"}]}, "needs name = ..., one of its own"),
         ({"members": [{"name": "a"}, {"nmae": "b"}]}, "no key 'nmae'; the nearest is 'name'"),
         ({"worst_case": {"compute": False}}, "leaves nothing of a family"),
-        ({"worst_case": {"over_poles": True}}, "is about one plant"),
+        ({"members": [{"name": "a", "hz": [1.0]}, {"name": "b"}]}, "1: hz is given without damping"),
+        (
+            {"members": [{"name": "a", "hz_interval": [[1.0, 2.0]]}, {"name": "b"}]},
+            "1: hz_interval has 1 items, hz has",
+        ),
+        (
+            {"members": [*MEMBERS[:1], {"name": "b", "hz": [1.0], "damping": [0.1]}], "modes": {"hz": []}},
+            "2: hz has 1 items, that of .modes. 0; the poles may differ",
+        ),
         ({"members": []}, "member = 'a' is the name of none"),
     ],
 )

@@ -16,7 +16,7 @@ def test_keys_of_a_passive_class_are_those_that_state_it():
     for prior in (rid.PositiveReal(decay=3.0, slack=0.1), rid.BoundedReal(decay_rate=1.1)):
         keys = prior_keys(prior)
         assert "gain_bound" not in keys
-        assert PriorChoice(**keys).stated == prior
+        assert PriorChoice(**keys).stated(None) == prior
 
 
 @pytest.mark.parametrize(

@@ -222,3 +222,20 @@ def test_a_family_keeps_the_measured_lines_of_its_members(three):
         found = rid.coverage(three, measured(gain, seed=k), kind="lines")
         assert found.omega.tolist() == [w for w in LINES if w in OMEGA]
         assert not found.contradicted
+
+
+def test_a_time_limit_leaves_the_frequencies_that_all_members_have(members, three, caplog):
+    """The bounds are those of the whole family there; what is missing is said."""
+    omega = np.linspace(0.5, 25.0, 40)
+    found = rid.family(members, omega=omega, directions=8, model=three.model, time_limit=0.05)
+    assert 1 <= found.omega.size < omega.size
+    assert f"{found.omega.size} of 40 frequencies are bounded for all members" in caplog.text
+    whole = rid.family(members, omega=found.omega, directions=8, model=three.model)
+    np.testing.assert_allclose(found.upper, whole.upper, rtol=1e-9)
+    assert found.certified
+    bounded = rid.worst_case_error(members[0].result, omega=omega, directions=8)
+    mixed = [rid.Member(bounded, "weak"), *members[1:]]
+    found = rid.family(mixed, directions=8, model=three.model, time_limit=0.05)
+    assert found.omega.size < omega.size
+    assert np.array_equal(found.members[0].result.missing, np.setdiff1d(omega, found.omega))
+    assert found.certified

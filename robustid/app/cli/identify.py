@@ -71,7 +71,7 @@ def identify(
     if not paths:
         raise InputError("--frequency and --time are both missing; give at least one file")
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
-    prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner"})
+    prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
     outputs.check_static(report, static)
     outputs.check_outputs([*outputs.result_files(output), report], paths, force)
     console, entry = terminal.console(), general.entry
@@ -80,15 +80,16 @@ def identify(
         Files(paths=time or [], source=records, entry=entry, first=first, bounded=True),
     ]
     lines, samples = (one.read(console) for one in asked)
-    modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
+    dt = (*lines, *samples)[0].dt
+    modes = _with_pairs(modes, mode, dt)
     result = identified(
         console,
         how,
         frequency=lines,
         time=samples,
         modes=modes,
-        prior=prior.stated,
-        shape=prior.shape,
+        prior=prior.stated(dt),
+        shape=prior.shape(dt),
         roll_off=prior.roll_off == AUTO,
     )
     if apply and not result.consistent:
