@@ -27,7 +27,10 @@ from robustid.identification import Identification, MixedProblem, Prior, identif
 if TYPE_CHECKING:
     import control
 
-_AS_STATED = "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not be covered"
+_AS_STATED = (
+    "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
+    " be covered"
+)
 _NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
 POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
 
