@@ -25,6 +25,7 @@ _FEW = 40  # frequency points (over the root of the entries) that stand for more
 _ROUNDS = 4  # times that the worst of the others join
 _ADDED = 8  # of them at a time
 _QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
+_FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
 _APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
 
 
@@ -316,7 +317,9 @@ def _default_rates(problem: MixedProblem) -> Real:
         finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, _FEW))
         widest.append(float(problem.angles[-1]) / 2)
     if problem.taylor:
-        finest.append(1 / problem.taylor)
+        # From unknown initial states a class that hardly decays over the record holds any data, and says nothing of the plant.
+        free = all(record.initial == "free" for record in problem.time)
+        finest.append((_FORGETS if free else 1) / problem.taylor)
         widest.append(0.3)
     high = min(max(widest), 0.3)
     low = float(np.clip(min(finest), high / 300, high / 8))

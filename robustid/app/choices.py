@@ -23,9 +23,10 @@ from robustid.app.checks import AUTO
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
-from robustid.app.run_file import BOUNDS_NOTE, MODES_NOTE, PRIOR_NOTE, RunFile
+from robustid.app.record_modes import modes_of_records
+from robustid.app.run_file import BOUNDS_NOTE, CHOSEN_MODES, MODES_NOTE, PRIOR_NOTE, RECORD_MODES_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, Status
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify
 from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
@@ -43,13 +44,14 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
-    if not data.responses or run.prior.passive is not None:
-        note = "No parametric part: there is no frequency response to take modes from."
-        if run.prior.passive is not None:
-            note = "No parametric part: a passive class is about the whole plant."
-        return run.changed("modes", hz=(), damping=(), delay=1, note=note)
-    say("looking for modes in the frequency response")
     chosen = run.modes
+    if run.prior.passive is not None:
+        note = "No parametric part: a passive class is about the whole plant."
+        return run.changed("modes", hz=(), damping=(), delay=1, note=note)
+    if not data.responses:
+        say("looking for modes in the records")
+        return dataclasses.replace(run, modes=from_records(chosen, data.records))
+    say("looking for modes in the frequency response")
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
     box: dict[str, Any] = {}
     if found.omega.size:
@@ -67,6 +69,19 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         **box,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
+    """The poles of the parametric part from records alone, by a fit of them."""
+    rows, words = modes_of_records(records, chosen.count)
+    return dataclasses.replace(
+        chosen,
+        hz=tuple(row.hz for row in rows),
+        damping=tuple(row.damping for row in rows),
+        count=None,
+        delay=1 if chosen.delay is None else chosen.delay,
+        note=RECORD_MODES_NOTE + words if rows else words,
+    )
 
 
 def _pairs(intervals: np.ndarray) -> tuple:
@@ -203,7 +218,7 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
         return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words, run.prior)), problem
     say("looking for a prior")
     chosen = run.modes
-    own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(MODES_NOTE)
+    own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(CHOSEN_MODES)
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
     problem, found, doubled = suggested(problem, twice, say)
     if doubled:

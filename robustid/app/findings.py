@@ -25,8 +25,9 @@ EMPTY = (
 )
 FIXED_POLES = (
     "The poles were taken from these data, which leave them a pole-uncertainty box. This bound holds for the poles as they were"
-    " taken, not for the box: over_poles = true in [worst_case] covers it (minutes)."
+    " taken, not for the box"
 )
+OVER_POLES = ": over_poles = true in [worst_case] covers it (minutes)"
 
 
 def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:

@@ -208,8 +208,22 @@ def _prepared(record: TimeRecord, source: RecordSource) -> TimeRecord:
     if source.start is not None or source.stop is not None:
         record = record.window(source.start or 0.0, source.stop, past=str(_with_past(source, record).past))
     if source.detrend is not None:
-        record = detrend(record, kind=source.detrend, until=source.until)
+        record = _detrended(record, source)
     return record if source.decimate is None else decimate(record, source.decimate)
+
+
+def _detrended(record: TimeRecord, source: RecordSource) -> TimeRecord:
+    """The record without its offset or drift; a bound of one from an unknown state is about what is left of it.
+
+    Nothing bounds what a transient leaves in the mean of such a record.
+    """
+    how: dict[str, Any] = {"kind": source.detrend, "until": source.until}
+    if record.bound is None or record.initial != "free":
+        return detrend(record, **how)
+    bound, note = record.bound, record.note
+    return detrend(record.with_bound(None), **how).with_bound(
+        bound, f"{note or 'bound as stated'}, of what is left by detrend"
+    )
 
 
 def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:

@@ -15,7 +15,7 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
 from robustid.app.options import Modes
 from robustid.app.prior_options import prior_keys
-from robustid.app.run_file import MODES_NOTE, RunFile
+from robustid.app.run_file import CHOSEN_MODES, RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
 from robustid.app.sources import MemberChoice
 from robustid.app.withheld import compared, looked_at
@@ -154,7 +154,7 @@ def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surrounding
     if not run.worst_case.over_poles or not run.modes.hz:
         return run
     found: list[MemberChoice] = []
-    one_box = run.modes.hz_interval is not None and not (run.modes.note or "").startswith(MODES_NOTE)
+    one_box = run.modes.hz_interval is not None and not (run.modes.note or "").startswith(CHOSEN_MODES)
     for member in run.members:
         own = member
         if own.hz is None and one_box:

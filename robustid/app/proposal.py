@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from robustid.advice import response_sizes, suggest_kautz
-from robustid.app.choices import DOUBLED, basis_of, default_prior, suggested, with_roll_off
+from robustid.app.choices import DOUBLED, basis_of, default_prior, from_records, suggested, with_roll_off
 from robustid.app.options import Modes
 from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
 from robustid.bases import kautz
@@ -72,6 +72,13 @@ def propose(
         if modes.repeat == 1 and suggestion.omega.size:
             twice = kautz(suggestion.omega, suggestion.damping, dt=dt, repeat=2, delay=suggestion.delay)
         choices.append(MODES_NOTE + suggestion.summary())
+    elif time and not (prior and prior.physical):
+        found_modes = from_records(modes, time)
+        basis = basis_of(found_modes, dt)
+        twice = (
+            basis_of(dataclasses.replace(found_modes, repeat=2), dt) if found_modes.hz and modes.repeat == 1 else None
+        )
+        choices.append(str(found_modes.note))
     problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
     if prior is None:
         problem, found, doubled = suggested(problem, twice)

@@ -28,6 +28,8 @@ from robustid.core import Frozen
 from robustid.errors import InputError, InputTypeError
 
 MODES_NOTE = "Modes taken from the frequency response:\n"
+RECORD_MODES_NOTE = "Modes taken from a fit of the records:\n"
+CHOSEN_MODES = (MODES_NOTE, RECORD_MODES_NOTE)
 PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
 BOUNDS_NOTE = "Bounds: "
 DELAY_NOTE = "Delay of "
@@ -162,7 +164,7 @@ def _check_fit(run: RunFile) -> None:
         return
     if fit.modal is None and (fit.symmetric or fit.quantity is not None):
         raise InputError("[fit] symmetric and quantity belong to a structure of the modes: give modal too")
-    if modes.count is not None or (modes.hz is not None and not (modes.note or "").startswith(MODES_NOTE)):
+    if modes.count is not None or (modes.hz is not None and not (modes.note or "").startswith(CHOSEN_MODES)):
         raise InputError("[fit] takes the modes from a fit, [modes] states them otherwise: give one of them")
 
 
@@ -202,7 +204,7 @@ def _check_notes(run: RunFile) -> None:
     delay, modes, prior, how = run.delay, run.modes, run.prior, run.identify
     for place, note, start, numbers in (
         ("[delay] note", delay.note, DELAY_NOTE, [f"{delay.seconds:.6g}"] if delay.seconds != "auto" else []),
-        ("[modes] note", modes.note, MODES_NOTE, [f"{hz:.5g} Hz" for hz in modes.hz or ()]),
+        ("[modes] note", modes.note, CHOSEN_MODES, [f"{hz:.5g} Hz" for hz in modes.hz or ()]),
         (
             "[prior] note",
             prior.note,

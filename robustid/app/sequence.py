@@ -16,7 +16,7 @@ from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
 from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import MODES_NOTE, RunFile
+from robustid.app.run_file import CHOSEN_MODES, RunFile
 from robustid.app.withheld import compared, looked_at, split_points
 from robustid.core import Progress
 from robustid.data import FrequencyResponse, TimeRecord
@@ -194,8 +194,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         run, error, small = _bounded(run, result, reduction, left.withheld, around)
         seen = compared(small, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
-        if (run.modes.note or "").startswith(MODES_NOTE) and run.modes.hz and not run.worst_case.over_poles:
-            found.append(findings.FIXED_POLES)
+        if (run.modes.note or "").startswith(CHOSEN_MODES) and run.modes.hz and not run.worst_case.over_poles:
+            found.append(f"{findings.FIXED_POLES}{findings.OVER_POLES * (run.modes.hz_interval is not None)}.")
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, around)
         found.append(words)

@@ -193,21 +193,22 @@ def _records(files: list[str], options: dict[str, Any]) -> Any:
 
 def _mirror(files: list[str], options: dict[str, Any]) -> Any:
     """Arrays of (samples a period, signals, realisations, periods)."""
-    _no_options(files, options)
+    _no_options(files, {name: value for name, value in options.items() if name != "bound"})
     arrays = {role: np.load(fetch(file), allow_pickle=False) for role, file in zip("uy", files, strict=True)}
     inputs, outputs = (
         [f"{name} {k + 1} [{unit}]" for k in range(3)] for name, unit in (("piezo", "V"), ("sensor", "m"))
     )
-    return read_file(arrays, axes="time,signal,realisation,period", dt=_FSM_STEP, inputs=inputs, outputs=outputs)
+    axes = "time,signal,realisation,period"
+    return read_file(arrays, axes=axes, dt=_FSM_STEP, inputs=inputs, outputs=outputs, **options)
 
 
 def _short(files: list[str], options: dict[str, Any]) -> Any:
     """One matrix whose columns are the signals, inputs first; the record begins in the middle of the experiment."""
-    _no_options(files, options)
     name = Path(files[0]).stem
     dt, inputs, outputs = _SHORT[name]
     fields = {"u": f"{name}[:,:{len(inputs)}]", "y": f"{name}[:,{len(inputs)}:]"}
-    return read_file(fetch(files[0]), fields=fields, dt=dt, initial="free", inputs=inputs, outputs=outputs)
+    known = {"fields": fields, "dt": dt, "initial": "free", "inputs": inputs, "outputs": outputs}
+    return read_file(fetch(files[0]), **{**known, **options})
 
 
 def _model(files: list[str], options: dict[str, Any]) -> Any:
