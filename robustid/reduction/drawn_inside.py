@@ -8,11 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Real
+from robustid.core import Budget, Real, points_of
 from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.mfd import MatrixFraction, fit_mfd
 
 _SIGMAS = 3.0  # standard deviations that a bound is taken for
 _ROUNDS = 10
+_SHARPLY = 4.0  # power of the error over its bound, where fits are of a response alone
+_ASTRAY = 3.0  # times the smallest error over its bound so far
+_NO_WEIGHT = 1e-9  # of the largest: values that aren't used
 _AIM = 0.97  # of the bound, so that the limit is reached in a few rounds
 
 Fitted = Callable[[FrequencyResponse, Any], Any]
@@ -38,7 +43,13 @@ class Bounds:
 
 
 def drawn_inside(
-    model: Any, points: FrequencyResponse | None, fitted: Fitted, bounds: Bounds, budget: Budget
+    model: Any,
+    points: FrequencyResponse | None,
+    fitted: Fitted,
+    bounds: Bounds,
+    budget: Budget,
+    deviation: Real | None = None,
+    power: float = 1.0,
 ) -> Iterator[Any]:
     """A fit, and fits with more weight where the one before lies outside a bound, until none does.
 
@@ -55,8 +66,13 @@ def drawn_inside(
         Model of points and a start, or None where there is none.
     bounds : Bounds
     budget : Budget
+    deviation : (F, ny, nu) array, optional
+        Standard deviations that the first fit was made with; default: those that the bounds are taken for.
+    power : float
+        Of the error over its bound by which a weight is multiplied; more than 1 where few points are far outside.
     """
-    deviation = None if points is None else _deviation(points)
+    if deviation is None and points is not None:
+        deviation = _deviation(points)
     for _ in range(_ROUNDS + 1):
         if model is None:
             return
@@ -65,7 +81,8 @@ def drawn_inside(
         if budget.over or (ratio <= 1 and further is None):
             return
         if points is not None and deviation is not None:
-            deviation = deviation / np.maximum(_missed(model, points) / (_AIM * bounds.times * _SIGMAS), 1.0)
+            outside = np.maximum(_missed(model, points) / (_AIM * bounds.times * _SIGMAS), 1.0)
+            deviation = deviation / outside**power
         if further is not None:
             points, deviation = _joined(
                 points, deviation, further.with_bound(further.bound.outer_radius / bounds.times)
@@ -74,6 +91,45 @@ def drawn_inside(
             return
         points = _with_deviation(points, deviation)
         model = fitted(points, model)
+
+
+def drawn_fits(
+    frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Any
+) -> Iterator[Any]:
+    """A least-squares fit of a response, and fits of its order with more weight where it lies outside a bound.
+
+    They begin with the weight of that fit; a sequence that goes astray, to three times the smallest error over its bound, is ended.
+    """
+    shape, order = frf.values.shape, len(fit.poles)
+    units = np.eye(shape[1] * shape[2]).reshape(-1, *shape[1:])
+    sizes = [
+        np.linalg.norm(np.reshape(fit.problem.weight.apply(np.tile(e, (shape[0], 1, 1))), (shape[0], -1)), axis=1)
+        for e in units
+    ]
+    weight = np.stack(sizes, axis=1).reshape(shape)
+    smallest = np.inf
+
+    def fitted(points: FrequencyResponse, start: Any) -> Any:
+        nonlocal smallest
+        ratio = bounds.ratio(start)
+        smallest = min(smallest, ratio)
+        if ratio > _ASTRAY * smallest:
+            return None
+        try:
+            found = fit_mfd(points, order=order, weight=1 / _known(points), time_limit=budget.seconds, **stated)
+        except (InputError, np.linalg.LinAlgError):
+            return None
+        return found.to_control()
+
+    least = np.max(weight) * _NO_WEIGHT
+    yield from drawn_inside(fit.to_control(), frf, fitted, bounds, budget, 1 / np.maximum(weight, least), _SHARPLY)
+
+
+def _known(points: FrequencyResponse) -> Real:
+    """Standard deviation of every value, of points with a known one."""
+    F, ny, nu = points.values.shape
+    variance = np.real(np.diagonal(np.asarray(points.covariance), axis1=1, axis2=2))
+    return np.sqrt(variance).reshape(F, nu, ny).transpose(0, 2, 1)
 
 
 def as_known(frf: FrequencyResponse) -> FrequencyResponse:
@@ -96,8 +152,7 @@ def _with_deviation(frf: FrequencyResponse, deviation: Real) -> FrequencyRespons
 
 def _missed(model: Any, points: FrequencyResponse) -> Real:
     """Error over the standard deviation that the bound is taken for, (F, ny, nu)."""
-    z = np.exp(1j * points.omega * float(points.dt or 0))
-    response = np.moveaxis(np.asarray(model(z, squeeze=False)), -1, 0)
+    response = np.moveaxis(np.asarray(model(points_of(points.omega, points.dt), squeeze=False)), -1, 0)
     return np.where(points.missing, 0.0, np.abs(response - points.values) / _deviation(points))
 
 

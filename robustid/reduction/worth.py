@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification import Identification, image_of, in_image, largest_ratio
 from robustid.mfd import MatrixFraction, OrderSweep, RecordFit, RigidBody, suggest_order
 from robustid.reduction.balanced import Reduction
-from robustid.reduction.drawn_inside import Bounds
+from robustid.reduction.drawn_inside import Bounds, drawn_fits
 from robustid.reduction.guard import Guard
 from robustid.reduction.simulation import AS_WELL, Simulated, Simulations, with_transients
 from robustid.reduction.within_bounds import SearchStatus, near_fit
@@ -26,6 +26,7 @@ _PREDICTS = (
 )
 _AT_ONE = 1e-6  # a pole so near z = 1 is an integrator
 _FITS = 0.6  # part of the time for the fits of the response, where records are simulated too
+_DRAWN = 0.3  # part of the time that is left for fits of one order that are drawn inside the bounds
 _BEYOND = 2  # orders above the one that the data carry that are tried
 
 
@@ -163,7 +164,7 @@ def model_worth_having(
     if frf is not None:
         sweep = _sweep(identification, smallest, frf, budget.share(_FITS) if records else budget)
         judge = _Judge(identification, sweep)
-        worth = _chosen(identification, smallest, sweep, judge)
+        worth = _chosen(identification, smallest, sweep, judge, frf, budget.share(_FITS) if records else budget)
     if not records:
         return worth
     least, most = _least_order(smallest), _MOST if worth is None else int(worth.orders[-1])
@@ -214,21 +215,27 @@ def _heads(identification: Identification) -> int:
 
 def _sweep(identification: Identification, smallest: Reduction, frf: FrequencyResponse, budget: Budget) -> OrderSweep:
     """Least-squares fits of the frequency response, with the rigid-body modes of the model."""
-    problem, integrators = identification.problem, _integrators(identification, smallest)
-    body: dict[str, Any] = {"rigid_body": RigidBody(_heads(identification))} if integrators else {}
     sweep = suggest_order(
         frf,
-        orders=range(max(1, integrators), _largest_order(identification, frf) + 1),
+        orders=range(max(1, _integrators(identification, smallest)), _largest_order(identification, frf) + 1),
         weight=_weight(frf),
-        domain="z" if problem.dt else "s",
-        feedthrough=problem.parametric is not None and bool(np.any(problem.parametric.D)),
         time_limit=budget.seconds,
         progress=budget.tell,
-        **body,
+        **_body(identification, smallest),
     )
     if sweep.interrupted:
         raise KeyboardInterrupt
     return sweep
+
+
+def _body(identification: Identification, smallest: Reduction) -> dict[str, Any]:
+    """Structure of the fits: that of the small model."""
+    problem = identification.problem
+    return {
+        "domain": "z" if problem.dt else "s",
+        "feedthrough": problem.parametric is not None and bool(np.any(problem.parametric.D)),
+        "rigid_body": RigidBody(_heads(identification)) if _integrators(identification, smallest) else None,
+    }
 
 
 def _largest_order(identification: Identification, frf: FrequencyResponse) -> int:
@@ -283,12 +290,24 @@ class _Judge:
         return np.sqrt(cost / max(self._count, 1))
 
 
-def _chosen(identification: Identification, smallest: Reduction, sweep: OrderSweep, judge: _Judge) -> ModelWorth:
-    first = judge.cost(smallest.model)
+def _chosen(
+    identification: Identification,
+    smallest: Reduction,
+    sweep: OrderSweep,
+    judge: _Judge,
+    frf: FrequencyResponse,
+    budget: Budget,
+) -> ModelWorth:
+    first, guard = judge.cost(smallest.model), _guard(identification, smallest.model)
     chosen, misfit = smallest, first
     if judge.worse(first, smallest.order):
-        candidates = _candidates(identification, sweep, judge.carried, _least_order(smallest))
-        for model, order in _inside(identification, _guard(identification, smallest.model), candidates):
+        limits, body = _limits(identification, guard, frf), _body(identification, smallest)
+
+        def drawn(order: int) -> Iterator[Any]:
+            return drawn_fits(frf, sweep.fits[order], limits, budget.share(_DRAWN), **body)
+
+        candidates = _candidates(identification, sweep, judge.carried, _least_order(smallest), drawn)
+        for model, order in _inside(identification, guard, candidates):
             if (value := judge.cost(model)) >= misfit:
                 continue
             chosen, misfit = _recommended(identification, smallest, model, order), value
@@ -421,12 +440,19 @@ def _least_order(smallest: Reduction) -> int:
 
 
 def _candidates(
-    identification: Identification, sweep: OrderSweep, carried: int, least: int
+    identification: Identification,
+    sweep: OrderSweep,
+    carried: int,
+    least: int,
+    drawn: Callable[[int], Iterator[Any]],
 ) -> Iterator[tuple[Any, int]]:
-    """Least-squares fits from the order of the smallest model on; where they are outside the bounds, moved inside."""
+    """Least-squares fits from the order of the smallest model on; where they are outside the bounds, drawn or moved inside."""
     orders = [k for k in sweep.orders.tolist() if least <= k <= max(carried, least) + _BEYOND]
     for order in orders:
         yield _alike(sweep.fits[order].model, identification), order
+    for order in orders:
+        if order >= min(carried, max(orders)):
+            yield from ((_alike(model, identification), order) for model in drawn(order))
     if _integrators(identification, sweep.fits[carried]):
         return  # moved inside they would not stay at z = 1
     for order in orders:
