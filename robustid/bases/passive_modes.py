@@ -30,7 +30,7 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
     Returns
     -------
     ParametricBasis
-        Of continuous time, for a `PositiveReal` class of one port: its decay is then about what the modes leave.
+        Of continuous time, for a `PositiveReal` class: its decay is then about what the modes leave.
 
     Raises
     ------
@@ -40,7 +40,9 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
     Notes
     -----
     (b_1 s + b_0)/(s^2 + 2 d s + omega^2) is positive real iff 0 <= b_0 <= 2 d b_1: its real part on the axis is
-    (b_0 omega^2 + (2 d b_1 - b_0) w^2)/|.|^2.
+    (b_0 omega^2 + (2 d b_1 - b_0) w^2)/|.|^2. Of several ports the coefficients are matrices, positive semidefinite of reciprocal
+    plants; the class asks less of them, R_ii >= 0 and |R_ij| at most the mean of the largest R_ii and R_jj (geometric): guarantees
+    and refutations hold, the modes of its model need not be passive (`make_passive`).
 
     Examples
     --------

@@ -78,8 +78,18 @@ def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
     if modes is None:
         return prior, basis, ends
     highest = _highest(as_basis(modes, problem.plane), frequency, problem)
-    low_high = np.column_stack([np.zeros(highest.size), highest])
+    low_high = (
+        np.column_stack([np.zeros(len(highest)), highest[:, 0]]) if entries.single else _around_semidefinite(highest)
+    )
     return prior, stack_bases([modes, basis]), np.concatenate([low_high, ends])
+
+
+def _around_semidefinite(highest: Real) -> Real:
+    """Intervals (m, p, p, 2) that hold all positive semidefinite matrices with diagonals up to (m, p)."""
+    largest = np.sqrt(highest[:, :, None] * highest[:, None, :])
+    lowest = -largest
+    lowest[:, np.arange(highest.shape[1]), np.arange(highest.shape[1])] = 0.0
+    return np.stack([lowest, largest], axis=-1)
 
 
 def _passive_modes(problem: Any) -> ParametricBasis | None:
@@ -103,23 +113,19 @@ def _passive_modes(problem: Any) -> ParametricBasis | None:
             " passive_modes(omega, damping) to a PositiveReal class, or leave it out and choose a `decay` below the smallest"
             " damping times frequency of the modes, in rad/s"
         )
-    if not problem.entries.single:
-        raise InputError(
-            "`parametric`: passive modes are for one port so far, the residue matrices of several would have to be positive"
-            " semidefinite; leave it out and choose a `decay` below the smallest damping times frequency of the modes, in rad/s"
-        )
     return basis
 
 
 def _highest(modes: ParametricBasis, frequency: tuple[Any, ...], problem: Any) -> Real:
-    """Largest coefficients (m,) with which the real part of the data, within 100 of their bounds, leaves one to the rest."""
-    highest = np.full(modes.size, np.inf)
+    """Largest coefficients (m, p) at every port with which the data, within 100 of their bounds, leave a real part to the rest."""
+    highest = np.full((modes.size, problem.entries.outputs), np.inf)
     for frf in frequency:
         used = frf.bound.used.all(axis=(1, 2))
         functions: Real = np.real(modes.response(problem.plane.angles(frf.omega[used])))
-        left = frf.values[used, 0, 0].real + _GENEROUS * error_sizes(frf, problem)[used] - problem.prior.least
+        real = np.real(np.diagonal(frf.values[used], axis1=1, axis2=2))
+        left = real + _GENEROUS * error_sizes(frf, problem)[used, None] - problem.prior.least
         with np.errstate(divide="ignore", invalid="ignore"):
-            most = np.where(functions > 0, np.maximum(left, 0.0)[:, None] / functions, np.inf)
+            most = np.where(functions[:, :, None] > 0, np.maximum(left, 0.0)[:, None] / functions[:, :, None], np.inf)
         highest = np.minimum(highest, most.min(axis=0, initial=np.inf))
     return highest
 
@@ -147,8 +153,8 @@ def modes_reach(frf: Any, problem: Any) -> Real:
     if not count:
         return np.zeros(len(frf.omega))
     sizes: Real = np.abs(problem.parametric.response(problem.plane.angles(frf.omega))[:, :count])
-    highest: Real = problem.parameter_bounds[:count, 1]
-    return sizes @ highest
+    highest: Real = problem.parameter_bounds[:count, ..., 1].reshape(count, *problem.entries.shape)
+    return sizes @ np.linalg.norm(highest, 2, axis=(1, 2))
 
 
 def class_value(problem: Any, low: float, high: float) -> float:
@@ -195,6 +201,8 @@ def _real_parts(frf: Any, problem: Any) -> tuple[Real, Any]:
     values = positive_values(frf, problem)[whole]
     hermitian = (values + values.conj().transpose(0, 2, 1)) / 2
     sizes = np.linalg.norm(hermitian, 2, axis=(1, 2)) + error_sizes(frf, problem)[whole]
+    if not problem.entries.single:  # the intervals of the modes hold matrices that are not positive semidefinite
+        sizes = sizes + modes_reach(frf, problem)[whole]
     return sizes, problem.region.points(problem.plane.angles(frf.omega[whole]))
 
 

@@ -188,6 +188,55 @@ def test_lightly_damped_modes_beside_a_positive_real_rest(seed):
         assert rid.identify(problem_of(omega, values, bound, rid.PositiveReal(decay=4.0))).margin > 2
 
 
+def transfer_mobility(seed):
+    """Two ports: modes of 1 % damping with one shape each (residues of rank one), a positive-real rest, noise at its bounds."""
+    rng = np.random.default_rng(seed)
+    w, zeta = np.array([5.0, 12.0]), np.array([0.01, 0.008])
+    shapes = rng.uniform(0.5, 1, (2, 2)) * np.array([[1, 1], [1, -1]])
+    residues = shapes[:, :, None] * shapes[:, None, :]
+    rest = reactance(rng, 2, 4.0, 2, size=20.0, loss=1.0)
+    omega = np.sort(np.concatenate([rng.uniform(2, 16, 3), w * (1 + rng.uniform(-0.01, 0.01, 2))]))
+
+    def at(s):
+        s = np.asarray(s)
+        functions = s[:, None] / (s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2)
+        return np.einsum("fk,kij->fij", functions, residues) + rest(s)
+
+    truth = at(1j * omega)
+    bound = 0.03 * np.abs(truth)
+    return (
+        at,
+        omega,
+        truth + bound * np.exp(2j * np.pi * rng.random(bound.shape)),
+        1.001 * bound,
+        rid.passive_modes(w, zeta),
+    )
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(20)])
+def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
+    """The class holds that of positive semidefinite residues: its margin is at most as large, and the truth is in its band."""
+    truth, omega, values, bound, modes = transfer_mobility(seed)
+    problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
+    found = rid.identify(problem).require()
+    d, w = modes.poles.real[::2] * -1, np.abs(modes.poles[::2])
+    s = 1j * omega[:, None]
+    functions = np.stack([2 * d * s, 2 * d * (s + 2 * d)], axis=2) / (s**2 + 2 * d * s + w**2)[..., None]
+    functions = functions.reshape(omega.size, -1)
+    size = np.abs(functions).max(axis=0)  # coefficients of about one: the general solver loses digits else
+    functions, ends = functions / size, found.problem.parameter_bounds[:-1] * size[:, None, None, None]
+    inside = smallest_factor(omega, values, bound, 4.0, modes=functions)
+    relaxed = smallest_factor(omega, values, bound, 4.0, modes=functions, ends=ends)
+    assert found.margin == pytest.approx(relaxed, rel=1e-5, abs=1e-6)
+    assert found.margin <= inside * (1 + 1e-5)
+    error = rid.worst_case_error(found, omega=[5.02, 8.0], directions=6, rtol=0.2)
+    away = np.abs(np.moveaxis(found.model(1j * error.omega), 2, 0) - truth(1j * error.omega))
+    assert np.all(away <= error.upper * (1 + 1e-9))
+    assert error.verify()
+    if not seed:
+        assert rid.identify(problem_of(omega, values, bound, rid.PositiveReal(decay=4.0))).margin > 2
+
+
 def test_what_contradicts_a_class_is_said():
     rng = np.random.default_rng(9)
     omega = np.linspace(0.5, 8, 12)
@@ -245,8 +294,6 @@ def test_bad_input():
     modes = rid.passive_modes(10.0, 0.1)
     with pytest.raises(rid.InputError, match="`parameter_bounds` has no place"):
         problem_of(omega, values, bound, passive, parametric=modes, parameter_bounds=[[0, 1], [0, 1]])
-    with pytest.raises(rid.InputError, match="passive modes are for one port"):
-        problem_of(omega, np.ones((omega.size, 2, 2)), 1.0, passive, parametric=modes)
     record = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
     with pytest.raises(rid.InputError, match="takes frequency responses"):
         rid.MixedProblem(time=record, prior=rid.PositiveReal(decay=1.0))

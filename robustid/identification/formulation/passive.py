@@ -232,7 +232,8 @@ def harnack_bound(problem: MixedProblem, pair: InputNormalPair) -> tuple[float, 
         reach = modes_reach(frf, problem)[whole].tolist()
         for W, error, point, modes in zip(values, errors, points, reach, strict=True):
             size = float(np.linalg.norm(W, 2)) + modes
-            real = float(np.linalg.norm((W + W.conj().T) / 2, 2)) - prior.least  # that of the modes is not negative
+            real = float(np.linalg.norm((W + W.conj().T) / 2, 2)) - prior.least
+            real += 0.0 if problem.entries.single else modes  # that of the modes of one port is not negative
             far = float(np.abs((ends - point) / (1 - np.conj(point) * ends)).max())
             guess = size + error + 2 * (real + error) / max(1 - far, 1e-300)
             if guess < best[0]:
