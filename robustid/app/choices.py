@@ -33,7 +33,7 @@ from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
-    " says something between the samples holds the data."
+    " says much between the samples holds the data."
 )
 NOT_TAKEN = "Not taken:"
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
@@ -278,17 +278,33 @@ def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedP
 def suggested(
     problem: MixedProblem, twice: ParametricBasis | None, say: Say | None = None
 ) -> tuple[MixedProblem, PriorSuggestion, bool]:
-    """The prior for a problem; where none says anything, with the basis `twice` if that brings one: problem, prior, and whether."""
+    """The prior for a problem, with the basis `twice` where that is much better than one that says little: problem, prior, whether.
+
+    A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
+    """
     progress = None if say is None else lambda done, count: say("looking for a prior", done, count)
     found = suggest_prior(problem, progress=progress)
-    if twice is None or says_something(problem, found):
+    something = says_something(problem, found)
+    if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
     try:
         other = suggest_prior(wider, progress=progress)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
-    return (wider, other, True) if says_something(wider, other) else (problem, found, False)
+    better = says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
+    return (wider, other, True) if better else (problem, found, False)
+
+
+def _gain(found: PriorSuggestion) -> float:
+    """The recommended gain bound; inf where there is none."""
+    return float("inf") if found.prior is None else float(found.prior.gain_bound)
+
+
+def _typical_size(problem: MixedProblem) -> float:
+    """Median of the measured responses, over scaling and weight of the prior; inf where there are none."""
+    sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
+    return float(np.median(sizes)) if sizes.size else float("inf")
 
 
 def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:

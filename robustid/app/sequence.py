@@ -41,6 +41,7 @@ from robustid.reduction import (
 )
 from robustid.report import at_most
 
+_MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 
 
@@ -247,6 +248,10 @@ def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Id
         around.say("margin and model: taken from the unfinished run")
         return before
     words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
+    if problem.coefficients >= _MANY and problem.frequency:
+        around.say(
+            "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
+        )
     result = identify(problem, **run.identify.arguments, progress=around.begun(words))
     result = dataclasses.replace(result, notes=(*result.notes, *run.choices))
     around.folder.identified(result)
