@@ -18,6 +18,7 @@ from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.sweep import Folder, value_sets
 from robustid.guarantees.value_set import (
+    FINE,
     Errors,
     ValueSet,
     by_frequency,
@@ -210,7 +211,9 @@ def refine(
     last = error.end
     known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= last}
     fine = {
-        w for w, sets in known.items() if np.isin(sets[0].directions, directions_at(w, plane.dt, settings[0])).all()
+        w
+        for w, sets in known.items()
+        if np.isin(sets[0].directions, directions_at(w, plane.dt, FINE * settings[0])).all()
     }
     limits: dict[tuple[float, float], Real] = {}
     coarse: list[float] = [w for w in (bottom, last) if w not in known]

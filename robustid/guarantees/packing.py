@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.core import Arrays, Real, part
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.value_set import ValueSet, closes, directions_at
+from robustid.guarantees.value_set import FINE, ValueSet, closes, directions_at
 from robustid.identification import SupportCertificate
 from robustid.identification.formulation import SINGLE, Entries
 
@@ -191,7 +191,7 @@ def _directions(arrays: Arrays, dt: float, most: int | None) -> list[Real]:
         raise ValueError("its directions do not fit to its polygons")
     angles = np.split(arrays["directions"], np.cumsum(sides)[:-1])
     for w, one in zip(omega, angles, strict=True):
-        allowed = most is None or np.isin(one, directions_at(w, dt, most)).all()
+        allowed = most is None or np.isin(one, directions_at(w, dt, FINE * most)).all()
         if not (allowed and closes(one, w, dt)):
             raise ValueError("its polygons do not have sides that close, or not in the directions that were asked for")
     return angles

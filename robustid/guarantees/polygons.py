@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import Complex, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
-from robustid.guarantees.value_set import ValueSet, along, corners, directions_at
+from robustid.guarantees.value_set import FINE, ValueSet, along, corners, directions_at
 from robustid.identification import Functional
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
@@ -19,6 +19,8 @@ _WITHIN, _ALL, _SHARP = (
     5.0,
     1.0,
 )  # gaps from corners to what is reached: in a part, by consistent systems, for singular values
+_FINER = 0.25  # part of the gap, where the largest singular value asks for it
+_WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
 _FEW = 3  # signals with which one system may be far in all entries
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
@@ -33,8 +35,10 @@ def value_sets_at(
     asks for; by default the value at the centre.
     """
     here = consistent.with_node(omega)
-    search = _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, about)
-    return (search.siso(),) if here.posed.problem.entries.single else search.mimo()
+    if not here.posed.problem.entries.single:
+        angles = directions_at(omega, here.posed.problem.dt, FINE * directions)
+        return _Search(here, omega, angles, gap, about).mimo()
+    return (_Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, about).siso(),)
 
 
 def value_set(
@@ -49,7 +53,8 @@ def value_set(
 class _Polygon:
     """The sides found so far around the values of one entry, by the numbers of their directions.
 
-    `reached` are values that the bounds of the sides are near to; of `whole` sides they are those of consistent systems.
+    `reached` are values that the bounds of the sides are near to; of `whole` sides they are those of consistent systems. Directions
+    are taken so many `steps` apart.
     """
 
     entry: Entry
@@ -58,7 +63,7 @@ class _Polygon:
     sides: dict[int, Extreme] = dataclasses.field(default_factory=dict[int, Extreme])
     reached: dict[int, complex] = dataclasses.field(default_factory=dict[int, complex])
     whole: set[int] = dataclasses.field(default_factory=set[int])
-
+    step: int = 1
     order: list[int] = dataclasses.field(default_factory=list[int])
 
     def add(self, direction: int, side: Extreme, reached: complex) -> None:
@@ -114,12 +119,17 @@ class _Polygon:
             return order[worst], order[worst]
         return order[worst], order[(worst + 1) % len(order)]
 
+    def far(self, part: float) -> list[int]:
+        """The directions beside corners that are almost as far as the farthest."""
+        order, far = self.order, np.flatnonzero(self._distances >= part * self.radius)
+        return sorted({order[k] for at in far for k in (at, (at + 1) % len(order))})
+
     @property
     def between(self) -> int | None:
         """A direction that cuts off the farthest corner; None where there is none left."""
         first, second = self.beside
-        steps = (second - first) % self.angles.size
-        return (first + steps // 2) % self.angles.size if steps > 1 else None
+        steps = (second - first) % self.angles.size // self.step
+        return (first + steps // 2 * self.step) % self.angles.size if steps > 1 else None
 
 
 class _Search:
@@ -132,6 +142,7 @@ class _Search:
         parts = [here.value_weights(omega, entry) for entry in np.ndindex(*self._shape)]
         self._x, self._p, self._tail = (np.stack(part) for part in zip(*parts, strict=True))
         self._members: list[Complex] = []
+        self._enough = 1 - _ALL * gap
 
     def siso(self, told: Callable[[], None] | None = None) -> ValueSet:
         """The only entry, in all directions."""
@@ -166,7 +177,20 @@ class _Search:
         if not self._near(polygons):
             for one in polygons:
                 self._sharpen(one, _SHARP)
+        # What is farther away is so because the ball ties the entries, which tighter bounds of each don't show.
+        if self._enough - _WORTH * self._gap <= self._sigma / self._norm(polygons) < self._enough:
+            self._refine(polygons)
         return tuple(self._value_set(one) for one in polygons)
+
+    def _refine(self, polygons: list[_Polygon]) -> None:
+        """More directions around the farthest corners, and tighter bounds there; then systems with larger singular values."""
+        self._gap *= _FINER
+        for one in polygons:
+            one.step = 1
+            for direction in one.far(1 - self._gap / _FINER):
+                self._side(one, direction)
+            self._sharpen(one, _SHARP)
+        self._climb(self._largest_reached(polygons), polygons)
 
     def _climb(self, error: Complex, polygons: list[_Polygon]) -> None:
         """Consistent systems with ever larger singular values: each is extreme along the singular vectors of the one before."""
@@ -178,7 +202,7 @@ class _Search:
 
     def _near(self, polygons: list[_Polygon]) -> bool:
         """Say whether a consistent system is near to the bound of the largest singular value."""
-        return self._sigma >= (1 - _ALL * self._gap) * self._norm(polygons)
+        return self._sigma >= self._enough * self._norm(polygons)
 
     @property
     def _sigma(self) -> float:
@@ -221,7 +245,10 @@ class _Search:
     def _polygon(self, entry: Entry) -> _Polygon:
         """A few sides, and more until the farthest corner is near to a value that is reached."""
         polygon, count = _Polygon(entry, self._angles, complex(self._origin[entry])), self._angles.size
-        for direction in {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count):
+        polygon.step = FINE if count > 2 else 1
+        count //= polygon.step
+        first = {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count)
+        for direction in (k * polygon.step for k in first):
             self._side(polygon, direction)
         self._sharpen(polygon, _WITHIN)
         return polygon
@@ -249,7 +276,7 @@ class _Search:
     def _met(self, polygon: _Polygon) -> bool:
         """Say whether a consistent system is near to the farthest corner."""
         errors = [abs(member[polygon.entry] - polygon.origin) for member in self._members]
-        return max(errors, default=0.0) >= (1 - _ALL * self._gap) * polygon.radius
+        return max(errors, default=0.0) >= self._enough * polygon.radius
 
     def _close(self, polygon: _Polygon) -> None:
         """Bounds and systems from the whole problem, where they are farthest apart."""

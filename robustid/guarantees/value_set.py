@@ -104,6 +104,9 @@ def closes(directions: Real, omega: float, dt: float) -> bool:
     return directions.size >= 3 and bool(np.all((turns(directions) > 0) & (turns(directions) < np.pi)))
 
 
+FINE = 4  # times as many directions are taken, where the largest singular value of a matrix asks for them
+
+
 def directions_at(omega: float, dt: float, count: int) -> Real:
     """The directions of a polygon with `count` sides, rad; 0 and pi where the response is real."""
     if omega == 0 or omega * dt >= np.pi * (1 - 1e-12):
