@@ -241,7 +241,7 @@ def times(factor, model):
 
 @pytest.mark.parametrize("ports", [1, 2])
 def test_next_to_the_limit_at_all_frequencies(ports):
-    """Lossless networks with a mode that hardly acts, less 2e-9: about as much room as the rounding of P takes, so P is two matrices."""
+    """Lossless networks with a mode that hardly acts, less 2e-9: as much room as the rounding of P takes, so P is two matrices."""
     alone = 0
     for seed in range(8):
         network = foster(np.random.default_rng(seed), 3, ports, damping=0.0)
