@@ -10,20 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import (
+    BELOW,
     DAMPING,
     LineData,
     best_start,
     find_poles,
+    ratios,
     refine_beside,
+    residual_rows,
     smallest_remainder,
     told_apart,
     wanted_in_basis,
 )
 from robustid.advice.pole_interval import damped_outside, pole_interval
+from robustid.advice.relaxations import Relaxations, over_decades
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+
+_FASTER, _FASTEST = (
+    30.0,
+    300.0,
+)  # times the highest frequency point: where a real pole over decades may lie, and a further one
+_FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,6 +78,9 @@ class KautzSuggestion(Frozen):
             low, high = self.omega_interval[k] / (2 * np.pi)
             lightest, heaviest = self.damping_interval[k]
             text = f"mode {k + 1}: {w:.5g} Hz ({low:.5g} to {high:.5g}), damping {z:.3g} ({lightest:.3g} to {heaviest:.3g})"
+            if z == lightest == heaviest == 1:
+                lines.append(f"real pole {k + 1}: {w:.5g} Hz")
+                continue
             if self.level[k] > 1:
                 text += f", with bounds times {self.level[k]:.3g}"
             if self.undetermined[k]:
@@ -150,6 +163,11 @@ def suggest_kautz(
             " remainder; ask for fewer modes, or give more frequency points"
         )
     poles, reason = find_poles(fit, wanted)
+    if wanted is None and not fit.plane.dt:
+        decades = over_decades(frf)
+        left = residual_rows(poles, fit)
+        if decades is not None and ratios(left).max() > 1 and decades.left < _FEWER * (left @ left):
+            return _of_decades(fit, decades, float(frf.omega[0]), repeat)
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
         found = damped_outside(fit, poles)
@@ -180,6 +198,40 @@ def suggest_kautz(
         undetermined=np.array([reached for _, _, reached in boxes], bool) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
         basis=kautz(omega, damping, dt=step, repeat=repeat, delay=chosen) if len(kept) else None,
         delay=chosen,
+        reason=reason,
+    )
+
+
+def _of_decades(fit: LineData, found: Relaxations, lowest: float, repeat: int) -> KautzSuggestion:
+    """Pairs with the intervals that the points leave, real poles with all that was searched: their places are a choice."""
+    top = float(fit.plane.omega(fit.angle[-1:])[0])
+    # The fastest one stands for the constant, which no other pole has; one that is faster than the last for a straight line.
+    omega = np.append(np.minimum(found.omega, _FASTER * top), _FASTEST * top)
+    order = np.argsort(omega)
+    omega, damping = omega[order], np.append(found.damping, 1.0)[order]
+    pair = damping < 1
+    ends = np.array([[max(lowest, 1e-6 * top) / BELOW, 2 * top], [1.0, 1.0]])
+    edges, level, reached = np.tile(ends, (order.size, 1, 1)), np.ones(order.size), np.ones(order.size, bool)
+    pairs = np.log(np.stack(fit.plane.turned(omega[pair], damping[pair]), axis=1))
+    for place, which in enumerate(np.flatnonzero(pair)):
+        box, level[which], reached[which] = pole_interval(fit, pairs, place)
+        edges[which] = mode_intervals(box[None], fit.plane)[0]
+    edges[:, 0] = np.stack([np.minimum(edges[:, 0, 0], omega), np.maximum(edges[:, 0, 1], omega)], axis=1)
+    reason = (
+        f"{found.omega.size} poles over {np.log10(top / lowest):.1f} decades, {np.sum(found.damping == 1)} of them real, and a"
+        f" constant leave at most {found.largest:.3g} times the bound; modes beside a smooth remainder leave more. The plant"
+        " relaxes over decades: other real poles follow it as well, and these are a choice, no property of it; the fastest stands"
+        " for the constant"
+    )
+    return KautzSuggestion(
+        omega=omega,
+        damping=damping,
+        omega_interval=edges[:, 0],
+        damping_interval=edges[:, 1],
+        level=level,
+        undetermined=reached | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
+        basis=kautz(omega, damping, dt=0, repeat=repeat),
+        delay=0,
         reason=reason,
     )
 

@@ -24,7 +24,7 @@ _WORTH, _WORTH_LEFT = 0.003, 0.75
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
-_BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
+BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
 _ONE = 0.01  # half-widths between two poles, below which they are one
 _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
@@ -190,7 +190,7 @@ def _gains(data: LineData, poles: Real, tried: list[Real]) -> Real:
 def refine(poles: Real, data: LineData) -> Real:
     """All poles together, from a start, by nonlinear least squares."""
     positive = data.angle[data.angle > 0]
-    low = np.log([positive[0] / _BELOW, DAMPING[0]])
+    low = np.log([positive[0] / BELOW, DAMPING[0]])
     high = np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]])
     return refine_beside(np.zeros((0, 2)), poles, data, low, high)
 

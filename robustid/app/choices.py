@@ -22,6 +22,7 @@ from robustid.advice import (
 from robustid.app.checks import AUTO
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
+from robustid.app.passive_class import chosen_decay, passive_basis, relaxations
 from robustid.app.prior_options import PriorChoice
 from robustid.app.record_modes import modes_of_records
 from robustid.app.run_file import BOUNDS_NOTE, CHOSEN_MODES, MODES_NOTE, PRIOR_NOTE, RECORD_MODES_NOTE, RunFile
@@ -45,9 +46,14 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
     chosen = run.modes
-    if run.prior.passive is not None:
-        note = "No parametric part: a passive class is about the whole plant."
-        return run.changed("modes", hz=(), damping=(), delay=1, note=note)
+    if (kind := run.prior.passive) is not None:
+        found = relaxations(data.responses, kind, run.prior.decay)
+        if found is None:
+            note = "No parametric part: a passive class is about the whole plant."
+            return run.changed("modes", hz=(), damping=(), delay=1, note=note)
+        hz = tuple((found.omega / (2 * np.pi)).tolist())
+        note = MODES_NOTE + found.summary()
+        return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, note=note)
     if not data.responses:
         say("looking for modes in the records")
         return dataclasses.replace(run, modes=from_records(chosen, data.records))
@@ -88,8 +94,10 @@ def _pairs(intervals: np.ndarray) -> tuple:
     return tuple(tuple(pair) for pair in intervals.tolist())
 
 
-def basis_of(modes: Modes, dt: float) -> ParametricBasis | None:
-    """The Kautz pairs and integrators that the run file states; None for none."""
+def basis_of(modes: Modes, dt: float, passive: str | None = None) -> ParametricBasis | None:
+    """The Kautz pairs and integrators that the run file states, or the modes beside a passive class; None for none."""
+    if passive and (modes.hz or modes.integrators):
+        return passive_basis(modes, dt, passive)
     parts = [integrators(modes.integrators, dt=dt)] if modes.integrators else []
     if modes.hz:
         omega = 2 * np.pi * np.array(modes.hz)
@@ -217,6 +225,10 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
         problem, words = with_roll_off(problem, say)
         return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words, run.prior)), problem
     say("looking for a prior")
+    if (kind := run.prior.passive) is not None:
+        prior, words = chosen_decay(problem, kind, run.prior.slack, run.prior.without_decay("[prior] passive"))
+        run = dataclasses.replace(run, prior=PriorChoice.of(prior, words, run.prior))
+        return run, dataclasses.replace(problem, prior=prior)
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(CHOSEN_MODES)
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None

@@ -194,7 +194,7 @@ def _problem(run: RunFile, name: str, data: Measured) -> tuple[RunFile, MixedPro
     unused = [rest for _, rest in parts if rest is not None]
     run, used, out, kind = kept_out(run, data, [points for points, _ in parts], unused)
     dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
-    basis = choices.basis_of(_modes_of(run, name), dt)
+    basis = choices.basis_of(_modes_of(run, name), dt, run.prior.passive)
     problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
     return run, problem, Untouched([], out, kind, used)
 

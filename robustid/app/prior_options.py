@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 _positive = number(above=0)
+POSITIVE_REAL = "positive real"  # whose decay can be chosen, beside modes
 _NOTE = "How the program chose these values, in words; written by the program."
 
 
@@ -58,10 +59,11 @@ class PriorChoice:
     )
     passive: str | None = key(
         text(listed("identification", "PASSIVE_NAMES")),
-        help="Prior: a physical property of the whole plant in the place of a gain bound, without modes, with a decay. Positive"
-        " real: impedance, velocity per force at the same points; negative imaginary: displacement per force; bounded real:"
-        " scattering parameters.",
+        help="Prior: a physical property of the whole plant in the place of a gain bound, with a decay. Positive real: impedance,"
+        " velocity per force at the same points (modes and real poles take only what is passive; over decades they and the decay"
+        " can be chosen); negative imaginary: displacement per force; bounded real: scattering parameters.",
         flag="--passive",
+        text=lambda _, content: content.replace("-", " ").replace("_", " ").lower(),
     )
     slack: float | None = key(
         number(least=0), help="Of positive real plants: how far below 0 the real part may be, in units of the response."
@@ -97,7 +99,9 @@ class PriorChoice:
     @property
     def is_stated(self) -> bool:
         """True if nothing is to be chosen."""
-        return self.gain_bound is not None or self.passive is not None
+        if self.passive is not None:
+            return self.decay is not None or self.decay_rate is not None
+        return self.gain_bound is not None
 
     def stated(self, dt: float | None) -> Prior | None:
         """The prior, for data of a sample time; None where it is to be chosen."""
@@ -169,11 +173,16 @@ class PriorChoice:
                 raise InputError(
                     f"{names[other]} has no meaning with {name}, which bounds the plant by itself; leave it out"
                 )
-        if not decays:
-            raise InputError(
-                f"{name} is given without {names['decay']} (in 1/s): say how far left of the axis the plant is passive, at most the"
-                " smallest real part of its poles, in magnitude"
-            )
+        if not decays and self.passive != POSITIVE_REAL:
+            raise InputError(self.without_decay(name, names["decay"]))
+
+    @staticmethod
+    def without_decay(name: str, decay: str = "decay") -> str:
+        """The sentence that asks for the decay of a passive class."""
+        return (
+            f"{name} is given without {decay} (in 1/s): say how far left of the axis the plant is passive, at most the smallest"
+            " real part of its poles, in magnitude"
+        )
 
 
 def prior_keys(prior: Prior, asked: PriorChoice | None = None) -> dict[str, Any]:

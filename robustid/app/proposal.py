@@ -9,8 +9,10 @@ from typing import Any
 from robustid.advice import response_sizes, suggest_kautz
 from robustid.app.choices import DOUBLED, basis_of, default_prior, from_records, suggested, with_roll_off
 from robustid.app.options import Modes
+from robustid.app.passive_class import chosen_decay, relaxations
+from robustid.app.prior_options import PriorChoice
 from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
-from robustid.bases import kautz
+from robustid.bases import kautz, passive_modes
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification import MixedProblem, Prior
@@ -39,6 +41,8 @@ def propose(
     prior: Prior | None = None,
     shape: dict[str, Any] | None = None,
     roll_off: bool = False,
+    passive: str | None = None,
+    slack: float | None = None,
 ) -> Proposal:
     """Propose a `MixedProblem`.
 
@@ -53,6 +57,8 @@ def propose(
         `roll_off` and `corner` of a prior that is taken from there.
     roll_off : bool
         Add the roll-off that the responses show.
+    passive, slack : str and float, optional
+        The physical property of a class whose decay is to be chosen.
 
     Raises
     ------
@@ -64,15 +70,22 @@ def propose(
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
     twice = None
+    kind = passive or (prior.passive if prior else "")
     if modes.hz is not None:
-        basis = basis_of(dataclasses.replace(modes, delay=int(dt > 0) if modes.delay is None else modes.delay), dt)
-    elif frequency and not (prior and prior.physical):
+        delay = int(dt > 0) if modes.delay is None else modes.delay
+        basis = basis_of(dataclasses.replace(modes, delay=delay), dt, kind)
+    elif kind:
+        decades = relaxations(frequency, kind, prior.decay if prior else None)
+        if decades is not None:
+            basis = passive_modes(decades.omega, decades.damping)
+            choices.append(MODES_NOTE + decades.summary())
+    elif frequency:
         suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
         basis = suggestion.basis
         if modes.repeat == 1 and suggestion.omega.size:
             twice = kautz(suggestion.omega, suggestion.damping, dt=dt, repeat=2, delay=suggestion.delay)
         choices.append(MODES_NOTE + suggestion.summary())
-    elif time and not (prior and prior.physical):
+    elif time:
         found_modes = from_records(modes, time)
         basis = basis_of(found_modes, dt)
         twice = (
@@ -80,6 +93,10 @@ def propose(
         )
         choices.append(str(found_modes.note))
     problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
+    if passive and prior is None:
+        prior, words = chosen_decay(problem, passive, slack, PriorChoice.without_decay("--passive", "--decay"))
+        choices.append(words)
+        problem = dataclasses.replace(problem, prior=prior)
     if prior is None:
         problem, found, doubled = suggested(problem, twice)
         choices += [DOUBLED] * doubled

@@ -82,7 +82,7 @@ def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, 
     folder.responses(data.responses)
     run = choices.with_modes(with_fit(run, data, say, folder), data, say)
     parts = [choices.chosen_points(run, frf) for frf in data.responses]
-    basis = choices.basis_of(run.modes, dt)
+    basis = choices.basis_of(run.modes, dt, run.prior.passive)
     used = [points for points, _ in parts]
     unused = [left for _, left in parts if left is not None]
     run, used, out, kind = kept_out(run, data, used, unused)

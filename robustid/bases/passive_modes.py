@@ -20,12 +20,14 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
 
     .. math:: \frac{2 d s}{s^2 + 2 d s + \omega^2}, \quad \frac{2 d (s + 2 d)}{s^2 + 2 d s + \omega^2}, \qquad d = \zeta \omega
 
+    Of a real pole, zeta = 1: ``omega/(s + omega)`` and ``s/(s + omega)``, those of resistors with capacitors or inductors.
+
     Parameters
     ----------
     omega : float or sequence, rad/s
         Natural frequencies.
     damping : float or sequence
-        Damping ratios, 0 < zeta < 1.
+        Damping ratios, 0 < zeta <= 1; 1 stands for one real pole -omega, as in `kautz`.
 
     Returns
     -------
@@ -35,7 +37,7 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
     Raises
     ------
     InputError
-        Other than positive frequencies, or damping ratios outside of (0, 1).
+        Other than positive frequencies, or damping ratios outside of (0, 1].
 
     Notes
     -----
@@ -57,12 +59,21 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
         )
     if np.any(omega <= 0):
         raise InputError(f"`omega` must be positive; got {omega.min():g} rad/s")
-    if np.any((damping <= 0) | (damping >= 1)):
-        raise InputError(f"`damping` must hold ratios between 0 and 1; got {damping.min():g} to {damping.max():g}")
+    if np.any((damping <= 0) | (damping > 1)):
+        raise InputError(
+            "`damping` must hold ratios between 0 and 1 (1 for a real pole);"
+            f" got {damping.min():g} to {damping.max():g}"
+        )
     return stack_bases([_passive_mode(w, z) for w, z in zip(omega.tolist(), damping.tolist(), strict=True)])
 
 
 def _passive_mode(omega: float, damping: float) -> ParametricBasis:
+    if damping == 1:
+        name = f"{PASSIVE_MODE} {omega / (2 * np.pi):.4g} Hz (real pole)"
+        A, B, C, D = np.array([[-omega]]), np.array([[omega]]), np.array([[1.0], [-1.0]]), np.array([[0.0], [1.0]])
+        return ParametricBasis(
+            A, B, C, D, 0.0, (f"{name}, low-pass", f"{name}, high-pass"), np.array([-omega], complex)
+        )
     d = damping * omega
     A, B = np.array([[0.0, omega], [-omega, -2 * d]]), np.array([[0.0], [1.0]])
     C = 2 * d * np.array([[0.0, 1.0], [2 * damping, 1.0]])

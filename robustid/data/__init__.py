@@ -8,6 +8,7 @@ from robustid.data.estimate.default_bound import BOUND_SOURCES, default_bound, e
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.data.estimate.frf import estimate_frf
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
+from robustid.data.estimate.pole_fit import PoleFit
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, response_faults, response_problems
 from robustid.data.frequency_points import signal_index
@@ -34,6 +35,7 @@ __all__ = [
     "Fault",
     "FrequencyResponse",
     "NoiseFloor",
+    "PoleFit",
     "SimulatedExperiment",
     "TangentialResponse",
     "TimeRecord",

@@ -222,6 +222,7 @@ def misfit(frf: FrequencyResponse, *, relative: bool = False) -> tuple[float, in
             continue
         size: Real = np.maximum(np.abs(fit.values), _SMALL * float(np.abs(fit.values).max())) * np.sqrt(values.size)
         fit.weight = 1 / size if relative else np.full(fit.values.shape, 1 / varies)
-        costs, _ = fit.search(poles, np.zeros(1))
+        # Real poles over decades follow an improper response too, with which those of the band have trouble: that is to be seen.
+        costs, _ = fit.search(poles, np.zeros(1), decades=False)
         left.append(float(np.sqrt(costs[0])))
     return max(left), poles

@@ -5,6 +5,8 @@ import pytest
 
 import robustid as rid
 from robustid.app.prior_options import PriorChoice, prior_keys
+from robustid.app.proposal import propose
+from support.networks import battery
 
 
 def write(path, values, omega):
@@ -22,7 +24,7 @@ def test_keys_of_a_passive_class_are_those_that_state_it():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"passive": "positive real"}, "without decay"),
+        ({"passive": "bounded real"}, "without decay"),
         ({"passive": "positive real", "decay": 1.0, "gain_bound": 2.0}, "gain_bound has no meaning with passive"),
         ({"passive": "bounded real", "decay": 1.0, "roll_off": 2, "corner_hz": 1.0}, "roll_off has no meaning"),
         ({"gain_bound": 1.0, "decay": 1.0, "slack": 0.1}, "slack belongs to passive"),
@@ -46,3 +48,56 @@ def test_a_run_file_with_a_passive_class(tmp_path):
     again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert again.identification.margin == found.identification.margin
     assert "passive" in (tmp_path / "out" / "report.html").read_text()
+
+
+def cell(seed=0, points=66, noise=0.002):
+    """A response over six and a half decades with noise in proportion to it, without a bound."""
+    omega, rng = 2 * np.pi * np.geomspace(0.003, 10000, points), np.random.default_rng(seed)
+    errors = noise * (rng.standard_normal(points) + 1j * rng.standard_normal(points)) / np.sqrt(2)
+    return rid.FrequencyResponse(omega, battery(omega) * (1 + errors))
+
+
+@pytest.mark.parametrize(
+    ("seed", "points"), [(0, 50), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
+)
+def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
+    frf = rid.estimate_bound(cell(seed, points))
+    truth = battery(frf.omega)
+    assert np.all(np.abs(frf.values[:, 0, 0] - truth) <= frf.bound.radius[:, 0, 0])
+    assert np.median(frf.bound.radius[:, 0, 0] / np.abs(truth)) < 0.03
+    other = 2 * np.pi * (np.array([1.0, 3000.0]) if seed == 0 else np.geomspace(0.005, 5000, 7))
+    for passive in (None, "positive real"):
+        result = rid.identify(propose(frequency=[frf], passive=passive).problem)
+        assert result.consistent, passive
+        assert result.problem.prior.passive == (passive or "")
+        band = rid.worst_case_error(result, omega=other).upper[:, 0, 0]
+        errors = np.abs(np.squeeze(result.model(1j * other)) - battery(other))
+        # The cell is no sum of poles and of something that decays fast: passivity holds of it, a gain bound from data only about.
+        assert np.all(errors <= (1 if passive else 1.5) * band), passive
+        assert np.median(band / np.abs(battery(other))) < 0.06, passive
+
+
+def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
+    frf = cell(points=50)
+    rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
+    lines = ["frequency_hz,re,im", *(f"{f},{a},{b}" for f, a, b in rows)]
+    (tmp_path / "cell.csv").write_text("\n".join(lines))
+    text = '[[frequency]]\nfile = "cell.csv"\n[prior]\npassive = "positive real"\n[worst_case]\nat_hz = [1.0]\n'
+    (tmp_path / "run.toml").write_text(text)
+    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    assert found.consistent
+    assert max(found.run_file.modes.damping) == 1
+    assert found.run_file.prior.decay == found.identification.prior.decay
+    assert found.worst_case.upper.max() < 0.05 * abs(battery([2 * np.pi])[0])
+    again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
+    assert again.identification.margin == pytest.approx(found.identification.margin, rel=1e-9)
+    assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_decay_is_not_chosen_without_real_poles(tmp_path):
+    omega = np.linspace(5, 60, 10)
+    frf = rid.FrequencyResponse(omega, 1 / (1j * omega + 20), bound=1e-3)
+    with pytest.raises(rid.InputError, match="without --decay"):
+        propose(frequency=[frf], passive="positive real")
+    with pytest.raises(rid.InputError, match="the smallest real part"):
+        propose(frequency=[frf], passive="bounded real")

@@ -37,3 +37,10 @@ def scattering(impedance, reference=1.0):
         (Z.D / reference - eye) @ inverse,
         0,
     )
+
+
+def battery(omega):
+    """Impedance of a cell in ohm: resistance and inductance of the leads, two depressed arcs, diffusion."""
+    s = 1j * np.asarray(omega)
+    arcs = 0.01 / (1 + (0.03 * s) ** 0.8) + 0.008 / (1 + (0.0005 * s) ** 0.85)
+    return 0.015 + 2e-7 * s + arcs + 0.02 * np.tanh(np.sqrt(150 * s)) / np.sqrt(150 * s)

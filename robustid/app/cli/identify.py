@@ -89,6 +89,8 @@ def identify(
         time=samples,
         modes=modes,
         prior=prior.stated(dt),
+        passive=prior.passive,
+        slack=prior.slack,
         shape=prior.shape(dt),
         roll_off=prior.roll_off == AUTO,
     )
@@ -127,12 +129,12 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
         hz, damping = (float(number) for number in text.split(":"))
     except ValueError:
         raise InputError(f'--mode must be HZ:DAMPING such as 17.67:0.004, or "none"; got {text!r}') from None
-    if not 0 < damping < 1:
+    if not 0 < damping <= 1:
         raise InputError(
-            f"--mode {text}: the damping is a ratio between 0 and 1, not percent (10 % is 0.1); got {damping:g}"
+            f"--mode {text}: the damping is a ratio between 0 and 1 (1 for a real pole), not percent (10 % is 0.1); got {damping:g}"
         )
     nyquist = 0.5 / dt if dt else math.inf
-    if not 0 < hz * math.sqrt(1 - damping**2) < nyquist:
+    if not (hz > 0 and hz * math.sqrt(1 - damping**2) < nyquist):
         raise InputError(
             f"--mode {text}: the frequency must lie between 0 and the Nyquist frequency, {nyquist:g} Hz at dt = {dt:g} s;"
             f" got {hz:g} Hz"

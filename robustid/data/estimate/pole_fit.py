@@ -19,6 +19,7 @@ from robustid.errors import InputError
 _RELOCATIONS, _MORE = 4, 12  # at every delay of a search; before a minimum is refined
 _INSIDE = 1 - 1e-9
 _DAMPING = 0.02  # of the first poles
+_WIDE = 100.0  # highest over lowest frequency from which on the plant may be one of relaxations: real poles over the decades
 _SMALLEST = 1e-9  # part of the largest |G| below which a relative weight makes no sense
 _STEP = 1e-6  # of the differences, in units of 1/omega and of the unit circle
 _TIGHT = 1e-11
@@ -57,22 +58,33 @@ class PoleFit:
         """Complex numbers that are fitted."""
         return self.values.size
 
+    @property
+    def _band(self) -> tuple[float, float]:
+        """Lowest frequency above zero and the highest."""
+        return float(self.omega[self.omega > 0].min(initial=self.omega[-1])), float(self.omega[-1])
+
+    @property
+    def wide(self) -> bool:
+        """True if the frequencies span decades."""
+        low, high = self._band
+        return high > _WIDE * low
+
     def unknowns(self, poles: int) -> int:
         """Real unknowns: poles, residues and the delay."""
         return 1 + poles + self.values.shape[1] * (poles + self.feedthrough)
 
-    def search(self, order: int, delays: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Sum of squares and poles at each delay, by relocating poles."""
+    def search(self, order: int, delays: np.ndarray, *, decades: bool = True) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Sum of squares and poles at each delay, by relocating poles; of a wide response from real ones too, with `decades`."""
         costs: list[float] = []
         found: list[np.ndarray] = []
         for delay in delays:
-            ahead, poles, best = self._ahead(delay), self._first(order), (np.inf, np.zeros(0, complex))
-            for _ in range(_RELOCATIONS):
-                poles = self._relocated(ahead, poles)
-                cost = sum(
-                    float(one.residual @ one.residual) for one in self._entries(ahead, self._functions(0.0, poles))
-                )
-                best = min(best, (cost, poles), key=lambda item: item[0])
+            ahead, best = self._ahead(delay), (np.inf, np.zeros(0, complex))
+            for poles in self._firsts(order)[: None if decades else 1]:
+                for _ in range(_RELOCATIONS * (1 + self.wide)):
+                    poles = self._relocated(ahead, poles)
+                    entries = self._entries(ahead, self._functions(0.0, poles))
+                    cost = sum(float(one.residual @ one.residual) for one in entries)
+                    best = min(best, (cost, poles), key=lambda item: item[0])
             costs.append(best[0])
             found.append(best[1])
         return np.array(costs), found
@@ -180,12 +192,15 @@ class PoleFit:
             zeros[out] = _INSIDE / np.conj(zeros[out])
         return zeros[np.imag(zeros) >= 0]
 
-    def _first(self, order: int) -> np.ndarray:
-        """Lightly damped pairs over the band, and a real pole where the order is odd."""
-        low, high = max(float(self.omega[0]), float(self.omega[-1]) / 50), float(self.omega[-1])
+    def _firsts(self, order: int) -> list[np.ndarray]:
+        """Lightly damped pairs over the band, and a real pole where the order is odd; over decades also real poles alone."""
+        lowest, high = self._band
+        low = max(float(self.omega[0]), high / 50)
         pairs = np.linspace(low, high, order // 2 + 2)[1:-1] * (1j - _DAMPING)
-        s = np.concatenate([pairs, [complex(-np.sqrt(low * high))] * (order % 2)])
-        return s / self.omega[-1] if self.dt is None else np.exp(s * self.dt)
+        starts = [np.concatenate([pairs, [complex(-np.sqrt(low * high))] * (order % 2)])]
+        if self.wide:
+            starts.append(-np.geomspace(lowest, high, order).astype(complex))
+        return [s / high if self.dt is None else np.exp(s * self.dt) for s in starts]
 
 
 def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:

@@ -14,6 +14,8 @@ from robustid.data.frequency_response import FrequencyResponse
 
 _ORDERS = (4, 8, 12, 20, 30, 40, 60)
 _POINTS_A_POLE = 6
+# The same of responses over decades, whose poles are mostly real.
+_ORDERS_OF_DECADES, _POINTS_OF_DECADES = (4, 8, 12, 16, 20, 30), 3
 _POOL = 21  # neighbouring frequency points whose residuals say how large the noise is
 _REWEIGHTED = 3
 _DIP = 5  # neighbours whose median a response is at least, where noise is proportional to it
@@ -49,11 +51,13 @@ def roughness(frf: FrequencyResponse) -> Roughness:
     near: Real = np.median(sliding_window_view(np.pad(np.abs(values), _DIP // 2, mode="edge"), _DIP), axis=1)
     sizes: Real = np.maximum(np.maximum(np.abs(values), near), least)
     made: list[tuple[float, Roughness]] = []
-    for poles in _ORDERS:
+    fit = PoleFit(plain, feedthrough=True)
+    orders, points = (_ORDERS_OF_DECADES, _POINTS_OF_DECADES) if fit.wide else (_ORDERS, _POINTS_A_POLE)
+    for poles in orders:
         worse = len(made) - 1 - _best(made) if made else 0
-        if poles * _POINTS_A_POLE > size or worse == _RISES:
+        if poles * points > size or worse == _RISES:
             break
-        fit, deviation = PoleFit(plain, feedthrough=True), sizes
+        deviation = sizes
         residual: Complex = values
         left, unlikely = 1 - (2 * poles + 1) / (2 * size), np.inf
         for _ in range(_REWEIGHTED):

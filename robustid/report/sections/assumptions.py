@@ -62,6 +62,11 @@ def assumptions(identification: Identification) -> list[tuple[str, str]]:
     words = f"The non-parametric part G satisfies {_size_words(identification)} {_region_words(identification)}."
     if prior.physical:
         words = f"The plant F is passive: {_physical_words(identification)} {_region_words(identification)}."
+        if problem.functions:
+            words = (
+                "The plant is passive: a sum of passive modes and of F, which is passive too:"
+                f" {_physical_words(identification)} {_region_words(identification)}."
+            )
     if identification.prior != prior:
         words += f" The model itself needs only K = {number(identification.prior.gain_bound)}."
     out = [("Prior", words)]
