@@ -28,6 +28,7 @@ from robustid.identification.formulation import (
     Entries,
     Formulation,
     Part,
+    SectionsFormulation,
     lightest,
     parts_of,
 )
@@ -37,6 +38,7 @@ Entry = tuple[int, int]  # output and input
 
 _ACCURACY = 1e-4  # of bounds in a form with tails, in units of the samples' bounds
 _CHORDS, _FULL = 4, 5e-3  # steps from the centre to a point that is not inside, and how near to the border they end
+_TAIL = 0.01  # of the smallest bound of a sample: what a tail may add to a value
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
 )
@@ -122,11 +124,14 @@ class ConsistentSet(Frozen):
         Analytic centre.
     level : float
         1; barely more where the data are barely consistent, so that the set has an inside (bounds over it hold all the more).
+    exact : Formulation, optional
+        The form without tails, for frequencies at which the tail of `posed` is more than a hundredth of the smallest bound.
     """
 
     posed: Formulation
     center: Candidate
     level: float
+    exact: Formulation | None = None
 
     @property
     def data(self) -> ConvexData:
@@ -265,7 +270,22 @@ class ConsistentSet(Frozen):
 
         The form of a repeated section stays as it is (its tail bounds the value); so does a pair that has the node.
         """
-        return self._in(self.posed_at(omega))
+        return self._whole.with_node(omega) if self._tail_matters(omega) else self._in(self.posed_at(omega))
+
+    @functools.cached_property
+    def _whole(self) -> ConsistentSet:
+        return set_of(self.exact or self.posed, self.level, ())
+
+    def _tail_matters(self, omega: float) -> bool:
+        """True where the tail of the form can't be passed over, and another form has none."""
+        if self.exact is None:
+            return False
+        tail = self.posed.response_tail(self.posed.problem.plane.angles(np.array([omega])))[0]
+        return bool(tail > _TAIL * self._smallest_bound)
+
+    @functools.cached_property
+    def _smallest_bound(self) -> float:
+        return min(float(f.bound.inner_radius[f.bound.used].min()) for f in self.posed.problem.frequency)
 
     def _in(self, posed: Formulation) -> ConsistentSet:
         """The same set in a form with further nodes."""
@@ -297,7 +317,8 @@ class ConsistentSet(Frozen):
 
     def posed_at(self, omega: float) -> Formulation:
         """The arrays of `with_node`, for which nothing is solved; those of the set itself where it has no new node."""
-        return self.posed.with_node(float(self.posed.problem.plane.angles(np.array(omega))))
+        form = self.exact if self.exact is not None and self._tail_matters(omega) else self.posed
+        return form.with_node(float(self.posed.problem.plane.angles(np.array(omega))))
 
     @functools.cached_property
     def _interpolant(self) -> tuple[Real, ...]:
@@ -322,7 +343,8 @@ def consistent_set(identification: Identification) -> ConsistentSet:
     level = 1.0 if identification.margin < 1 - _BARELY else 1 + _BARELY
     claim = identification.claim
     if (lighter := lightest(posed, _ACCURACY)) is not posed and identification.margin < 1 - _ACCURACY:
-        return set_of(lighter, level, ())
+        beside = posed if isinstance(lighter, SectionsFormulation) else None
+        return dataclasses.replace(set_of(lighter, level, ()), exact=beside)
     shrink = identification.prior.gain_bound / problem.prior.gain_bound
     none = np.zeros(0)
     starts = [

@@ -1,4 +1,4 @@
-"""Bounds of many coefficients in the lighter form: the same set, whatever the form."""
+"""Bounds of many coefficients in the lighter form, Taylor or, in continuous time, sections: the same set, whatever the form."""
 
 import sys
 
@@ -52,3 +52,49 @@ def test_few_coefficients_and_slow_decay_stay_exact(result):
     found, _ = result
     problem = found.problem.with_prior(gain_bound=2.0, decay_rate=1.02)
     assert consistent_set(rid.identify(problem)).posed.exact
+
+
+def continuous(seed=0, points=30):
+    """A continuous plant of two light modes with noise at nine tenths of its bound."""
+    rng = np.random.default_rng(seed)
+    omega = 2 * np.pi * np.linspace(5, 60, points)
+    modes = 2 * np.pi * np.array([12.0, 31.0]), np.array([0.01, 0.005])
+
+    def plant(s):
+        parts = (g * w**2 / (s**2 + 2 * z * w * s + w**2) for g, w, z in zip((1, -2), *modes, strict=True))
+        return sum(parts) + 0.5 * 400 / (s + 400)
+
+    clean = plant(1j * omega)
+    bound = 0.02 * np.abs(clean)
+    values = clean + 0.9 * bound * np.exp(2j * np.pi * rng.random(points))
+    frf = rid.FrequencyResponse(omega, values, bound=bound)
+    prior = rid.Prior(gain_bound=1.5, decay=150.0)
+    return rid.identify(rid.MixedProblem(frequency=frf, parametric=rid.kautz(*modes, dt=0), prior=prior)), plant
+
+
+def test_few_coefficients_give_the_bounds_of_the_exact_form(monkeypatch):
+    """Between the frequency points by the section; far outside, where its tail is as large as the class, by the exact form."""
+    result, plant = continuous()
+    omega = 2 * np.pi * np.array([3.0, 12.1, 300.0])
+    found = rid.worst_case_error(result, omega=omega, directions=4)
+    light = consistent_set(result)
+    assert result.formulation.exact
+    assert not light.posed.exact
+    assert [light.posed_at(w).exact for w in omega] == [False, False, True]
+    monkeypatch.setattr(sys.modules[consistent_set.__module__], "lightest", lambda posed, accuracy: posed)
+    exact = rid.worst_case_error(result, omega=omega, directions=4)
+    assert np.all(np.abs(found.upper / exact.upper - 1) < 0.03)
+    assert np.all(found.lower <= exact.upper * (1 + 1e-9))
+    assert np.all(exact.lower <= found.upper * (1 + 1e-9))
+    assert np.all(np.abs(np.squeeze(result.model(1j * omega)) - plant(1j * omega)) <= found.upper[:, 0, 0])
+
+
+def test_saved_bounds_of_both_forms_are_verified(tmp_path):
+    result, _ = continuous(1)
+    found = rid.worst_case_error(result, omega=2 * np.pi * np.array([31.0, 300.0]), resume=tmp_path / "folder")
+    assert found.verify()
+    found.save(tmp_path / "bounds")
+    again = rid.load(tmp_path / "bounds")
+    assert np.array_equal(again.upper, found.upper)
+    resumed = rid.worst_case_error(result, omega=2 * np.pi * np.array([31.0, 300.0]), resume=tmp_path / "folder")
+    assert np.array_equal(resumed.upper, found.upper)

@@ -82,19 +82,16 @@ def _too_large(forms: Sequence[Formulation], accuracy: float) -> str:
 
 
 def lightest(formulation: Formulation, accuracy: float) -> Formulation:
-    """The Taylor form of the same problem where an exact one of many coefficients takes many times its work; else as it is.
+    """A finite form of the same problem where an exact one of many coefficients takes many times its work; else as it is.
 
     Bounds solve one problem after the other: a slow exact form that is one solution's matter of a second takes minutes there.
     """
     problem = formulation.problem
-    if (
-        not (formulation.exact and problem.entries.single and TaylorFormulation.takes(problem))
-        or problem.prior.positive_real
-        or formulation.count < _MANY
-    ):
+    if not (formulation.exact and problem.entries.single) or problem.prior.positive_real or formulation.count < _MANY:
         return formulation
-    taylor = TaylorFormulation.within(problem, accuracy)
-    return taylor if taylor.work < _FAR_LESS * formulation.work else formulation
+    kind = TaylorFormulation if TaylorFormulation.takes(problem) else SectionsFormulation
+    finite = kind.within(problem, accuracy)
+    return finite if finite.work < _FAR_LESS * formulation.work else formulation
 
 
 def formulate_over(problem: MixedProblem, horizon: int, accuracy: float) -> Formulation | None:
