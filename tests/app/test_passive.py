@@ -58,19 +58,19 @@ def cell(seed=0, points=66, noise=0.002):
 
 
 @pytest.mark.parametrize(
-    ("seed", "points"), [(0, 50), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
+    ("seed", "points"), [(0, 40), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
 )
 def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
     frf = rid.estimate_bound(cell(seed, points))
     truth = battery(frf.omega)
     assert np.all(np.abs(frf.values[:, 0, 0] - truth) <= frf.bound.radius[:, 0, 0])
     assert np.median(frf.bound.radius[:, 0, 0] / np.abs(truth)) < 0.03
-    other = 2 * np.pi * (np.array([1.0, 3000.0]) if seed == 0 else np.geomspace(0.005, 5000, 7))
+    other = 2 * np.pi * (np.array([3000.0]) if seed == 0 else np.geomspace(0.005, 5000, 7))
     for passive in (None, "positive real"):
         result = rid.identify(propose(frequency=[frf], passive=passive).problem)
         assert result.consistent, passive
         assert result.problem.prior.passive == (passive or "")
-        band = rid.worst_case_error(result, omega=other).upper[:, 0, 0]
+        band = rid.worst_case_error(result, omega=other, directions=4).upper[:, 0, 0]
         errors = np.abs(np.squeeze(result.model(1j * other)) - battery(other))
         # The cell is no sum of poles and of something that decays fast: passivity holds of it, a gain bound from data only about.
         assert np.all(errors <= (1 if passive else 1.5) * band), passive
@@ -78,7 +78,7 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
 
 
 def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
-    frf = cell(points=50)
+    frf = cell(points=36)
     rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
     lines = ["frequency_hz,re,im", *(f"{f},{a},{b}" for f, a, b in rows)]
     (tmp_path / "cell.csv").write_text("\n".join(lines))
