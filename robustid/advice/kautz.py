@@ -114,7 +114,8 @@ def suggest_kautz(
         Sample time of the basis; default that of `frf`, whose modes are those of a continuous model where it has none.
     modes : int
         How many. Default: until the residuals are within the bounds, or the next mode removes less than 0.3 % of the
-        sum of squares (relative to the bounds) that there was without modes and doesn't halve the residuals either.
+        sum of squares (relative to the bounds) that there was without modes, of which it removes less than 75 % of what is left,
+        and less than 90 % of what is left around it; 20 at most.
     delay : int, samples
         Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes.
     repeat : int

@@ -17,10 +17,12 @@ from robustid.core import Complex, Plane, Projection, Real, projected
 _log = logging.getLogger("robustid")
 
 SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth remainder
-_MOST_MODES = 12
+_MOST_MODES = 20
 _MOST_LINES = 1000  # for the search; the interval of a mode uses the frequency points around it
 # A further mode must remove this part of the sum of squares at the start, or this part of what is left.
 _WORTH, _WORTH_LEFT = 0.003, 0.75
+_WORTH_NEAR = 0.9  # or this part of what there is around it, where that is more than the bounds
+_NEAR = (5, 12)  # half-widths of a mode, and fewest frequency points, that are around it
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
@@ -47,8 +49,13 @@ class LineData:
         """The entries, one by one."""
         if self.value.ndim == 1:
             return (self,)
-        pairs = zip(self.value.T, self.bound.T, strict=True)
-        return tuple(LineData(self.angle, *pair, self.plane).select(np.isfinite(pair[1])) for pair in pairs)
+        pairs = zip(self.value.T, self.bound.T, self.measured, strict=True)
+        return tuple(LineData(self.angle, v, b, self.plane).select(there) for v, b, there in pairs)
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Frequency points at which each entry was measured, (E, F)."""
+        return np.ones((1, self.angle.size), bool) if self.value.ndim == 1 else np.isfinite(self.bound.T)
 
     @property
     def room(self) -> int:
@@ -148,12 +155,23 @@ def find_poles(data: LineData, wanted: int | None) -> tuple[Real, str]:
         further = refine(np.vstack([poles, best_start(poles, data)]), data)
         after = residual_rows(further, data)
         gain = float(before @ before - after @ after)
-        if wanted is None and gain < _WORTH * whole and gain < _WORTH_LEFT * float(before @ before):
+        small = gain < _WORTH * whole and gain < _WORTH_LEFT * float(before @ before)
+        if wanted is None and small and not _explains(data, further[-1], before, after):
             return (
                 poles,
                 f"{_count(poles)}; a further one would remove {gain / whole:.2g} of the sum of squares; {fits}",
             )
         poles, before = further, after
+
+
+def _explains(data: LineData, pole: Real, before: Real, after: Real) -> bool:
+    """True if a mode removes nine tenths of what was around it, beyond the bounds: small beside others, and there all the same."""
+    turn, zeta = np.exp(pole)
+    around = np.zeros(data.angle.size, bool)
+    around[nearest(data.angle, turn, _NEAR[0] * zeta * turn, _NEAR[1])] = True
+    places = np.concatenate([around[there] for there in data.measured])
+    was, left = ratios(before)[places], ratios(after)[places]
+    return bool(was.max() > 1 and np.sum(left**2) <= (1 - _WORTH_NEAR) * np.sum(was**2))
 
 
 def _count(poles: Real) -> str:
@@ -167,22 +185,40 @@ def best_start(poles: Real, data: LineData) -> Real:
     place = np.interp(np.linspace(0, lines - 1, min(8 * lines, 400)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
+    entries = [(one, _projected(one, poles), there) for one, there in zip(data.each, data.measured, strict=True)]
     for zeta in _START:
-        tried = [np.log([turn, zeta]) for turn in place]
-        gain = np.sum([_gains(one, poles, tried) for one in data.each], axis=0)
+        tried = np.log(np.stack([place, np.full(place.size, zeta)], axis=1))
+        functions = _first_functions(data.angle, tried)
+        gain = np.sum([_gains(one, fit, functions[there]) for one, fit, there in entries], axis=0)
         if gain.max() > best:
             best, where = gain.max(), tried[int(np.argmax(gain))]
     return where
 
 
-def _gains(data: LineData, poles: Real, tried: list[Real]) -> Real:
-    """Reduction by a further pair, for each pole tried, of the sum of squares of one entry."""
-    fit = _projected(data, poles)
-    stacked = np.stack([data.scaled(pole_pair(data.angle, pole)) for pole in tried], axis=1)
-    stacked = stacked - np.tensordot(fit.basis, np.tensordot(fit.basis.T, stacked, 1), 1)
-    gram = np.einsum("kni,knj->nij", stacked, stacked)
-    gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    moment = np.einsum("kni,k->ni", stacked, fit.residual)
+def _first_functions(angle: Real, poles: Real) -> Complex:
+    """The first function of the `pole_pair` of each of many poles, (F, T)."""
+    back, (turn, zeta) = np.exp(-1j * angle)[:, None], np.exp(poles).T
+    a = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * turn)
+    return np.asarray(1 / (1 - back * (2 * a.real - np.abs(a) ** 2 * back)), dtype=complex)
+
+
+def _gains(data: LineData, fit: Projection, functions: Complex) -> Real:
+    """Reduction by a further pair, for the `_first_functions` of each, of the sum of squares of one entry.
+
+    The other function of a pair is 1/z times the first one: products with both are products with the first.
+    """
+    back, half = np.exp(-1j * data.angle), data.angle.size
+    rows = np.column_stack([fit.basis, fit.residual])  # the residual is orthogonal to the basis
+    left = ((rows[:half] - 1j * rows[half:]) / data.bound[:, None]).T
+    first, second = (np.real(part @ functions) for part in (left, left * back))
+    sizes = (np.abs(functions) ** 2).T / data.bound**2
+    square, mixed = sizes.sum(axis=1), sizes @ np.cos(data.angle)
+    gram = np.empty((square.size, 2, 2))
+    gram[:, 0, 0] = square - np.sum(first[:-1] ** 2, axis=0)
+    gram[:, 1, 1] = square - np.sum(second[:-1] ** 2, axis=0)
+    gram[:, 0, 1] = gram[:, 1, 0] = mixed - np.sum(first[:-1] * second[:-1], axis=0)
+    gram += 1e-12 * square[:, None, None] * np.eye(2)
+    moment = np.stack([first[-1], second[-1]], axis=1)
     weights = np.asarray(np.linalg.solve(gram, moment[..., None]), dtype=float)[..., 0]
     return np.einsum("ni,ni->n", moment, weights)
 
