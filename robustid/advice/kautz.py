@@ -168,7 +168,7 @@ def suggest_kautz(
         decades = over_decades(frf)
         left = residual_rows(poles, fit)
         if decades is not None and ratios(left).max() > 1 and decades.left < _FEWER * (left @ left):
-            return _of_decades(fit, decades, float(frf.omega[0]), repeat)
+            return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
         found = damped_outside(fit, poles)

@@ -78,7 +78,7 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
 
 
 def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
-    frf = cell(points=36)
+    frf = cell(points=28)
     rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
     lines = ["frequency_hz,re,im", *(f"{f},{a},{b}" for f, a, b in rows)]
     (tmp_path / "cell.csv").write_text("\n".join(lines))
@@ -88,7 +88,7 @@ def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     assert found.consistent
     assert max(found.run_file.modes.damping) == 1
     assert found.run_file.prior.decay == found.identification.prior.decay
-    assert found.worst_case.upper.max() < 0.05 * abs(battery([2 * np.pi])[0])
+    assert found.worst_case.upper.max() < 0.1 * abs(battery([2 * np.pi])[0])
     again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert again.identification.margin == pytest.approx(found.identification.margin, rel=1e-9)
     assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
@@ -101,3 +101,11 @@ def test_a_decay_is_not_chosen_without_real_poles(tmp_path):
         propose(frequency=[frf], passive="positive real")
     with pytest.raises(rid.InputError, match="the smallest real part"):
         propose(frequency=[frf], passive="bounded real")
+
+
+def test_a_point_at_zero_frequency_is_one_of_those_over_decades():
+    frf = cell(points=36)
+    static = rid.FrequencyResponse(np.append(0.0, frf.omega), np.append(0.053, frf.values.ravel()), bound="2%")
+    found = rid.suggest_kautz(static)
+    assert found.damping.max() == 1
+    assert "6.5 decades" in found.reason

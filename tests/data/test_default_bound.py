@@ -163,3 +163,14 @@ def test_a_few_large_values_do_not_make_a_response_look_exchanged():
     assert rid.response_problems(rid.FrequencyResponse(omega, G)) == ()
     clean = 50 / (s * (s + 13)) + 30 / (s**2 + 8 * s + 300**2)
     assert "exchanged" in rid.response_problems(rid.FrequencyResponse(omega, 1 / clean))[0]
+
+
+def test_a_continuous_response_may_begin_at_zero_frequency():
+    omega, rng = 2 * np.pi * np.linspace(0, 100, 201), np.random.default_rng(0)
+    s = 1j * omega
+    G = 190.0**2 / (s**2 + 7.6 * s + 190.0**2)
+    noise = 0.01 * circular(rng, 201)
+    noise[0] = noise[0].real
+    frf = rid.estimate_bound(rid.FrequencyResponse(omega, G + noise))
+    assert np.all(np.abs(noise) < frf.bound.radius.ravel())
+    assert np.median(frf.bound.radius) < 0.06

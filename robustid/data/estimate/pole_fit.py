@@ -165,7 +165,10 @@ class PoleFit:
             turn, f = np.exp(-1j * self.omega * self.dt * whole)[:, None], delay / self.dt - whole
         functions = turn * _fractions(self.x, poles, f)
         # A constant jumps by a whole sample as f leaves 0; the line between the two lets the minimum be sought.
-        return np.hstack([functions, turn * (1 - f + f / self.x[:, None])]) if self.feedthrough else functions
+        constant = (
+            1 - f + f / self.x[:, None] if f else np.ones((self.x.size, 1))
+        )  # x is 0 at zero frequency, without a hold
+        return np.hstack([functions, turn * constant]) if self.feedthrough else functions
 
     def _entries(self, values: np.ndarray, functions: np.ndarray) -> Iterator[Projection]:
         """The weighted values of every entry, projected on the weighted functions."""
@@ -210,9 +213,9 @@ def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
     first = np.cumsum(1 + pair) - 1 - pair  # column of every pole's first function
     columns = np.empty((x.size, int(np.sum(1 + pair))), complex)
     x = x[:, None]
-    one = (ahead + (1 - ahead) / x) / (x - poles)
     conj = np.conj(ahead[pair])
-    other = (conj + (1 - conj) / x) / (x - np.conj(poles[pair]))
+    one = (ahead + (1 - ahead) / x if f else 1) / (x - poles)  # x is 0 at zero frequency, without a hold
+    other = (conj + (1 - conj) / x if f else 1) / (x - np.conj(poles[pair]))
     columns[:, first] = one
     columns[:, first[pair]] += other
     columns[:, first[pair] + 1] = 1j * (one[:, pair] - other)
