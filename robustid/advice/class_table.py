@@ -32,7 +32,7 @@ class ClassCandidate(Frozen):
     modes : KautzSuggestion or None
         Poles that come from the data with the pole-uncertainty box that the error covers; None for poles that were given.
     cell : PoleCell or None
-        Repeated pairs that cover a pole-uncertainty box: ``cell.slack(omega*dt)`` is what the entries of the systems of the box
+        Repeated pairs that cover a pole-uncertainty box: ``cell.slack(omega)`` is what the entries of the systems of the box
         can differ from those of `problem`, on top of their worst case. Single pairs: see `worst_case_over_poles`.
     margin : float
     upper : (F,) array; MIMO: (F, ny, nu)
@@ -105,7 +105,7 @@ class ClassCandidate(Frozen):
                 found = worst_case_error(result, **options)
             upper[np.isin(grid, found.omega)] = found.upper
         if self.cell is not None:
-            upper = upper + self.cell.slack(self.problem.plane.angles(grid))
+            upper = upper + self.cell.slack(grid)
         return result, entries.as_given(upper[place])
 
     def evaluated(self, omega: Real, *, time_limit: float | None = None) -> ClassCandidate:

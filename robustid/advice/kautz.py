@@ -220,9 +220,9 @@ def _of_decades(fit: LineData, found: Relaxations, lowest: float, repeat: int) -
     edges[:, 0] = np.stack([np.minimum(edges[:, 0, 0], omega), np.maximum(edges[:, 0, 1], omega)], axis=1)
     reason = (
         f"{found.omega.size} poles over {np.log10(top / lowest):.1f} decades, {np.sum(found.damping == 1)} of them real, and a"
-        f" constant leave at most {found.largest:.3g} times the bound; modes beside a smooth remainder leave more. The plant"
-        " relaxes over decades: other real poles follow it as well, and these are a choice, no property of it; the fastest stands"
-        " for the constant"
+        f" constant leave at most {found.largest:.3g} times the bound; modes beside a smooth remainder leave more. Other"
+        " real poles follow a plant that relaxes over decades as well: these are a choice, no property of it, and the fastest"
+        " stands for the constant"
     )
     return KautzSuggestion(
         omega=omega,

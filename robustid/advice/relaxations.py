@@ -33,8 +33,8 @@ class Relaxations(NamedTuple):
 def over_decades(frf: FrequencyResponse) -> Relaxations | None:
     """Poles of partial fractions that keep a continuous response inside its bounds, or of the order beyond which little is won.
 
-    None for less than two decades. A battery, a cable, a viscoelastic mount has no few poles: real ones over the decades follow it
-    all the same, and their places are a choice.
+    None for less than two decades, or without a real pole among them. A battery, a cable, a viscoelastic mount has no few poles:
+    real ones over the decades follow it all the same, and their places are a choice.
     """
     fit = PoleFit(frf, feedthrough=True)
     if frf.dt or frf.omega.size < 2 * _POINTS_A_POLE or not fit.wide:
@@ -55,7 +55,7 @@ def over_decades(frf: FrequencyResponse) -> Relaxations | None:
         best = found
         if best.largest <= 1:
             break
-    return best
+    return best if np.any(best.damping == 1) else None
 
 
 def _left(fit: PoleFit, poles: np.ndarray) -> Relaxations:

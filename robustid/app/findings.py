@@ -10,10 +10,11 @@ import numpy as np
 from robustid.advice import diagnose
 from robustid.app.choices import SPARE
 from robustid.app.measurements import Say
+from robustid.app.options import Modes
 from robustid.app.run_file import RunFile
 from robustid.data import FrequencyResponse
-from robustid.errors import Status
-from robustid.guarantees import Coverage, WorstCaseError, coverage
+from robustid.errors import InputError, Status
+from robustid.guarantees import Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
 from robustid.identification import Identification, Validation, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most
@@ -28,6 +29,10 @@ FIXED_POLES = (
     " taken, not for the box"
 )
 OVER_POLES = ": over_poles = true in [worst_case] covers it (minutes)"
+_REAL_POLES = (
+    "The real poles were chosen from these data and are a part of the class: the plant may have others, which these follow over the"
+    " frequency points. This bound holds for the class; data can refute it, never prove it."
+)
 
 
 def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
@@ -45,6 +50,34 @@ def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
         f"Nothing was widened{' further' if wider else ''}. To go on with wider bounds, state them: inflate = {needed:.4g}"
         f' (10 % more than this class needs) or inflate = "auto", in [identify]; every result then says so.',
     ]
+
+
+def pole_words(identification: Identification, modes: Modes) -> str:
+    """Sentence on poles that were taken from the data, and the bound that covers their box where there is one."""
+    if 1 in (modes.damping or ()):
+        return _REAL_POLES
+    if modes.hz_interval is None:
+        return f"{FIXED_POLES}."
+    try:
+        box_of(identification, 2 * np.pi * np.array(modes.hz_interval), modes.damping_interval, modes.delay or 0)
+    except InputError:
+        return f"{FIXED_POLES}."
+    return f"{FIXED_POLES}{OVER_POLES}."
+
+
+def box_words(band: WorstCaseOverPoles) -> str:
+    """Sentence on the error with the poles anywhere in their box, and on what is too wide for one."""
+    upper, start = band.sigma_upper, "With the poles anywhere in the pole-uncertainty box"
+    known, wide = np.isfinite(upper), band.too_wide or "a mode"
+    advice = (
+        f"the box of {wide} is too wide; measure more frequency points around it, or state a smaller box that you know"
+    )
+    if not known.any():
+        return f"{start} nothing is guaranteed at any of {upper.size} frequencies: {advice}."
+    text = f"{start}: within {at_most(upper[known].max())} of the small model at {known.sum()}"
+    if known.all():
+        return f"{text} frequencies."
+    return f"{text} of {upper.size} frequencies. At the others nothing is guaranteed: {advice}."
 
 
 def sample_words(identification: Identification, model: Any, order: int) -> str:

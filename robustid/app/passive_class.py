@@ -55,12 +55,17 @@ def chosen_decay(problem: MixedProblem, kind: str, slack: float | None, missing:
         raise InputError(missing)
     rates = possible_rates(problem)
     fields = {"passive": kind, "slack": slack}
-    margin, tried = np.inf, rates[0]
-    for tried in rates[::-1]:
-        prior = prior_from({**fields, "decay": float(tried)})
-        margin = float(identify(dataclasses.replace(problem, prior=prior)).margin)
-        if margin <= 1:
-            break
+    low, high, margin, tried = -1, rates.size, np.inf, float(rates[0])
+    while high - low > 1:  # the slower the decay, the larger the class: consistent at low, not at high
+        middle = (low + high) // 2
+        prior = prior_from({**fields, "decay": float(rates[middle])})
+        found = float(identify(dataclasses.replace(problem, prior=prior)).margin)
+        if found <= 1:
+            low = middle
+        else:
+            high = middle
+        if found <= 1 or high == 0:
+            margin, tried = found, float(rates[middle])
     decay = float(f"{_SPARE * tried:.3g}")
     words = f"Decay of what the modes leave to the {kind} class: {decay:g} 1/s, half of {tried:.5g} 1/s, "
     words += (

@@ -39,7 +39,6 @@ from robustid.reduction import (
     why_not_compared,
     without_doubtful_modes,
 )
-from robustid.report import at_most
 
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
@@ -196,7 +195,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         seen = compared(small, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(CHOSEN_MODES) and run.modes.hz and not run.worst_case.over_poles:
-            found.append(f"{findings.FIXED_POLES}{findings.OVER_POLES * (run.modes.hz_interval is not None)}.")
+            found.append(findings.pole_words(result, run.modes))
     if result.consistent and run.worst_case.over_poles:
         band, words = _over_poles(run, result, reduction, around)
         found.append(words)
@@ -302,5 +301,4 @@ def _over_poles(
         )
     except (InputError, InconsistentDataError) as error:
         return None, f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
-    text = f"With the poles anywhere in the pole-uncertainty box: within {at_most(band.sigma_upper.max())} of the small model"
-    return band, f"{text} at {band.omega.size} frequencies."
+    return band, findings.box_words(band)

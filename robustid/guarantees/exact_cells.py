@@ -8,6 +8,8 @@ the remainders are added to may be too small by one rounding, which the claims a
 .. math:: |a - a_0| \le \max(|a|, |a_0|)\, |\log a - \log a_0|, \qquad
           \Big|\frac{c}{1 - a/z} - \sum_{j<m} c\,(a - a_0)^j \frac{z^{-j}}{(1 - a_0/z)^{j+1}}\Big|
           \le \frac{|c|\, r^m}{d^m (d - r)}, \quad d = |1 - a_0/z|
+
+and the same for 1/(s - a), with d = |s - a_0|, in continuous time.
 """
 
 from __future__ import annotations
@@ -36,14 +38,14 @@ def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
     omega : (F,) array, rad/s
         And where the response is bounded.
     """
-    angles = np.concatenate([omega * problem.dt, *(points.omega * problem.dt for points in problem.frequency)])
+    omega = np.concatenate([omega, *(points.omega for points in problem.frequency)])
     samples = max((record.u.shape[0] for record in problem.time), default=0)
     with ball_arithmetic() as flint:
         modes = [_Mode(flint, cell, number) for number in range(cell.radius.size)]
         return (
             all(mode.radius_holds() for mode in modes)
             and all(mode.intervals_hold() for mode in modes)
-            and _remainders_hold(modes, np.unique(angles), cell)
+            and _remainders_hold(modes, np.unique(omega), cell)
             and (not samples or all(mode.impulse_holds(samples) for mode in modes))
         )
 
@@ -58,11 +60,12 @@ class _Mode:
         self.ends = [[flint.arb(end) for end in side[number].tolist()] for side in (cell.omega, cell.damping)]
         self.means = [float(side.mean(axis=1)[number]) for side in (cell.omega, cell.damping)]
         self.decay, self.turn = self._log(*map(flint.arb, self.means))
-        self.pole = flint.acb(-self.decay, self.turn).exp()
+        exponent = flint.acb(-self.decay, self.turn)
+        self.pole = exponent.exp() if cell.dt else exponent
 
     def _log(self, omega: Any, damping: Any) -> tuple[Any, Any]:
-        """-Re and Im of the logarithm of a pole."""
-        step = omega * self.flint.arb(self.cell.dt)
+        """-Re and Im of the logarithm of a pole; in continuous time of the pole."""
+        step = omega * self.flint.arb(self.cell.dt or 1.0)
         return step * damping, step * (1 - damping * damping).sqrt()
 
     def radius_holds(self) -> bool:
@@ -72,7 +75,8 @@ class _Mode:
         least, most = self._log(w, e)[1], self._log(v, d)[1]
         ends = ((fast - self.decay).max(self.decay - slow), (most - self.turn).max(self.turn - least))
         away, aside = (end.abs_upper() for end in ends)  # numbers, since a ball around 0 has no square root
-        return self._below((-slow).exp() * (away * away + aside * aside).sqrt(), self.radius)
+        largest = (-slow).exp() if self.cell.dt else 1
+        return self._below(largest * (away * away + aside * aside).sqrt(), self.radius)
 
     def intervals_hold(self) -> bool:
         """Return whether twice the coefficients c (a - a0)^j / a0^j, of functions of unit norm, lie in their intervals."""
@@ -80,18 +84,18 @@ class _Mode:
         one = kautz(*self.means, dt=cell.dt, repeat=REPEAT, delay=cell.delay)
         ends = cell.intervals()[..., 1].reshape(cell.radius.size, 2 * REPEAT, -1)[self.number]
         for k, (row, stored) in enumerate(zip(one.C, ends, strict=True)):
-            first = _norm(arb, one.A[k]) if cell.delay == 0 else arb(1)
+            first = _norm(arb, one.A[k]) if cell.dt and cell.delay == 0 else arb(1)
             size = 2 * (self.radius / abs(self.pole)) ** (k // 2) * first / _norm(arb, row)
             if not all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, stored, strict=True)):
                 return False
         return True
 
-    def remainder(self, angle: float) -> Any:
-        """Bound of what the expansion leaves out at exp(j angle) of an amplitude of one; None where it may be without bound."""
-        total = self.flint.arb(0)
-        turned = self.flint.acb(0, -self.flint.arb(angle)).exp()
+    def remainder(self, omega: float) -> Any:
+        """Bound of what the expansion leaves out at a frequency of an amplitude of one; None where it may be without bound."""
+        total, dt = self.flint.arb(0), self.cell.dt
+        turned = self.flint.acb(0, -self.flint.arb(omega * dt)).exp()
         for pole in (self.pole, self.pole.conjugate()):
-            distance = abs(1 - pole * turned)
+            distance = abs(1 - pole * turned) if dt else abs(self.flint.acb(0, omega) - pole)
             room = distance - self.radius
             if not room > 0:
                 return None
@@ -113,13 +117,13 @@ class _Mode:
         return bool(value * self.flint.arb(_HALF) <= stored)
 
 
-def _remainders_hold(modes: list[_Mode], angles: Real, cell: PoleCell) -> bool:
-    """Return whether the slack of every entry at every angle is above the sum of the remainders of all modes."""
+def _remainders_hold(modes: list[_Mode], omega: Real, cell: PoleCell) -> bool:
+    """Return whether the slack of every entry at every frequency is above the sum of the remainders of all modes."""
     arb = modes[0].flint.arb
-    for angle, stored in zip(angles.tolist(), cell.slack(angles).reshape(angles.size, -1), strict=True):
+    for frequency, stored in zip(omega.tolist(), cell.slack(omega).reshape(omega.size, -1), strict=True):
         if not np.all(np.isfinite(stored)):
             continue  # nothing is claimed there
-        each = [mode.remainder(angle) for mode in modes]
+        each = [mode.remainder(frequency) for mode in modes]
         if any(one is None for one in each):
             return False
         for entry, end in enumerate(stored.tolist()):

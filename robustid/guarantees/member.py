@@ -220,8 +220,7 @@ def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
     """
     if isinstance(bounded, WorstCaseError):
         return [one.vertices for one in bounded.of_entry(*entry)]
-    angles = bounded.identification.problem.plane.angles(bounded.omega)
-    slacks = [item.cell.slack(angles)[:, *entry] for item in bounded.kept]
+    slacks = [item.cell.slack(bounded.omega)[:, *entry] for item in bounded.kept]
     if not all(item.values for item in bounded.kept) or not np.all(np.isfinite(slacks)):
         raise InputError(
             "`poles`: the pole-uncertainty box of a member is too wide for a bound; allow more `cells`, or measure more"
@@ -231,5 +230,5 @@ def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
         np.concatenate(
             [(mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)]
         )
-        for k in range(angles.size)
+        for k in range(bounded.omega.size)
     ]

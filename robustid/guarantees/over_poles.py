@@ -176,6 +176,14 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
             for name in ("omega", "damping")
         )  # type: ignore[return-value]
 
+    @property
+    def too_wide(self) -> str:
+        """Modes, in words, whose cells are too wide for a bound at some frequency; empty where none is."""
+        rest = sum(cell.remainder(self.omega) for cell in self.cells)
+        away = ~np.isfinite(rest).reshape(*np.shape(rest)[:2], -1).all(axis=(0, 2))
+        numbers = [str(mode) for mode in np.flatnonzero(away) + 1]
+        return "" if not numbers else f"mode{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
+
     def with_model(self, model: Any) -> WorstCaseOverPoles:
         """Return the same guarantees around another nominal; nothing is solved anew."""
         model = as_nominal(model, self.identification)
@@ -247,7 +255,8 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
             ends = dict.fromkeys(f"{w / (2 * np.pi):.5g}" for w in self.omega[~known][[0, -1]])
             lines.append(
                 f"open       nothing is guaranteed at {(~known).sum()} of {known.size} frequencies, {' to '.join(ends)} Hz: a cell"
-                " of the box is too wide there; it takes more cells, more time, or a measurement there"
+                f" of the box{self.too_wide and f' ({self.too_wide})'} is too wide there; it takes more cells, more time, or a"
+                " measurement there"
             )
         if not problem.entries.single:
             _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
@@ -269,7 +278,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 def _bounds(kept: tuple[KeptCell, ...], model: Any, omega: Real, identification: Identification) -> tuple[Real, Real]:
     """Error and magnitude over all cells, around a model, as they are stated."""
     problem = identification.problem
-    upper, magnitude = union_of(kept, problem.plane.values_at(model, omega), problem.plane.angles(omega))
+    upper, magnitude = union_of(kept, problem.plane.values_at(model, omega), omega)
     return upper, problem.entries.as_given(magnitude)
 
 
@@ -300,8 +309,8 @@ def worst_case_over_poles(
     does not validate them, and the band at the suggested poles does not cover the others. Here each cell of the box is relaxed to a
     convex problem that every system with poles inside solves (`PoleCell`); cells that are proved inconsistent are left out.
 
-    MIMO: all entries have the poles in common, each has its own residues; every entry is bounded, and with them the largest
-    singular value of F - model (`sigma_upper`).
+    In continuous time too. MIMO: all entries have the poles in common, each has its own residues; every entry is bounded, and with
+    them the largest singular value of F - model (`sigma_upper`).
 
     Parameters
     ----------
@@ -310,7 +319,7 @@ def worst_case_over_poles(
     omega_interval, damping_interval : (M, 2) arrays
         Ends per mode, rad/s and 1; `KautzSuggestion.omega_interval` and `.damping_interval`.
     delay : int, samples
-        Of the pairs.
+        Of the pairs, in discrete time.
     model, omega, directions, rtol, executor, progress, resume
         As in `worst_case_error`. Default `omega`: 24 frequencies, and the modes.
     cells : int

@@ -16,14 +16,16 @@ from robustid.core import Complex, Frozen, Real, as_array, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
-from robustid.identification import Identification, MixedProblem, check_sampled
+from robustid.identification import Identification, MixedProblem
 
 AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
 # Least amplitudes of entries in which the model hardly has a mode, as parts: of the entry's largest mode, and of what the other
 # entries of its row and column suggest, since modes are of rank one.
 _FLOOR, _WEAK = 1e-3, 0.5
-_ROUNDING = 1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4
+_ROUNDING = (
+    1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
+)
 _WIDER = 1 + 1e-9  # the same for products
 _ENDLESS = 1e200  # stands for a remainder that does not converge
 
@@ -32,13 +34,13 @@ _ENDLESS = 1e200  # stands for a remainder that does not converge
 class PoleCell(Frozen):
     """A pole-uncertainty box, or a part of one, of natural frequencies w_i and damping ratios d_i, one of each per mode.
 
-    The poles are a_i = exp((-d_i + j sqrt(1 - d_i^2)) w_i T).
+    The poles are a_i = exp(s_i T), s_i = (-d_i + j sqrt(1 - d_i^2)) w_i; in continuous time a_i = s_i.
 
     A mode c/(1 - a z^-1) with |a - a0| <= r expands about the middle a0 into multiples of z^-k/(1 - a0 z^-1)^(k+1), whose
     coefficients c (a - a0)^k are bounded by C r^k, and a remainder of modulus at most C r^m / (d^m (d - r)), d = |1 - a0 z^-1|,
-    after m terms. So the systems with poles in the cell are among those with m-fold poles at its middle, coefficients in intervals,
-    and samples whose bounds are wider by what the remainder does to them. MIMO: every entry has its own c and C, all have the poles
-    in common.
+    after m terms; c/(s - a) into multiples of 1/(s - a0)^(k+1), with d = |s - a0|. So the systems with poles in the cell are among
+    those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
+    to them. MIMO: every entry has its own c and C, all have the poles in common.
 
     Attributes
     ----------
@@ -48,6 +50,7 @@ class PoleCell(Frozen):
         C, the largest |c| of every mode.
     delay : int, samples
     dt : float, s
+        0 in continuous time.
     """
 
     omega: Real
@@ -66,15 +69,24 @@ class PoleCell(Frozen):
 
     @functools.cached_property
     def radius(self) -> Real:
-        """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals."""
-        steps = self.dt * self.omega
+        """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals.
+
+        In continuous time those of a and a0 themselves do.
+        """
+        steps = (self.dt or 1.0) * self.omega
         decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
-        middle = np.asarray(np.log(self.middle))
+        middle = np.asarray(np.log(self.middle)) if self.dt else self.middle
         away = [
             np.maximum(high - value, value - low)
             for (low, high), value in ((decay, -np.real(middle)), (turn, np.imag(middle)))
         ]
-        return np.exp(-decay[0]) * np.hypot(*away) * _WIDER + _ROUNDING
+        largest = np.exp(-decay[0]) if self.dt else 1.0
+        return largest * np.hypot(*away) * _WIDER + self._rounding
+
+    @property
+    def _rounding(self) -> Real:
+        """Error of a distance from each of the poles, (M,)."""
+        return _ROUNDING * (np.ones(self.middle.size) if self.dt else np.abs(self.middle))
 
     def basis(self) -> ParametricBasis:
         """Repeated pairs at the middle."""
@@ -87,45 +99,54 @@ class PoleCell(Frozen):
         for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
             one = kautz(w, d, dt=self.dt, repeat=REPEAT, delay=self.delay)
             rows = np.linalg.norm(one.C, axis=1)
-            norms = (np.linalg.norm(one.A, axis=1) if self.delay == 0 else np.ones(rows.size)) / rows
+            at_once = bool(self.dt) and self.delay == 0
+            norms = (np.linalg.norm(one.A, axis=1) if at_once else np.ones(rows.size)) / rows
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
+            # In continuous time (w t)^j/j! exp(a t) has w^j/(s - a)^(j+1), w = |a|.
             shrink = float(self.radius[number] / abs(self.middle[number])) ** (np.arange(len(one.C)) // 2)
             ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(norms))
         half = np.concatenate(ends) * _WIDER
         return np.stack([-half, half], axis=-1)
 
-    def remainder(self, angles: Real) -> Real:
-        """Bound of what the expansion leaves out at exp(j angle), (F, M); inf where it does not converge. MIMO: (F, M, ny, nu)."""
-        total = np.zeros((np.size(angles), *self.amplitude.shape))
+    def remainder(self, omega: Real) -> Real:
+        """Bound of what the expansion leaves out at frequencies, (F, M); inf where it does not converge. MIMO: (F, M, ny, nu)."""
+        total = np.zeros((np.size(omega), *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
-            total += self._left_out(pole, np.asarray(angles))
+            total += self._left_out(self._distance(pole, np.asarray(omega, dtype=float)))
         return total * _WIDER
 
-    def _left_out(self, pole: Complex, angles: Real) -> Real:
-        """Part that the expansion about poles (M,) leaves out at exp(j angle), (F, M); MIMO: (F, M, ny, nu)."""
-        distance = np.abs(1 - pole * np.exp(-1j * angles)[:, None]) - _ROUNDING
+    def _distance(self, pole: Complex, omega: Real) -> Real:
+        """Distance d of frequencies (F,) or (F, M) from poles (M,), (F, M)."""
+        omega = omega.reshape(len(omega), -1)
+        if self.dt:
+            return np.abs(1 - pole * np.exp(-1j * (omega * self.dt)))
+        return np.hypot(pole.real, omega - pole.imag)
+
+    def _left_out(self, distance: Real) -> Real:
+        """Part that the expansion about poles at these distances (F, M) leaves out, (F, M); MIMO: (F, M, ny, nu)."""
+        distance = distance - self._rounding
         room = self._each(distance - self.radius)
         with np.errstate(divide="ignore", invalid="ignore"):
             terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
             return np.where(room > 0, terms, np.inf)
 
     def slack_on(self, low: Real, high: Real) -> Real:
-        """Largest `slack` on arcs of the upper half of the circle, (F, ny, nu); inf where the expansion does not converge.
+        """Largest `slack` between frequencies, rad/s, (F, ny, nu); inf where the expansion does not converge.
 
-        What is left out falls with the distance from the pole: it is largest at the angle of the pole, or at an end.
+        What is left out falls with the distance from the pole: it is largest at the frequency of the pole, or at an end.
         """
         total = np.zeros((low.size, *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
-            for mode, turn in enumerate(np.angle(pole).tolist()):
-                ends = np.abs(1 - pole[mode] * np.exp(-1j * np.stack([low, high])))
-                nearest = np.where(ends[0] <= ends[1], low, high)
-                nearest = np.where((low <= turn) & (turn <= high), turn, nearest)
-                total[:, mode] += self._left_out(pole, nearest)[:, mode]
+            ends = [self._distance(pole, end) for end in (low, high)]
+            nearest = np.where(ends[0] <= ends[1], low[:, None], high[:, None])
+            turn = np.angle(pole) / self.dt if self.dt else pole.imag
+            nearest = np.where((low[:, None] <= turn) & (turn <= high[:, None]), turn, nearest)
+            total += self._left_out(self._distance(pole, nearest))
         return self._matrices((total * _WIDER).sum(axis=1))
 
-    def slack(self, angles: Real) -> Real:
-        """Remainder of the expansion of all modes in every entry at exp(j angle), (F, ny, nu)."""
-        return self._matrices(self.remainder(angles).sum(axis=1))
+    def slack(self, omega: Real) -> Real:
+        """Remainder of the expansion of all modes in every entry at frequencies in rad/s, (F, ny, nu)."""
+        return self._matrices(self.remainder(omega).sum(axis=1))
 
     def impulse_remainder(self, count: int) -> Real:
         """Bound of what the expansion leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
@@ -152,7 +173,7 @@ class PoleCell(Frozen):
         """A problem with fixed poles that every consistent system with poles in the cell solves; None if no data are left."""
         frequency: list[Points] = []
         for points in problem.frequency:
-            wider = widened_points(points, self.slack(problem.plane.angles(points.omega)))
+            wider = widened_points(points, self.slack(points.omega))
             frequency += [] if wider is None else [wider]
         time: list[TimeRecord] = []
         for record in problem.time:
@@ -169,15 +190,15 @@ class PoleCell(Frozen):
             symmetric=problem.symmetric,
         )
 
-    def cost(self, angles: Real, smallest: Real) -> float:
+    def cost(self, omega: Real, smallest: Real) -> float:
         """Largest remainder of the expansion, in units of the smallest bound of every entry (ny, nu)."""
-        slack = self.slack(angles)
+        slack = self.slack(omega)
         return float(np.divide(slack, smallest, out=np.zeros(slack.shape), where=np.isfinite(smallest)).max())
 
     def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
         """Two halves of the side of the mode that matters most."""
-        angles = problem.plane.angles(np.concatenate([omega, *(f.omega for f in problem.frequency)]))
-        weight = np.minimum(self.remainder(angles), _ENDLESS).max(axis=0).reshape(len(self.middle), -1)
+        omega = np.concatenate([omega, *(f.omega for f in problem.frequency)])
+        weight = np.minimum(self.remainder(omega), _ENDLESS).max(axis=0).reshape(len(self.middle), -1)
         mode = int(np.argmax((weight / smallest_bounds(problem).ravel()).max(axis=1)))
         sides = [
             np.ptp(self.omega[mode]),
@@ -234,7 +255,7 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
         other than zero initial conditions.
     """
     problem = identification.problem
-    check_sampled(problem, "a pole-uncertainty box")
+    delay = delay if problem.dt else 0
     poles = _modes(identification, delay)
     omega, damping = _intervals(omega, damping, poles.size, problem.dt)
     for record in problem.time:
@@ -244,7 +265,7 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
                 " box do to its initial state is not bounded here; use a frequency response (`estimate_frf`) or a record"
                 " with zero initial conditions"
             )
-    logs = np.log(poles) / problem.dt
+    logs = np.log(poles) / problem.dt if problem.dt else poles
     for name, ends, own in (
         ("omega_interval", omega, np.abs(logs)),
         ("damping_interval", damping, -logs.real / np.abs(logs)),
@@ -258,9 +279,7 @@ def box_of(identification: Identification, omega: Any, damping: Any, delay: int)
                 " with poles in it first"
             )
     weights = identification.parameters.reshape(poles.size, 2, *problem.entries.shape)
-    impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
-    # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
-    norms = np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
+    norms = _norms(problem, poles, delay)
     amplitude = np.linalg.norm(weights / norms[..., None, None], axis=1) / 2
     floor = np.maximum(_FLOOR * amplitude.max(axis=0), _WEAK * _of_rank_one(amplitude, problem))
     allowed = problem.entries.as_given(AMPLITUDE * np.maximum(amplitude, floor))
@@ -275,25 +294,48 @@ def _of_rank_one(amplitude: Real, problem: MixedProblem) -> Real:
     return rows * (columns / whole) * scales
 
 
+def _norms(problem: MixedProblem, poles: Complex, delay: int) -> Real:
+    """Norms of Re a^k and Im a^k, by which the functions of every pair were divided, (M, 2); of Re exp(a t) and Im exp(a t)."""
+    if not problem.dt:
+        pairs = kautz(np.abs(poles), -poles.real / np.abs(poles), dt=0)
+        return 1 / np.diag(pairs.C).reshape(poles.size, 2)
+    impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
+    # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
+    return np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
+
+
 def _modes(identification: Identification, delay: int) -> Complex:
-    """The pole of every mode, in the upper half plane."""
+    """The pole of every mode, in the upper half plane: in z, or in s in continuous time."""
     problem = identification.problem
     basis = problem.parametric
     if basis is None:
         raise InputError(
             "`identification` has no parametric part, hence no poles that could lie in a pole-uncertainty box"
         )
-    poles = basis.poles[np.imag(basis.poles) > 0]
-    logs = np.log(poles)
-    if 2 * poles.size == basis.size and poles.size:
-        pairs = kautz(np.abs(logs) / problem.dt, -logs.real / np.abs(logs), dt=problem.dt, delay=delay)
+    poles = basis.in_s().poles[np.imag(basis.poles) > 0]
+    if has_single_pairs(basis):
+        logs = np.log(poles) / problem.dt if problem.dt else poles
+        pairs = kautz(np.abs(logs), -logs.real / np.abs(logs), dt=problem.dt, delay=delay).on(problem.plane)
         count = delay + 4  # a pair has two functions of second order
         if np.allclose(pairs.impulse(count), basis.impulse(count), rtol=1e-9, atol=1e-12):
             return poles
+    if problem.prior.passive:
+        raise InputError(
+            "`identification` is of a passive class, beside which no pole-uncertainty box is bounded: leave its modes out and"
+            " choose a `decay` below their smallest damping times frequency, in rad/s; that class holds them wherever they lie"
+        )
     raise InputError(
-        "`identification` must have one single `kautz` pair per mode in its parametric part, of the `delay` that is said here"
-        f" ({delay})"
+        "`identification` must have one single `kautz` pair per mode in its parametric part"
+        + f", of the `delay` that is said here ({delay})" * bool(problem.dt)
     )
+
+
+def has_single_pairs(basis: ParametricBasis | None) -> bool:
+    """Return whether functions may be one pair for each mode, whose poles a box could hold: no real or repeated ones."""
+    if basis is None:
+        return False
+    poles = basis.poles[np.imag(basis.poles) > 0]
+    return 0 < 2 * np.unique(poles).size == basis.size
 
 
 def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[Real, Real]:
@@ -307,12 +349,14 @@ def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[Real, R
         if np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
             raise InputError(f"`{name}` must hold positive ends, low <= high; got {ends.tolist()}")
     if np.any(damping >= 1) or np.any(omega * dt >= np.pi):
-        raise InputError("`damping_interval` must lie below 1 and `omega_interval` below pi/dt")
+        rest = " and `omega_interval` below pi/dt" if dt else ""
+        raise InputError(f"`damping_interval` must lie below 1{rest}")
     return omega, damping
 
 
 def _pole(omega: Real, damping: Real, dt: float) -> Complex:
-    return np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * omega * dt)
+    s = -damping + 1j * np.sqrt(1 - damping**2)
+    return np.exp(s * omega * dt) if dt else s * omega
 
 
 def _products(a: Real, b: Real) -> tuple[Real, Real]:

@@ -74,7 +74,7 @@ def _of_cell(
     at = omega[np.unique(np.linspace(0, omega.size - 1, _FIRST).round().astype(int))]
     error = worst_case_error(found, model=model, omega=at, directions=_DIRECTIONS, rtol=rtol, executor=executor)
     circle = error.on_circle(rtol, everywhere=everywhere, executor=executor, time_limit=budget.seconds)
-    slack = cell.slack_on(circle.edges[:-1] * cell.dt, circle.edges[1:] * cell.dt)
+    slack = cell.slack_on(circle.edges[:-1], circle.edges[1:])
     return CircleBound(
         circle.edges,
         circle.bound + norm_of_bounds(slack),

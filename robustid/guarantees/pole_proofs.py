@@ -87,12 +87,12 @@ def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | Non
     return None if relaxed is None else formulate(relaxed, accuracy=_ACCURACY)
 
 
-def union_of(kept: Sequence[KeptCell], nominal: Complex, angles: Real) -> tuple[Real, Real]:
+def union_of(kept: Sequence[KeptCell], nominal: Complex, omega: Real) -> tuple[Real, Real]:
     """Bound of |F - nominal|, (F, ny, nu), and range of |F|, (F, ny, nu, 2), over all systems with poles in a cell that is kept."""
     shape = nominal.shape
     upper, low, high = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape)
     for item in kept:
-        slack = item.cell.slack(angles)
+        slack = item.cell.slack(omega)
         far, least, most = np.full(shape, np.inf), np.zeros(shape), np.full(shape, np.inf)
         for entry in np.ndindex(*shape[1:]) if item.values else ():
             sets, at = item.of_entry(*entry), (slice(None), *entry)

@@ -41,10 +41,10 @@ def searched(
     waiting = [whole]
     kept: list[tuple[PoleCell, ConsistentSet | None]] = []
     refuted: list[RefutedCell] = []
-    angles = problem.plane.angles(np.concatenate([grid, *(f.omega for f in problem.frequency)]))
+    omega = np.concatenate([grid, *(f.omega for f in problem.frequency)])
     while waiting:
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
-        costs = [c.cost(angles, smallest) for c in waiting]
+        costs = [c.cost(omega, smallest) for c in waiting]
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
         posed = posed_relaxation(cell, problem)

@@ -30,6 +30,7 @@ from robustid.guarantees.claims import SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
+from robustid.guarantees.pole_cells import has_single_pairs
 from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Folder
@@ -393,6 +394,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
             lines.append(
                 "warning    the poles were taken from these data, which leave them a pole-uncertainty box: this band does not cover"
                 " it, but that of worst_case_over_poles (robustid bounds --poles) does"
+                if has_single_pairs(self.identification.problem.parametric)
+                else "warning    the poles were taken from these data and are a part of the class: others may follow them as well"
             )
         lines.append(
             "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"

@@ -68,7 +68,7 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
     repeated = next(row for row in evaluated if row.repeat == 2)
     result, upper = repeated.guaranteed(data.modes[1:, 0])
     bare = rid.worst_case_error(result, omega=data.modes[1:, 0], directions=6, rtol=0.1).upper[0, 0, 0]
-    assert upper[0] == pytest.approx(bare + repeated.cell.remainder(data.modes[1:, 0] * DT).sum(), rel=1e-9)
+    assert upper[0] == pytest.approx(bare + repeated.cell.remainder(data.modes[1:, 0]).sum(), rel=1e-9)
     assert upper[0] > bare
     text = found.summary()
     assert "for all poles in the pole-uncertainty box" in text

@@ -93,8 +93,6 @@ def test_what_needs_a_sample_time_says_so():
     found = rid.identify(problem)
     with pytest.raises(rid.InputError, match="a response in time needs a sample time"):
         rid.response_tube(found)
-    with pytest.raises(rid.InputError, match="a pole-uncertainty box needs a sample time"):
-        rid.worst_case_over_poles(found, [[4.9, 5.1]], [[0.01, 0.03]])
     with pytest.raises(rid.InputError, match="`model` must be continuous"):
         rid.worst_case_error(found, model=control.ss(0.5, 1, 1, 0, 0.1), omega=[1.0])
 

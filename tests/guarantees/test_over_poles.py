@@ -122,7 +122,7 @@ def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lin
 def test_what_the_expansion_leaves_out_on_an_arc_is_the_largest_inside_it():
     problem, box = single_mode(5)
     cell = rid.worst_case_over_poles(rid.identify(problem), *box, delay=1, omega=[3.0], directions=3, cells=1).cells[0]
-    ends = np.array([0.0, 0.3, 0.41, 1.0, 3.0, np.pi])
+    ends = np.array([0.0, 0.3, 0.41, 1.0, 3.0, np.pi]) / 0.02
     on_arcs = cell.slack_on(ends[:-1], ends[1:])[:, 0, 0]
     for low, high, largest in zip(ends[:-1], ends[1:], on_arcs, strict=True):
         brute = cell.slack(np.linspace(low, high, 4001)).max()

@@ -74,7 +74,7 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(delay):
         z = np.exp(-1j * angles)
         terms = [c[i] / (1 - poles[i] * z) + c[i].conj() / (1 - poles[i].conj() * z) for i in range(poles.size)]
         left = np.abs(z**delay * sum(terms) - basis.response(angles) @ p)
-        bound = cell.remainder(angles).sum(axis=1)
+        bound = cell.remainder(angles / DT).sum(axis=1)
         assert np.all(left <= bound * (1 + 1e-9) + 1e-12)
         tightest = max(tightest, float((left / bound).max()))
         k = np.arange(400 - delay)

@@ -189,7 +189,7 @@ def _same_poles(one: Any, other: Any) -> bool:
 
     if one is None or other is None or one.poles.shape != other.poles.shape:
         return False
-    return np.allclose(one.poles, other.poles, atol=1e-6)
+    return np.allclose(one.in_s().poles, other.in_s().poles, atol=1e-6)
 
 
 def circle_words(error: Any) -> str:

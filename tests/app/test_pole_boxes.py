@@ -1,0 +1,83 @@
+"""Runs of continuous data with the poles anywhere in their box, and what is said where no box is covered."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app import findings
+from robustid.app.options import Modes
+from support.command_line import words
+
+OMEGA, DAMPING = np.array([40.0, 70.0]), np.array([0.02, 0.03])
+
+
+@pytest.fixture(scope="module")
+def response():
+    """Two modes and a fast pole, without a sample time."""
+    rng, omega = np.random.default_rng(0), np.linspace(20, 100, 33)
+    s = 1j * omega
+    values = sum(w**2 / (s**2 + 2 * d * w * s + w**2) for w, d in zip(OMEGA, DAMPING, strict=True)) + 30 / (s + 300)
+    noise = 0.02 * (rng.standard_normal(33) + 1j * rng.standard_normal(33)) / np.sqrt(2)
+    return rid.FrequencyResponse(omega, values + noise, bound=0.06)
+
+
+def write(path, frf):
+    rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
+    path.write_text("frequency_hz,re,im,bound\n" + "\n".join(f"{f},{a},{b},0.06" for f, a, b in rows) + "\n")
+
+
+def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response):
+    write(tmp_path / "frf.csv", response)
+    text = '[[frequency]]\nfile = "frf.csv"\n[worst_case]\nover_poles = true\nat_hz = [6.0]\ntime_limit = 2.0\n'
+    (tmp_path / "run.toml").write_text(text)
+    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    assert found.consistent
+    assert found.over_poles.certified
+    assert any("With the poles anywhere in the pole-uncertainty box: within" in sentence for sentence in found.findings)
+    assert "its poles anywhere in the box" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    suggested, prior = rid.suggest_kautz(response), rid.Prior(gain_bound=2.0, decay=60.0)
+    rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=suggested.basis)).save("one")
+    few = ["--omega", "40", "--directions", "4", "--poles", "--time-limit", "6"]
+    code, out, _ = words(["bounds", "one", *few], capsys, monkeypatch)
+    assert code == 0
+    assert "with every pole in the pole-uncertainty box" in out
+    assert rid.load("bounds-poles").certified
+
+
+def test_the_box_is_named_where_it_can_be_covered(response):
+    basis, prior = rid.kautz(OMEGA, DAMPING, dt=0), rid.Prior(gain_bound=2.0, decay=60.0)
+    result = rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=basis))
+    hz = tuple((OMEGA / (2 * np.pi)).tolist())
+    box = {"hz_interval": tuple((0.99 * f, 1.01 * f) for f in hz), "damping_interval": ((0.01, 0.03), (0.02, 0.04))}
+    modes = Modes(hz=hz, damping=tuple(DAMPING.tolist()), **box)
+    assert "over_poles = true in [worst_case] covers it" in findings.pole_words(result, modes)
+    assert "over_poles" not in findings.pole_words(result, dataclasses.replace(modes, hz_interval=None))
+    twice = rid.kautz(OMEGA, DAMPING, dt=0, repeat=2)
+    doubled = rid.identify(dataclasses.replace(result.problem, parametric=twice))
+    assert "over_poles" not in findings.pole_words(doubled, modes)
+    real = findings.pole_words(result, dataclasses.replace(modes, damping=(0.02, 1.0)))
+    assert "real poles were chosen" in real
+    assert "over_poles" not in real
+
+
+def test_a_mode_whose_box_is_too_wide_is_named(response):
+    basis, prior = rid.kautz(OMEGA, DAMPING, dt=0), rid.Prior(gain_bound=2.0, decay=60.0)
+    result = rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=basis))
+    box = OMEGA[:, None] * [[0.9999, 1.0001], [0.9, 1.1]], DAMPING[:, None] * [0.99, 1.01]
+    band = rid.worst_case_over_poles(result, *box, omega=[25.0, 70.0], directions=4, cells=1)
+    assert np.isfinite(band.sigma_upper[0])
+    assert band.sigma_upper[1] == np.inf
+    assert band.too_wide == "mode 2"
+    assert "(mode 2) is too wide there" in band.summary()
+    words = findings.box_words(band)
+    assert "of the small model at 1 of 2 frequencies" in words
+    assert "the box of mode 2 is too wide" in words
+    assert "∞" not in words
