@@ -1,9 +1,9 @@
-"""Passive models nearest to data: semidefinite programs over C and D, then steps over all four matrices."""
+"""Passive models nearest to data: programs over C and D, then steps over all four matrices."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.mfd import fit_mfd
 from robustid.reduction.gramians import Parts, gramian_factors
-from robustid.reduction.passive_cuts import cut
+from robustid.reduction.passive_cuts import changed, cut, linearised, step, triangle
 from robustid.reduction.passivity_certificate import BOUNDED
 from robustid.reduction.passivity_search import Popov
 
@@ -28,6 +28,7 @@ _FAR = 3.0  # times the largest frequency: poles beyond are tried there too, as 
 _PROGRESS = 1e-3  # relative decrease of a step below which the next one is shorter
 _EXACT = 1e-8  # of the data: a fit that is off by less needs no other start
 _SAME = 1e-6  # relative distance of poles that ports share
+_CUT_STEPS, _PARTS = 5, (1.0, 0.25, 0.06)  # of all matrices by cutting planes, and how far
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
 
 
@@ -49,16 +50,19 @@ def radius_of(data: FrequencyResponse) -> Real:
     return np.ones(data.values.shape) if data.bound is None else np.asarray(data.bound.outer_radius, dtype=float)
 
 
-def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
-    """The passive model with least squares of residuals over bounds: of the same A and B, then with all matrices refined."""
+def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> list[Any]:
+    """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best.
+
+    Of the same A and B where there are no data, else with all matrices refined.
+    """
     if data is None:
         fit = _Fit(model, kind, data)
         found = fit.of_gains(fit.squares)
-        return model if found is None else found
+        return [model if found is None else found]
     fit = _Fit(model, kind, data)
     touched = fit.touched()
     if touched is not None and fit.cost(touched) <= _EXACT * np.linalg.norm(fit.values / fit.radius):
-        return touched
+        return [touched]
     top, low = float(np.max(data.omega)), float(np.min(data.omega))
     others = [model, *_nearer(model, _FAR * top), _evenly(model, low, top)]
     starts = [(model, STRICT), *((start, _INSIDE) for start in others)]
@@ -66,9 +70,7 @@ def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> Any:
         found = _raced(fewer, kind, data, [(fewer, STRICT), (fewer, _INSIDE)])
         starts.append((_with_further(found, model.nstates - fewer.nstates, low, top), STRICT))
     found = _raced(model, kind, data, starts)
-    if touched is None or (fit.holds(found) and fit.cost(found) <= fit.cost(touched)):
-        return found
-    return touched
+    return [found] if touched is None else [found, touched]
 
 
 def _raced(model: Any, kind: str, data: FrequencyResponse, starts: list[tuple[Any, float]]) -> Any:
@@ -174,7 +176,7 @@ class _Fit:
     """Programs over passive models: the inequality in its three-block form, linear in the matrices of the model or in P."""
 
     def __init__(self, model: Any, kind: str, data: FrequencyResponse | None) -> None:
-        self.model, self.bounded = model, kind == BOUNDED
+        self.model, self.data, self.bounded = model, data, kind == BOUNDED
         self.kind, self.popov = kind, Popov(kind, StateMatrices.of(model))
         self.omega = self._between() if data is None else data.omega
         self.values = response_of(model, self.omega) if data is None else data.values
@@ -190,7 +192,7 @@ class _Fit:
     def of_gains(self, cost: Callable[[Any, Complex], Any]) -> Any:
         """The passive model of least cost with the A and B of the model; None where the solver fails."""
         cp = solver()
-        A, B = self._input_normal()
+        A, B, *_ = self._input_normal()
         n, m = B.shape
         gains: Any = cp.Variable((m, n + m))
         P: Any = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
@@ -202,10 +204,40 @@ class _Fit:
         return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
 
     def touched(self) -> Any:
+        """The nearest passive model, where the model is passive but for little: of C and D, then of all matrices; else None."""
+        model = self.of_cuts()
+        if model is None or model.nstates > _MOST:
+            return model
+        cost = self.cost(model)
+        for _ in range(_CUT_STEPS):
+            found = next((trial for trial in self._stepped(model) if self.cost(trial) < cost), None)
+            if found is None:
+                break
+            model, before, cost = found, cost, self.cost(found)
+            if cost > before * (1 - _PROGRESS):
+                break
+        return model
+
+    def of_cuts(self) -> Any:
         """The model with the nearest passive C and D, where it is passive but for little; else None."""
-        A, B = self._input_normal()
+        A, B, *_ = self._input_normal()
         found = cut(self.model, self.kind, self.omega, self._triangles(self._basis(A, B)), (A, B)) if len(A) else None
         return None if found is None else self._model(found)
+
+    def _stepped(self, model: Any) -> Iterator[Any]:
+        """Passive models after shorter and shorter steps of all matrices; what is then beyond the limit is taken from C and D."""
+        fit = _Fit(model, self.kind, self.data)
+        system = fit._input_normal()
+        change = step(system, fit.popov, fit.omega, fit.values - response_of(model, fit.omega), 1 / fit.radius)
+        if change is None:
+            return
+        for part in _PARTS:
+            trial = fit._model(changed(system, change, part))
+            other = _Fit(trial, self.kind, self.data)
+            if other.popov.peak()[0] > other.popov.limit:
+                trial = other.of_cuts()
+            if trial is not None:
+                yield trial
 
     def _basis(self, A: Real, B: Real) -> Complex:
         """Responses that C and D multiply, (F, n + m, m)."""
@@ -219,19 +251,18 @@ class _Fit:
         for i in range(self.ports):
             weight = 1 / self.radius[:, i]
             regressors = (basis * weight[:, None]).transpose(0, 2, 1).reshape(-1, basis.shape[1])
-            triangles.append(_triangle(regressors, np.asarray(self.values[:, i] * weight, dtype=complex).ravel()))
+            triangles.append(triangle(regressors, np.asarray(self.values[:, i] * weight, dtype=complex).ravel()))
         return triangles
 
-    def _input_normal(self) -> tuple[Real, Real]:
-        """A and B with a controllability Gramian of about the identity: bounded real P are at most that."""
-        A, B, C, _ = self.popov.system
+    def _input_normal(self) -> StateMatrices:
+        """The model in coordinates with a controllability Gramian of about the identity: bounded real P are at most that."""
+        A, B, C, D = self.popov.system
         if not len(A):
-            return A, B
+            return self.popov.system
         wide = np.hstack([B, _LITTLE * np.linalg.norm(B) * np.eye(len(A))])
         root = gramian_factors(Parts(A, wide, C), discrete=False)[1]
-        return np.asarray(np.linalg.solve(root, A @ root), dtype=float), np.asarray(
-            np.linalg.solve(root, B), dtype=float
-        )
+        a, b = (np.asarray(np.linalg.solve(root, part), dtype=float) for part in (A @ root, B))
+        return StateMatrices(a, b, C @ root, D)
 
     def holds(self, model: Any) -> bool:
         """Say whether a model is passive, but for what a solver leaves."""
@@ -273,7 +304,7 @@ class _Fit:
             if change is None:
                 reach /= 4
                 continue
-            trial = self._model(StateMatrices(*(p + d for p, d in zip(system, change, strict=True))))
+            trial = self._model(changed(system, change))
             found = self.cost(trial)
             if found < cost:
                 reach *= 2 if found < cost * (1 - _PROGRESS) else 0.5
@@ -307,18 +338,12 @@ class _Fit:
         """The change to the minimum of the linearised residuals among the models that P = I proves passive."""
         cp = solver()
         n, m = system.B.shape
-        right = self._states(system.A, system.B)
-        left = self._states(system.A.T, system.C.T).transpose(0, 2, 1)
-        ones = np.broadcast_to(np.eye(m), (self.omega.size, m, m))
-        sides = np.concatenate([left, ones], axis=2), np.concatenate([right, ones], axis=1)
-        weight = 1 / self.radius
-        residual = self.values - system.D - system.C @ right
-        terms = np.einsum("fij,fik,flj->fijkl", weight, *sides).reshape(-1, (n + m) ** 2)
-        triangle = _triangle(terms, (residual * weight).ravel())
+        residual = self.values - system.D - system.C @ self._states(system.A, system.B)
+        reduced = linearised(system, self.omega / self.popov.unit, residual, 1 / self.radius)
         change: Any = cp.Variable((n + m, n + m))
         A, B = system.A + change[:n, :n], system.B + change[:n, n:]
         C, D = system.C + change[n:, :n], system.D + change[n:, n:]
-        cost = cp.norm(triangle[:, :-1] @ cp.vec(change, order="C") - triangle[:, -1]) / _scale([triangle])
+        cost = cp.norm(reduced[:, :-1] @ cp.vec(change, order="C") - reduced[:, -1]) / _scale([reduced])
         size = np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]]))
         near = cp.norm(change, "fro") <= reach * size
         if not _solved(cost, self._inequality(A + A.T, B, C, D), near):
@@ -364,12 +389,6 @@ def _solved(cost: Any, block: Any, *others: Any) -> bool:
     except cp.error.SolverError:
         return False
     return all(v.value is not None and np.all(np.isfinite(v.value)) for v in problem.variables())
-
-
-def _triangle(regressors: Complex, wanted: Complex) -> Real:
-    """A small real problem [R, r] of the same squares: of a sum of squares of complex residuals."""
-    stacked = np.vstack([np.column_stack([part(regressors), part(wanted)]) for part in (np.real, np.imag)])
-    return np.asarray(scipy.linalg.qr(stacked, mode="r", check_finite=False)[0], dtype=float)[: stacked.shape[1]]
 
 
 def _scale(triangles: list[Real]) -> float:

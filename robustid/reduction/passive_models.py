@@ -173,9 +173,9 @@ def make_passive(
     -----
     The inequality is solved as a semidefinite program (clarabel); in the refinement in coordinates where P = I, so that it is
     linear in the matrices of the model: every step is passive, and a local minimum is reached. Beside it C and D of a fit that
-    is almost passive are moved by cutting planes, to rounding, and where poles lie beyond the data a fit of two poles fewer is
-    another start. A solver's word is not taken: `prove_passive` judges the result, and what it finds beyond the limit is taken
-    from C and D (bounded real: by a factor) or added to D (positive real).
+    is almost passive, then all its matrices, are moved by cutting planes, to rounding, and where poles lie beyond the data a fit
+    of two poles fewer is another start. A solver's word is not taken: `prove_passive` judges the results, and what it finds
+    beyond the limit is taken from C and D (bounded real: by a factor) or added to D (positive real).
 
     Source: `coelho2004` for the convex problem, `lanzon2008` for the negative-imaginary lemma.
 
@@ -192,9 +192,14 @@ def make_passive(
     with threads_for(given.nstates):
         if (proof := prove_passive(given, kind=kind)).holds and data is None:
             return _result(given, given, proof)
-        fitted = _compliance(given, data) if kind == NEGATIVE else _nudged(nearest(given, kind, data), kind)
-        if data is not None and proof.holds and _squares(given, data) <= _squares(fitted[0], data):
-            fitted = given, proof
+        if kind == NEGATIVE:
+            found = [_compliance(given, data)]
+        else:
+            found = [_nudged(candidate, kind) for candidate in nearest(given, kind, data)]
+        if data is not None and proof.holds:
+            found.append((given, proof))
+        proved = [each for each in found if each[1].holds] or found[:1]
+        fitted = proved[0] if data is None else min(proved, key=lambda each: _squares(each[0], data))
         return _result(given, *fitted, data=data)
 
 

@@ -17,7 +17,7 @@ import scipy.linalg
 from robustid.core import Real, StateMatrices
 from robustid.reduction.exact_matrices import Exact
 
-_POINTS = (1.0, 3.0, 0.3)  # of the right half-plane, over the mean size of the poles
+_POINTS = (1.0, 3.0)  # of the right half-plane, over the mean size of the poles
 _ROOM = (0.3, 1e-2)  # of the gap, given to the first block
 _NEWTON, _EXACT = 5, 6
 _MOST = 40  # states: exact residuals take their cube
@@ -69,7 +69,7 @@ def refined_proofs(
     for part in _ROOM:
         for point in _POINTS:
             P = _riccati(system, form, part * gap * slack, point)
-            if P is not None and (found := _exactly(P, system, form, part * gap * slack, exact, S, unit)) is not None:
+            if P is not None and (found := _exactly(P, system, part * gap * slack, exact, S, unit)) is not None:
                 yield found
 
 
@@ -97,37 +97,36 @@ def _riccati(system: StateMatrices, form: Callable[[StateMatrices], Any], room: 
 
 
 def _exactly(
-    P: Extended,
-    system: StateMatrices,
-    form: Callable[[StateMatrices], Any],
-    room: Real,
-    exact: Equation,
-    S: Real,
-    unit: float,
+    P: Extended, system: StateMatrices, room: Real, exact: Equation, S: Real, unit: float
 ) -> tuple[Real, Real] | None:
     """P as a sum of two, so that ``(A + BK)'P + P(A + BK) + Q + SK + K'S' + K'RK + room = 0`` for a feedback K of doubles.
 
-    With the K that minimises, the inequality then has the room in its first block, and next to nothing beside it.
+    With the K that minimises, the inequality then has the room in its first block, and next to nothing beside it: a K that is off
+    by dK costs dK'R dK. That one follows from P, and P from it, with exact residuals (Newton's method).
     """
-    _, s, r = form(StateMatrices(*(np.asarray(part, dtype=np.longdouble) for part in system)))  # type: ignore[arg-type]
-    feedback = _rounded(-_solved(r, system.B.T @ P + s.T))
-    closed = system.A + system.B @ feedback
     a, b, Q, cross, R = exact
     T, inverse = Exact.of(S), np.asarray(np.linalg.inv(S), dtype=float)
-    K = Exact.of(np.sqrt(unit) * feedback @ S)
-    loop = a + b @ K
-    fixed = Q + (cross @ K).symmetrised() + K.T @ (R @ K) + T.T @ Exact.of(unit * room) @ T
-    first = _rounded(P)
-    second = _rounded(P - first)
-    for _ in range(_EXACT):
-        X = T.T @ (Exact.of(_even(first)) + Exact.of(_even(second))) @ T
-        left = fixed + (X @ loop).symmetrised()
-        here = inverse.T @ left.rounded() @ inverse / unit
+    given = Q + T.T @ Exact.of(unit * room) @ T
+    first = _even(_rounded(P))
+    second: Real = _even(_rounded(P - first))
+
+    def whole() -> Exact:
+        return T.T @ (Exact.of(first) + Exact.of(second)) @ T
+
+    for _ in range(_NEWTON):
         try:
-            second = second + scipy.linalg.solve_continuous_lyapunov(closed.T, -_even(here))
-        except (np.linalg.LinAlgError, scipy.linalg.LinAlgError):
+            gain: Real = -np.asarray(np.linalg.solve(R.rounded(), (b.T @ whole() + cross.T).rounded()), dtype=float)
+            closed = system.A + system.B @ gain @ inverse / np.sqrt(unit)
+            K = Exact.of(gain)
+            loop, fixed = a + b @ K, given + (cross @ K).symmetrised() + K.T @ (R @ K)
+            for _ in range(_EXACT):
+                left = inverse.T @ (fixed + (whole() @ loop).symmetrised()).rounded() @ inverse / unit
+                second = _even(second + scipy.linalg.solve_continuous_lyapunov(closed.T, -_even(left)))
+        except (np.linalg.LinAlgError, scipy.linalg.LinAlgError, ValueError):
             return None
-    return (_even(first), _even(second)) if np.all(np.isfinite(second)) else None
+        if not np.all(np.isfinite(second)):
+            return None
+    return first, second
 
 
 def _even(matrix: Real) -> Real:
