@@ -4,6 +4,7 @@
 # Matrices have capital letters.
 from __future__ import annotations
 
+import functools
 import itertools
 import logging
 import warnings
@@ -40,11 +41,11 @@ def _cvxpy() -> Any:
     return cvxpy
 
 
-def available_solvers() -> list[str]:
+@functools.cache
+def available_solvers() -> tuple[str, ...]:
     """Installed cvxpy solvers that take semidefinite programs."""
-    cp = _cvxpy()
-
-    return [name for name in _SEMIDEFINITE if name in cp.installed_solvers()]
+    installed = _cvxpy().installed_solvers()  # looks for the package of every one
+    return tuple(name for name in _SEMIDEFINITE if name in installed)
 
 
 def solver_name(solver: Any) -> str:
@@ -56,7 +57,7 @@ def solver_name(solver: Any) -> str:
     name = _NAMES.get(solver, solver.upper())
     if name not in available_solvers():
         raise InputError(
-            f'`solver` must be "auto", "structured", "cvxpy" or an installed SDP solver {available_solvers()}; got {solver!r}'
+            f'`solver` must be "auto", "structured", "cvxpy" or an installed SDP solver {list(available_solvers())}; got {solver!r}'
         )
     return name
 
