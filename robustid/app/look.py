@@ -161,7 +161,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
     periods: list[str] = []
     for one in looks:
         name = os.path.relpath(one.path, folder)
-        response = isinstance(one.data, FrequencyResponse)
+        response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
         lines += [
             f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not isinstance(one.data, list) else "")
         ]
@@ -173,9 +173,8 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
             lines.append(f"# Check these lines: {' '.join(one.refusal.split())}")
         if response and getattr(one.data, "bound", None) is None:
             words = "the radius of the error disc of every frequency point, or a part of the response"
-            lines.append(
-                f'# bound = "5%"  # {words}; without it: {one.bound}' if one.bound else f'bound = "5%"  # EDIT: {words}'
-            )
+            own = one.bound or ("one is taken from the data" if one.data is None else "")
+            lines.append(f'# bound = "5%"  # {words}; without it: {own}' if own else f'bound = "5%"  # EDIT: {words}')
         if not response:
             bounded = getattr(one.data, "bound", None) is not None
             use, other = ("samples", "response") if bounded else ("response", "samples")

@@ -195,9 +195,12 @@ def as_level(name: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float6
         level = level.reshape(shape)
     if level.shape != shape:
         raise InputError(f"`{name}` must have shape {shape}; got {level.shape}")
-    if np.any(level < 0) or (name == "coherence" and np.any(level > 1)):
+    highest = 1.0 if name == "coherence" else np.inf
+    if np.any((level < 0) | (level > highest)):
+        count = int(np.sum(np.any(np.reshape((level < 0) | (level > highest), (len(level), -1)), axis=1)))
+        advice = "; numbers above 1 are no coherence: leave it out" if level.max() > highest else ""
         raise InputError(
-            f"`{name}` must lie between 0 and {'1' if name == 'coherence' else 'infinity'};"
-            f" got {level.min():g} to {level.max():g}"
+            f"`{name}` must lie between 0 and {'1' if highest == 1 else 'infinity'}; got {level.min():g} to"
+            f" {level.max():g}, outside at {count} of {len(level)} points{advice}"
         )
     return level

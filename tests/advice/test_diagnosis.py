@@ -15,7 +15,7 @@ FINE = np.linspace(17.2, 18.1, 10)
 
 
 def test_diagnosis_finds_the_missing_mode():
-    problem = structure_problem(slice(1, 2), lines=8, samples=8).with_prior(gain_bound=0.2, decay_rate=1.1)
+    problem = structure_problem(slice(1, 2), lines=6, samples=4).with_prior(gain_bound=0.2, decay_rate=1.1)
     result = rid.identify(problem)
     found = diagnose(result)
     assert found.inflation == result.margin > 1

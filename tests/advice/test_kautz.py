@@ -15,7 +15,7 @@ from support.structure import ANY
 FINE = np.linspace(17.2, 18.1, 10)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(12, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("extra", "determined"), [((), False), (FINE, True)])
 def test_modes_of_the_structure_lie_in_their_intervals(extra, determined, seeds):
     held = 0
@@ -83,9 +83,9 @@ def test_poles_outside_the_interval_are_refuted_by_a_conic_solver():
     assert smallest_margin(data, (found.omega[1], found.damping[1]), other) <= 1
 
 
-@pytest.mark.parametrize("power", [60, -60])
+@pytest.mark.parametrize("power", [60, pytest.param(-60, marks=pytest.mark.slow)])
 def test_modes_do_not_depend_on_units(power):
-    frf, factor = rid.flexible_structure(extra_hz=FINE).frequency, 2.0**power
+    frf, factor = rid.flexible_structure(lines=6, extra_hz=FINE[::2]).frequency, 2.0**power
     scaled = rid.FrequencyResponse(
         frf.omega * factor, frf.values / factor, bound=frf.bound / factor, dt=frf.dt / factor
     )
@@ -122,7 +122,7 @@ def test_smooth_data_have_no_mode():
 
 
 def test_options_of_suggest_kautz():
-    frf = rid.flexible_structure(extra_hz=FINE).frequency
+    frf = rid.flexible_structure(lines=6, extra_hz=FINE).frequency
     found = suggest_kautz(frf, modes=1, delay=2, repeat=2)
     assert found.omega.size == 1
     assert (found.basis.size, found.delay) == (4, 2)

@@ -49,11 +49,11 @@ def cut(record, first):
 
 
 def periodic_data():
-    """The response and 40 samples of periodic steady state of one lightly damped mode, with a class it is in."""
+    """The response and 20 samples of periodic steady state of one lightly damped mode, with a class it is in."""
     plant = control.ss(*_mode(2 * np.pi * 12, 0.02), 0.0, DT)
     u = np.tile(np.random.default_rng(3).standard_normal(20), 60)
-    y = control.forced_response(plant, inputs=u, return_x=False).outputs[-40:]
-    record = rid.TimeRecord(u[-40:], y, dt=DT, bound=1e-3, initial="periodic")
+    y = control.forced_response(plant, inputs=u, return_x=False).outputs[-20:]
+    record = rid.TimeRecord(u[-20:], y, dt=DT, bound=1e-3, initial="periodic")
     return _with_response(plant, record, 12.0, 0.02)
 
 
@@ -140,7 +140,11 @@ SHOWN = {
 }
 
 
-@pytest.mark.parametrize("mistake", SHOWN)
+# Mistakes with the correction of others, the other way or by another factor.
+LIKE_OTHERS = ("rad/s as Hz", "one-sided spectrum", "one sample early")
+
+
+@pytest.mark.parametrize("mistake", [pytest.param(k, marks=pytest.mark.slow) if k in LIKE_OTHERS else k for k in SHOWN])
 def test_the_first_line_names_the_mistake_and_its_change_makes_the_data_consistent(mistake):
     build, words = SHOWN[mistake]
     wrong = rid.identify(build(), accuracy=1e-3)
@@ -184,6 +188,11 @@ PLANT = control.ss(*_mode(2 * np.pi * 12, 0.02), 0.0, DT)
 RESPONSE = rid.FrequencyResponse(TONES, PLANT(np.exp(1j * TONES * DT)), bound=1e-3, dt=DT)
 
 
+@functools.cache
+def said_of_the_right_response():
+    return rid.response_problems(RESPONSE)
+
+
 @pytest.mark.parametrize(
     ("wrong", "words", "correction"),
     [
@@ -208,7 +217,7 @@ RESPONSE = rid.FrequencyResponse(TONES, PLANT(np.exp(1j * TONES * DT)), bound=1e
     ],
 )
 def test_responses_show_mistakes_without_a_class(wrong, words, correction):
-    assert rid.response_problems(RESPONSE) == ()
+    assert said_of_the_right_response() == ()
     bad = wrong(RESPONSE)
     (said,) = rid.response_problems(bad)
     assert words in said
@@ -229,7 +238,7 @@ def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_
     assert any("wrong sign" in words for words in result.problem.data_problems)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(6)])
 def test_bounds_below_the_noise_are_named_without_a_class_and_covered_by_the_correction(seed):
     frf = rid.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     assert rid.response_problems(frf) == ()
@@ -278,7 +287,7 @@ def loop(r, noise, gain):
     return u, y
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(4)])
 def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_is_right(seed):
     rng = np.random.default_rng(seed)
     u, noise = rng.standard_normal(2000), 0.3 * rng.standard_normal(2000)

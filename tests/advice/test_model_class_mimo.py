@@ -30,7 +30,7 @@ def drawn(outputs, inputs, **options):
 @pytest.mark.usefixtures("few_points")
 def test_the_truth_is_inside(monkeypatch):
     monkeypatch.setattr(model_class, "_REPEATS", (1,))
-    truth, modes, frf = drawn(2, 1, count=6, bound=0.01)
+    truth, modes, frf = drawn(2, 1, count=4, bound=0.01)
     found = suggest_class(frequency=frf, modes=modes)
     best, omega = found.recommended, np.append(found.omega, 20.0)
     assert (best.pairs, best.repeat, best.covers_box) == (1, 1, False)

@@ -15,7 +15,7 @@ from support.matrix_plants import random_matrix_problem, response
 @pytest.fixture(scope="module")
 def measured():
     problem, truth = random_matrix_problem(4, 2, 2, 3, rho=1.4)
-    return truth, rid.worst_case_error(rid.identify(problem), omega=[0.3, 2.9], rtol=0.2)
+    return truth, rid.worst_case_error(rid.identify(problem), omega=[0.3, 2.9], directions=6, rtol=0.2)
 
 
 def test_the_promise_is_kept_in_every_entry_of_the_column(measured):

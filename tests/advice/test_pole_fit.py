@@ -63,7 +63,7 @@ def test_gains_of_many_pairs_are_those_of_one_fit_after_the_other(data):
     assert design(data, POLES).shape[1] == 7
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
 def test_modes_that_are_small_beside_others_are_found(seed):
     """Each a ten-thousandth of the sum of squares and half of what is left, but all that there is around it."""
     rng = np.random.default_rng(seed)

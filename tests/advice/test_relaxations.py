@@ -15,7 +15,7 @@ def response(values):
     return rid.FrequencyResponse(OMEGA, values, bound=1e-3 * np.abs(values))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
 def test_damped_modes_over_decades_are_no_relaxations(seed):
     """Six modes of damping 0.3: pairs follow them, and a real pole would say what is not there."""
     rng, s = np.random.default_rng(seed), 1j * OMEGA
@@ -23,7 +23,7 @@ def test_damped_modes_over_decades_are_no_relaxations(seed):
     assert over_decades(response(values)) is None
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
 def test_real_poles_are_found_and_nothing_over_less_than_two_decades(seed):
     rng, s = np.random.default_rng(seed), 1j * OMEGA
     places = np.geomspace(0.5, 500, 4) * np.exp(rng.uniform(-0.3, 0.3, 4))

@@ -47,9 +47,9 @@ def test_points_that_a_model_misses_join():
 
 
 def test_prior_of_many_points_is_consistent_with_all_of_them_and_says_something():
-    problem = dense(100)
+    problem = dense(70)
     found = suggest_prior(problem)
-    assert found.points < 80
+    assert found.points < 56
     assert found.decay_rates[0] - 1 > 2 * np.median(np.diff(problem.angles))
     stated = dataclasses.replace(problem, prior=found.prior)
     assert rid.identify(stated).consistent

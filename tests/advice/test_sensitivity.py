@@ -8,15 +8,15 @@ from robustid.advice.gains import smallest_gain
 from robustid.advice.sensitivity import guaranteed
 
 
-def structure(gain=0.2, rate=1.2):
-    data = rid.flexible_structure(lines=8, samples=2)
+def structure(lines, gain=0.2, rate=1.2):
+    data = rid.flexible_structure(lines=lines, samples=2)
     modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=gain, decay_rate=rate)
     return rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=prior)
 
 
 def test_larger_classes_and_fewer_lines_have_wider_bands():
-    problem = structure()
+    problem = structure(8)
     found = rid.sensitivity(problem, omega=[70.0])
     rows = {row.what: row for row in found.variations}
     stated = rows["as stated"]
@@ -62,7 +62,7 @@ def test_a_refuted_variation_says_so():
 
 
 def test_the_prior_with_the_smallest_guaranteed_error():
-    problem = structure()
+    problem = structure(6)
     options = {"decay_rates": [1.05, 1.3]}
     found = rid.suggest_prior(problem, criterion="error", **options)
     assert np.all(np.isfinite(found.errors))

@@ -1,8 +1,11 @@
 """Fixtures of the tests of the application: the command line in this process, folders with data."""
 
+import io
 import shutil
 
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 
 import robustid as rid
 from robustid.app import sequence
@@ -46,6 +49,14 @@ def unreduced(monkeypatch):
 
     monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
     monkeypatch.setattr(sequence, "why_not_compared", lambda *_: "not here")
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures of a page without scripts are one pixel: drawing them takes seconds."""
+    picture = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(picture, format="png")
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.write(picture.getvalue()))
 
 
 @pytest.fixture

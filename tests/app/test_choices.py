@@ -158,7 +158,7 @@ def test_entries_are_taken_together_or_one_by_one(folder):
 
 @pytest.mark.usefixtures("unreduced")
 def test_a_delay_is_found_taken_out_and_said(folder):
-    omega = 2 * np.pi * np.linspace(1, 45, 40)
+    omega = 2 * np.pi * np.linspace(1, 45, 20)
     z = np.exp(1j * omega * 0.01)
     late, plant = 0.1 / (z - 0.9) / z**3, 0.1 / (z - 0.9)
     rid.save("late.csv", rid.FrequencyResponse(omega, late, bound=0.01, dt=0.01))

@@ -175,7 +175,7 @@ def test_nothing_is_warned_of_without_a_reason(foreign, run):
         (["--time", "frf.csv"], "frf.csv holds frequency data; use --frequency"),
         (["--frequency", "beyond.csv", *LINES, *RATE], "63 Hz lies above the Nyquist frequency of 50 Hz"),
         (
-            ["--time", "long.csv", "--time-bound", "0.05", "--gain", "1", "--decay-rate", "1.001"],
+            ["--time", "long.csv", "--time-bound", "0.05", "--mode", "none", "--gain", "1", "--decay-rate", "1.001"],
             "--band LOW:HIGH keeps",
         ),
         (["--frequency", "frf.csv", "--band", "60:70"], "frf.csv: no frequency point lies between 60 and 70 Hz"),

@@ -144,7 +144,7 @@ def filtered(run, u):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs the compiler gcc on the path")
-@pytest.mark.parametrize("size", [(1, 1), (2, 3)])
+@pytest.mark.parametrize("size", [pytest.param((1, 1), marks=pytest.mark.slow), (2, 3)])
 def test_a_c_header_compiled_with_gcc_equals_the_model_on_100000_samples(size, tmp_path):
     model = random_model(2, *size)
     rid.save(tmp_path / "stage.h", model)

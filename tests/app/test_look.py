@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.io
 
 import robustid as rid
 from robustid.app.look import run_file_text
@@ -107,3 +108,18 @@ def test_unknown_keys_are_named_by_their_meaning(line, words, folder):
     (folder / "run.toml").write_text(line)
     with pytest.raises(InputError, match=words):
         rid.run("run.toml", folder / "out")
+
+
+def test_a_file_that_may_be_both_begins_as_the_response_that_its_fields_name(tmp_path):
+    """Analysers put record, spectra and response into one file."""
+    hz, time = np.linspace(0, 500, 401, dtype=np.float32), np.arange(1024, dtype=np.float32) / np.float32(1280)
+    names = {"Time_domain": time, "Time_chan_1": np.sin(time), "Time_chan_2": np.cos(time), "Freq_domain": hz}
+    names |= {"PSD_chan_1": hz, "Hf_chan_2": 1 / (1 + 1j * hz), "Hf_coh_chan_2": hz / 500}
+    scipy.io.savemat(tmp_path / "analyser.mat", names)
+    found = rid.look(tmp_path / "analyser.mat")
+    assert "can't tell" in found.refusal
+    text = run_file_text([found], tmp_path)
+    assert "[[frequency]]" in text
+    assert "[[record]]" not in text
+    assert '"values" = "Hf_chan_2"' in text
+    assert re.search(r'^# bound = "5%".*without it: one is taken from the data', text, re.M)

@@ -40,7 +40,8 @@ def test_a_run_file_with_a_passive_class(tmp_path):
     omega = np.linspace(5, 60, 10)
     s = 1j * omega
     write(tmp_path / "frf.csv", 1 / (s + 20) + 0.5 * (s + 5) / ((s + 5) ** 2 + 900), omega)
-    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 4.0\n[worst_case]\nat_hz = [4.0]\n'
+    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 4.0\n'
+    text += "[worst_case]\nat_hz = [4.0]\ndirections = 3\n"
     (tmp_path / "run.toml").write_text(text)
     found = rid.run(tmp_path / "run.toml", tmp_path / "out")
     assert found.consistent
@@ -77,12 +78,14 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
         assert np.median(band / np.abs(battery(other))) < 0.06, passive
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     frf = cell(points=28)
     rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
     lines = ["frequency_hz,re,im", *(f"{f},{a},{b}" for f, a, b in rows)]
     (tmp_path / "cell.csv").write_text("\n".join(lines))
-    text = '[[frequency]]\nfile = "cell.csv"\n[prior]\npassive = "positive real"\n[worst_case]\nat_hz = [1.0]\n'
+    text = '[[frequency]]\nfile = "cell.csv"\n[prior]\npassive = "positive real"\n'
+    text += "[worst_case]\nat_hz = [1.0]\ndirections = 3\n"
     (tmp_path / "run.toml").write_text(text)
     found = rid.run(tmp_path / "run.toml", tmp_path / "out")
     assert found.consistent

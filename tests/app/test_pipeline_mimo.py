@@ -60,8 +60,9 @@ def test_commands_take_the_whole_matrix(folder, run):
     assert found.model.D.shape == (2, 2)
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_the_error_of_a_matrix_is_said_with_its_entry(folder):
-    _, basis, frf = measured(count=6)
+    _, basis, frf = measured(count=4)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
     problem = rid.MixedProblem(frequency=frf.with_bound(2 * frf.bound), prior=prior, parametric=basis)
     found = rid.identify_reduced(problem, omega=[60.0], directions=4)

@@ -30,9 +30,11 @@ def write(path, frf):
     path.write_text("frequency_hz,re,im,bound\n" + "\n".join(f"{f},{a},{b},0.06" for f, a, b in rows) + "\n")
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response):
     write(tmp_path / "frf.csv", response)
-    text = '[[frequency]]\nfile = "frf.csv"\n[worst_case]\nover_poles = true\nat_hz = [6.0]\ntime_limit = 2.0\n'
+    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\ngain_bound = 2.0\ndecay = 60.0\n[worst_case]\nover_poles = true\n'
+    text += "at_hz = [6.0]\ndirections = 3\ntime_limit = 2.0\n"
     (tmp_path / "run.toml").write_text(text)
     found = rid.run(tmp_path / "run.toml", tmp_path / "out")
     assert found.consistent
@@ -45,7 +47,7 @@ def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsy
     monkeypatch.chdir(tmp_path)
     suggested, prior = rid.suggest_kautz(response), rid.Prior(gain_bound=2.0, decay=60.0)
     rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=suggested.basis)).save("one")
-    few = ["--omega", "40", "--directions", "4", "--poles", "--time-limit", "6"]
+    few = ["--omega", "40", "--directions", "3", "--poles", "--time-limit", "6"]
     code, out, _ = words(["bounds", "one", *few], capsys, monkeypatch)
     assert code == 0
     assert "with every pole in the pole-uncertainty box" in out

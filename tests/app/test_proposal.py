@@ -20,7 +20,7 @@ def test_a_proposal_needs_data_with_a_bound(missing, words):
 
 
 def test_a_proposal_says_what_was_chosen():
-    data = rid.flexible_structure(seed=0, lines=6, extra_hz=np.linspace(17.2, 18.1, 6))
+    data = rid.flexible_structure(seed=0, lines=6, samples=6, extra_hz=np.linspace(17.2, 18.1, 6))
     proposal = propose(frequency=[data.frequency], time=[data.time])
     assert rid.identify(proposal.problem).consistent
     assert len(proposal.choices) == 2

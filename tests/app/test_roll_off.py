@@ -47,6 +47,7 @@ def test_a_weight_of_python_is_stated_by_its_numbers(dt):
     assert again.weight_model["poles"]
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     """In continuous time: the class of `prior_weight`, from a run file (which keeps the table) and from the command line."""
     monkeypatch.chdir(tmp_path)
@@ -66,6 +67,7 @@ def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     assert rid.load("result").prior == prior
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_the_weight_stays_when_the_program_chooses_the_rest(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     omega = np.linspace(2.0, 60.0, 12)
@@ -106,10 +108,11 @@ def test_the_roll_off_stays_when_the_program_chooses_the_rest():
     assert rid.identify(rid.MixedProblem(frequency=frf, prior=found)).consistent
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
     """On the way of a run file and of the command line; with a stated gain bound too; a corner beside it is refused."""
     monkeypatch.chdir(tmp_path)
-    omega = np.linspace(1.0, 60.0, 30)
+    omega = np.linspace(1.0, 60.0, 15)
     frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
     found = propose(
         frequency=[frf], modes=Modes(hz=(), damping=()), prior=rid.Prior(gain_bound=1.0, decay=4.0), roll_off=True

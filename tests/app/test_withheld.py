@@ -106,6 +106,7 @@ def test_records_of_one_plant_do_not_contradict_and_give_a_probability(tmp_path)
     assert again.findings == found.findings
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_another_plant_contradicts_and_is_said_first(tmp_path):
     found = run_of(tmp_path, [1.0, 1.0, 1.3], withheld={"records": 1})
     assert found.consistent

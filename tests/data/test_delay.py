@@ -49,9 +49,10 @@ def noisy(values, rng, relative):
 # --- the estimate
 
 
+@pytest.mark.parametrize("seeds", [2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
-def test_delays_without_noise_are_found_exactly(respond, dt):
-    for seed in range(3):
+def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         plant, tau = modes(rng, 2), rng.uniform(0, 10) * DT
         found = rid.estimate_delay(rid.FrequencyResponse(OMEGA, respond(plant, tau), dt=dt), order=4)

@@ -76,7 +76,9 @@ def test_lines_beside_the_band_serve_where_none_is_in_it():
     assert 0.6 < np.median(frf.distortion[:, 0, 0] / 2 / level[10:40]) < 1.4
 
 
-@pytest.mark.parametrize("kind", NONLINEAR)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=() if k == "dry friction" else pytest.mark.slow) for k in NONLINEAR]
+)
 def test_the_factor_is_what_simulated_plants_need(kind):
     """Scatter of 40 realisations over the level that one of them shows in the band: at most 1.5 in the median over lines.
 

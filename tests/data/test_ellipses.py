@@ -221,7 +221,7 @@ def test_one_real_value_against_the_closed_form(options):
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", ["frequency", "mixed", "parametric"])
+@pytest.mark.parametrize("case", ["frequency", pytest.param("mixed", marks=pytest.mark.slow), "parametric"])
 def test_margin_against_the_paper_s_theorem(case, seeds):
     """Clarabel on the printed inequality with the errors whitened by the covariances; Taylor forms enclose the number."""
     positive = 0
@@ -252,8 +252,9 @@ def test_margin_against_the_paper_s_theorem(case, seeds):
     assert positive >= 0.75 * seeds
 
 
-def test_ellipses_lie_between_their_discs():
-    for seed in range(8):
+@pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_ellipses_lie_between_their_discs(seeds):
+    for seed in range(seeds):
         problem, _ = elliptic(random_problem(seed, "mixed", 12, spread=0.3, noise=3.0), seed, slimness=4.0)
         (frf,) = problem.frequency
         margins = []
@@ -293,8 +294,15 @@ def test_the_truth_inside_its_ellipses_is_never_refuted(form, seeds):
         assert result.verification.passed, result.summary()
 
 
-@pytest.mark.parametrize("power", [-60, 60])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
+@pytest.mark.parametrize(
+    ("power", "form"),
+    [
+        (-60, "orthonormal"),
+        (60, "taylor"),
+        (-60, "sections"),
+        *(pytest.param(*c, marks=pytest.mark.slow) for c in ((60, "orthonormal"), (-60, "taylor"), (60, "sections"))),
+    ],
+)
 def test_units_do_not_matter(power, form):
     problem, _ = elliptic(random_problem(3, "mixed", 10, spread=0.3, noise=3.0).with_prior(decay_rate=1.25), 3)
     unit = 2.0**power

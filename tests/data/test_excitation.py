@@ -53,7 +53,9 @@ def test_objective_and_gradient_by_brute_force(p, rotations):
     np.testing.assert_allclose(gradient, differences, atol=2e-8)
 
 
-@pytest.mark.parametrize("lines", [[1, 2], [1, 3], [2, 5], [1, 2, 3], [1, 3, 7]])
+@pytest.mark.parametrize(
+    "lines", [*(pytest.param(each, marks=pytest.mark.slow) for each in ([1, 2], [1, 3], [1, 2, 3])), [2, 5], [1, 3, 7]]
+)
 def test_few_lines_reach_the_best_of_all_phases(lines):
     """All phases on a grid; a shift in time makes one of them free, so one is held at 0."""
     lines, amplitude, period = np.array(lines), np.ones(len(lines)), 420
@@ -66,7 +68,7 @@ def test_few_lines_reach_the_best_of_all_phases(lines):
     assert min(peaks) <= best * 1.003
 
 
-@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(k, marks=pytest.mark.slow) for k in range(10, 25))])
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 25))])
 def test_crest_is_never_worse_than_schroeder_or_random(seed):
     rng = np.random.default_rng(seed)
     count, period = int(rng.integers(1, 40)), int(rng.integers(122, 600))
@@ -78,14 +80,14 @@ def test_crest_is_never_worse_than_schroeder_or_random(seed):
 
 def test_crest_of_31_flat_harmonics():
     """Schroeder's is 1.78 here; the literature's best values lie at 1.4."""
-    play = rid.multisine(**BAND, realisations=10)
+    play = rid.multisine(**BAND, realisations=5)
     lines = np.arange(1, 32)
     np.testing.assert_array_equal(play.lines, lines)
     assert crest(schroeder_phases(np.ones(31)), np.ones(31), lines, 1000) > 1.7
     assert play.crest_factors.max() < 1.5
     assert np.median(play.crest_factors) < 1.42
     # purely random phases are what it is an improvement on
-    assert rid.multisine(**BAND, realisations=10, minimise_crest=False).crest_factors.min() > 1.8
+    assert rid.multisine(**BAND, realisations=5, minimise_crest=False).crest_factors.min() > 1.8
 
 
 def test_schroeder_phases_of_a_flat_spectrum():
@@ -94,7 +96,9 @@ def test_schroeder_phases_of_a_flat_spectrum():
     np.testing.assert_allclose(schroeder_phases(np.ones(10)), -np.pi * k * (k - 1) / 10, atol=1e-13)
 
 
-@pytest.mark.parametrize("nu", range(1, 9))
+@pytest.mark.parametrize(
+    "nu", [pytest.param(k, marks=pytest.mark.slow) if k in (2, 5, 6, 8) else k for k in range(1, 9)]
+)
 def test_spectra_are_as_asked_and_orthogonal(nu):
     lines, rng = np.array([1, 2, 5, 11, 30, 49]), np.random.default_rng(nu)
     shape, rms = rng.uniform(0.5, 2, (6, nu)), rng.uniform(0.5, 2, nu)
@@ -112,7 +116,7 @@ def test_spectra_are_as_asked_and_orthogonal(nu):
 
 @pytest.mark.parametrize(
     ("nu", "limit"),
-    [(2, 1.5), (3, 1.7), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((4, 1.5), (5, 1.7)))],
+    [(2, 1.5), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))],
 )
 def test_crest_of_orthogonal_sets(nu, limit):
     play = rid.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
@@ -169,19 +173,20 @@ def test_spectrum_as_array_or_callable():
 
 
 def test_the_seed_makes_the_signals_and_realisations_differ():
-    first = rid.multisine(**BAND, inputs=2, realisations=2, rms=1.0, seed=7)
-    np.testing.assert_array_equal(rid.multisine(**BAND, inputs=2, realisations=2, rms=1.0, seed=7).u, first.u)
-    np.testing.assert_array_equal(rid.multisine(**BAND, inputs=2, realisations=1, rms=1.0, seed=7).u, first.u[:2])
-    others = rid.multisine(**BAND, inputs=2, realisations=2, rms=1.0, seed=8)
-    signals = np.concatenate([first.u[::2], others.u[::2]]).transpose(0, 2, 1).reshape(-1, 1000)
+    options = {"band_hz": (1, 31), "period": 250, "dt": 0.004, "inputs": 2, "rms": 1.0}
+    first = rid.multisine(**options, realisations=2, seed=7)
+    np.testing.assert_array_equal(rid.multisine(**options, realisations=2, seed=7).u, first.u)
+    np.testing.assert_array_equal(rid.multisine(**options, realisations=1, seed=7).u, first.u[:2])
+    others = rid.multisine(**options, realisations=2, seed=8)
+    signals = np.concatenate([first.u[::2], others.u[::2]]).transpose(0, 2, 1).reshape(-1, 250)
     # largest correlation over all shifts: 1 for the same signal, shifted
     spectrum = np.fft.rfft(signals)
-    shifted = np.fft.irfft(spectrum[:, None] * spectrum.conj()[None], axis=-1) / 1000
+    shifted = np.fft.irfft(spectrum[:, None] * spectrum.conj()[None], axis=-1) / 250
     pairs = np.abs(shifted).max(axis=-1)[~np.eye(len(signals), dtype=bool)]
     assert pairs.max() < 0.8
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [pytest.param(-60, marks=pytest.mark.slow), 60])
 def test_units_do_not_matter(power):
     scale, options = 2.0**power, {**BAND, "inputs": 2}
     play = rid.multisine(**options)
@@ -237,7 +242,7 @@ def test_what_was_played_finds_the_plant(nu, tmp_path):
     np.testing.assert_array_equal(rid.estimate_frf(records, period=play.period).omega, frf.omega)
 
 
-@pytest.mark.parametrize("nu", [1, 2])
+@pytest.mark.parametrize("nu", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_accuracy_is_that_of_the_formula(nu):
     """sigma/rms sqrt(2 F/(nu P period)): 2 nu F entries and 100 seeds make the mean square known to 1.4 or 2 %."""
     sigma, periods, count = 0.1, 2, 25

@@ -52,7 +52,9 @@ def test_a_stretch_of_a_record_will_do():
     assert np.abs(bounded.y[300:] - 1).max() < found.level[0]
 
 
-@pytest.mark.parametrize("distribution", ["uniform", "laplace", "normal"])
+@pytest.mark.parametrize(
+    "distribution", ["laplace", *(pytest.param(k, marks=pytest.mark.slow) for k in ("uniform", "normal"))]
+)
 def test_the_probability_of_the_order_statistics_holds_in_simulation(distribution):
     T, N, trials = 100, 40, 3000
     samples = getattr(np.random.default_rng(7), distribution)(size=(trials, T + N))

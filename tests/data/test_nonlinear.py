@@ -74,7 +74,9 @@ def test_refused(kind, options, sentence):
 @pytest.mark.parametrize(
     ("seeds", "fresh"), [(3, 100), pytest.param(20, 200, marks=pytest.mark.slow)], ids=["3 seeds", "20 seeds"]
 )
-@pytest.mark.parametrize("kind", NONLINEAR)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=() if k == "dry friction" else pytest.mark.slow) for k in NONLINEAR]
+)
 def test_new_records_keep_the_tolerance_bound(kind, seeds, fresh):
     """The noise-free response of a new record is inside, at all 56 lines at once, with a probability of 0.95.
 

@@ -60,8 +60,8 @@ def test_no_system_exceeds_the_bounds_of_twenty_circles(capsys):
 
 
 def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
-    problem, truth = random_experiment(1, "mixed", 12)
-    error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
+    problem, truth = random_experiment(1, "mixed", 8)
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0], directions=6)
     first = error.on_circle(0.02, time_limit=1e-9)
     assert not first.converged
     omega = np.linspace(0, np.pi / problem.dt, 200)
@@ -79,7 +79,7 @@ def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
 def test_an_attribute_that_would_take_long_names_the_method(monkeypatch):
     from robustid.guarantees import worst_case_result
 
-    error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 12)[0]), omega=[50.0])
+    error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 8)[0]), omega=[50.0])
     for seconds in (1e-9, 1e-3):  # none at all; so few that nothing converges
         monkeypatch.setattr(worst_case_result, "_AT_ONCE", seconds)
         with pytest.raises(rid.errors.TimeLimitError, match="on_circle"):

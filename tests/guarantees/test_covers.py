@@ -45,7 +45,7 @@ def uncertainty(kind, F0, E):
 
 
 @pytest.mark.parametrize("kind", ["additive", "multiplicative", "input_multiplicative", "inverse"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 1 else k for k in range(3)])
 def test_no_error_has_a_larger_uncertainty(kind, seed):
     nominal, size = plant(), entries(seed)
     bound = cover_bound(nominal, EDGES, norm_of_bounds(size), size, kind)

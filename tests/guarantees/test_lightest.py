@@ -54,9 +54,10 @@ def test_few_coefficients_and_slow_decay_stay_exact(result):
     assert consistent_set(rid.identify(problem)).posed.exact
 
 
-def continuous(seed=0, points=30):
-    """A continuous plant of two light modes with noise at nine tenths of its bound."""
-    rng = np.random.default_rng(seed)
+@pytest.fixture(scope="module")
+def continuous():
+    """A continuous plant of two light modes with noise at nine tenths of its bound, at 30 points."""
+    rng, points = np.random.default_rng(0), 30
     omega = 2 * np.pi * np.linspace(5, 60, points)
     modes = 2 * np.pi * np.array([12.0, 31.0]), np.array([0.01, 0.005])
 
@@ -72,29 +73,29 @@ def continuous(seed=0, points=30):
     return rid.identify(rid.MixedProblem(frequency=frf, parametric=rid.kautz(*modes, dt=0), prior=prior)), plant
 
 
-def test_few_coefficients_give_the_bounds_of_the_exact_form(monkeypatch):
+def test_few_coefficients_give_the_bounds_of_the_exact_form(continuous, monkeypatch):
     """Between the frequency points by the section; far outside, where its tail is as large as the class, by the exact form."""
-    result, plant = continuous()
+    result, plant = continuous
     omega = 2 * np.pi * np.array([3.0, 12.1, 300.0])
-    found = rid.worst_case_error(result, omega=omega, directions=4)
+    found = rid.worst_case_error(result, omega=omega, directions=3)
     light = consistent_set(result)
     assert result.formulation.exact
     assert not light.posed.exact
     assert [light.posed_at(w).exact for w in omega] == [False, False, True]
     monkeypatch.setattr(sys.modules[consistent_set.__module__], "lightest", lambda posed, accuracy: posed)
-    exact = rid.worst_case_error(result, omega=omega, directions=4)
+    exact = rid.worst_case_error(result, omega=omega, directions=3)
     assert np.all(np.abs(found.upper / exact.upper - 1) < 0.03)
     assert np.all(found.lower <= exact.upper * (1 + 1e-9))
     assert np.all(exact.lower <= found.upper * (1 + 1e-9))
     assert np.all(np.abs(np.squeeze(result.model(1j * omega)) - plant(1j * omega)) <= found.upper[:, 0, 0])
 
 
-def test_saved_bounds_of_both_forms_are_verified(tmp_path):
-    result, _ = continuous(1)
-    found = rid.worst_case_error(result, omega=2 * np.pi * np.array([31.0, 300.0]), resume=tmp_path / "folder")
+def test_saved_bounds_of_both_forms_are_verified(continuous, tmp_path):
+    options = {"omega": 2 * np.pi * np.array([31.0, 300.0]), "directions": 4, "resume": tmp_path / "folder"}
+    found = rid.worst_case_error(continuous[0], **options)
     assert found.verify()
     found.save(tmp_path / "bounds")
     again = rid.load(tmp_path / "bounds")
     assert np.array_equal(again.upper, found.upper)
-    resumed = rid.worst_case_error(result, omega=2 * np.pi * np.array([31.0, 300.0]), resume=tmp_path / "folder")
+    resumed = rid.worst_case_error(continuous[0], **options)
     assert np.array_equal(resumed.upper, found.upper)

@@ -149,20 +149,21 @@ def others(problem, box, rng, count):
     """Central models of consistent problems with other poles in the box."""
     for _ in range(count):
         basis = rid.kautz(rng.uniform(*box[0].T), rng.uniform(*box[1].T), dt=0)
-        found = rid.identify(dataclasses.replace(problem, parametric=basis), objective="margin")
+        found = rid.identify(dataclasses.replace(problem, parametric=basis), objective="margin", solver="structured")
         if found.consistent:
             yield found.model
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(10)])
 def test_the_band_holds_models_with_poles_anywhere_in_the_box(seed, tmp_path):
-    problem, box = plant(seed)
+    points, directions, cells, draws = (24, 6, 4, 20) if seed else (12, 4, 2, 5)
+    problem, box = plant(seed, points)
     result, grid = rid.identify(problem).require(), np.array([0.0, 5.0, 8.1, 30.0])
-    band = rid.worst_case_over_poles(result, *box, omega=grid, directions=6, cells=4)
+    band = rid.worst_case_over_poles(result, *box, omega=grid, directions=directions, cells=cells)
     assert band.certified
-    assert np.all(band.upper >= rid.worst_case_error(result, omega=grid, directions=6).lower)
+    assert np.all(band.upper >= rid.worst_case_error(result, omega=grid, directions=directions).lower)
     inside = 0
-    for model in others(problem, box, np.random.default_rng(seed), 20):
+    for model in others(problem, box, np.random.default_rng(seed), draws):
         away = np.abs(model(1j * grid) - result.model(1j * grid))
         assert np.all(away <= band.upper[:, 0, 0])
         inside += 1
@@ -174,23 +175,23 @@ def test_the_band_holds_models_with_poles_anywhere_in_the_box(seed, tmp_path):
 
 def test_a_box_without_width_gives_the_band_of_its_poles():
     problem, box = plant(1, points=12)
-    result, how = rid.identify(problem), {"omega": [1.1, 5.0, 20.0], "directions": 24, "rtol": 0.01}
+    result, how = rid.identify(problem), {"omega": [1.1, 5.0], "directions": 12, "rtol": 0.01}
     narrow = (ends.mean(axis=1, keepdims=True) * [1 - 1e-7, 1 + 1e-7] for ends in box)
     band = rid.worst_case_over_poles(result, *narrow, cells=1, **how)
     np.testing.assert_allclose(band.upper, rid.worst_case_error(result, **how).upper, rtol=0.03)
 
 
 def test_the_bound_on_the_axis_holds_models_with_poles_anywhere_in_the_box():
-    problem, _ = plant(2, points=12)
+    problem, _ = plant(2, points=8)
     box = OMEGA[:, None] * [0.999, 1.001], DAMPING[:, None] * [0.97, 1.03]
     result = rid.identify(problem)
-    band = rid.worst_case_over_poles(result, *box, omega=[1.0, 5.0, 9.0], directions=6, cells=1)
+    band = rid.worst_case_over_poles(result, *box, omega=[1.0, 5.0, 9.0], directions=4, cells=1)
     circle = band.on_circle(1.0)
     assert circle.edges[0] == 0
     assert circle.edges[-1] == np.inf
     dense = np.concatenate([np.linspace(0, 15, 1500), np.geomspace(15, 1e5, 200)])
     bound = circle.bound[np.searchsorted(circle.edges, dense, side="right") - 1]
-    models = list(others(problem, box, np.random.default_rng(2), 6))
+    models = list(others(problem, box, np.random.default_rng(2), 4))
     assert len(models) >= 3
     for model in models:
         assert np.all(np.abs(model(1j * dense) - result.model(1j * dense)) <= bound)
@@ -209,8 +210,8 @@ def test_what_the_expansion_leaves_out_between_frequencies_is_the_largest_inside
 
 
 def test_a_matrix_with_common_poles():
-    problem, box = plant(3, points=10, size=2)
-    result, grid = rid.identify(problem).require(), np.array([5.0, 20.0])
+    problem, box = plant(3, points=8, size=2)
+    result, grid = rid.identify(problem).require(), np.array([5.0])
     band = rid.worst_case_over_poles(result, *box, omega=grid, directions=4, cells=1)
     assert band.certified
     models = list(others(problem, box, np.random.default_rng(3), 3))

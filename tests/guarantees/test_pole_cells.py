@@ -84,7 +84,7 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(delay):
     assert tightest >= 0.05
 
 
-@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("delay", [*(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)), 2])
 def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
     """Seventy drawn plants each, measured with errors at the limit and against the expansion, tilted lines and records."""
     rng = np.random.default_rng(10 + delay)

@@ -153,7 +153,7 @@ def test_bounds_per_entry_do_not_depend_on_units(rng):
     controller = small_controller(rng, nominal)
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, rng.uniform(0.2, 1.0, (10, 2, 3))
     result = robust_stability_margin(nominal, controller, edges, bound)
-    omega = np.linspace(0, np.pi / 0.1, 20_001)
+    omega = np.linspace(0, np.pi / 0.1, 5_001)
     F, K = values_of(nominal, omega), values_of(controller, omega)
     here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 9)]
     condition = np.abs(np.linalg.eigvals(here @ np.abs(K @ np.linalg.inv(np.eye(2) + F @ K)))).max()

@@ -99,7 +99,7 @@ def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     assert np.all(tube.error_lower <= tube.error_upper)
 
 
-@pytest.mark.parametrize("case", ["mixed", "frequency"])
+@pytest.mark.parametrize("case", ["mixed", pytest.param("frequency", marks=pytest.mark.slow)])
 def test_forms_agree(case, monkeypatch):
     result = rid.identify(random_problem(5, case, 10))
     options = {"input": "step", "horizon": 12, "times": [0.02, 0.11], "gap": 1e-3}

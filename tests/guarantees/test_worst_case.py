@@ -111,14 +111,16 @@ def band_holds(seed, case, coefficients, directions, form="auto"):
     return float(np.max(1 - lower / upper))
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
+)
 def test_the_truth_is_inside_every_band_and_interval(case):
     assert band_holds(0, case, 10, 16) <= 0.05
 
 
 @pytest.mark.parametrize("case", ["time", pytest.param("parametric", marks=pytest.mark.slow)])  # all among the hundred
 def test_the_gap_closes_with_more_directions(case):
-    assert band_holds(7, case, 8, 64) <= 0.01
+    assert band_holds(7, case, 6, 64) <= 0.01
 
 
 @pytest.mark.parametrize(
@@ -131,8 +133,9 @@ def test_the_gap_closes_with_more_directions(case):
 def test_the_taylor_form_gives_the_same_bounds(case, seed, omega):
     problem = random_problem(seed, case, 8)
     exact, taylor = (rid.identify(problem, form=form) for form in ("auto", "taylor"))
-    here = rid.worst_case_error(exact, omega=omega, directions=8, rtol=1e-3)
-    there = rid.worst_case_error(taylor, omega=omega, directions=8, rtol=1e-3, model=exact.model)
+    options = {"omega": omega, "directions": 4 * len(omega), "rtol": 1e-3}
+    here = rid.worst_case_error(exact, **options)
+    there = rid.worst_case_error(taylor, model=exact.model, **options)
     assert there.certified
     assert np.all(there.upper >= here.lower)
     assert there.upper == pytest.approx(here.upper, rel=2e-3)
@@ -148,7 +151,7 @@ def test_bands_of_a_hundred_truths(capsys):
     assert max(fine) <= 0.01
 
 
-@pytest.mark.parametrize("case", ["mixed", "parametric"])
+@pytest.mark.parametrize("case", [pytest.param("mixed", marks=pytest.mark.slow), "parametric"])
 def test_more_data_never_widen_the_set(case):
     """Support functions and the error of a fixed nominal, with lines and samples added."""
     problem = random_problem(5, case, 16)
@@ -160,7 +163,7 @@ def test_more_data_never_widen_the_set(case):
         parametric=problem.parametric,
     )
     few, many = rid.identify(less), rid.identify(problem)
-    options = {"omega": [30.0, 120.0, 250.0], "directions": 12, "rtol": 5e-3, "model": few.model}
+    options = {"omega": [30.0, 120.0], "directions": 6, "rtol": 5e-3, "model": few.model}
     wide, narrow = rid.worst_case_error(few, **options), rid.worst_case_error(many, **options)
     for a, b in zip(wide.values, narrow.values, strict=True):
         assert np.all(b.support <= a.support + 5e-3 * np.ptp(a.support))

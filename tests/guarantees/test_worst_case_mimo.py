@@ -62,7 +62,7 @@ def small_problem(p=2, q=2, rho=1.5, damping=0.05, **options):
 @pytest.fixture(scope="module")
 def error():
     problem, *_ = small_problem()
-    return bounded(problem, [0.0, 0.9, 2.0])
+    return bounded(problem, [0.0, 0.9])
 
 
 # Known answers.
@@ -72,7 +72,7 @@ def error():
 @pytest.mark.parametrize(
     ("p", "q", "options"),
     [
-        (2, 2, {}),
+        pytest.param(2, 2, {}, marks=pytest.mark.slow),
         (2, 2, {"symmetric": True}),
         (2, 1, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}),
         (1, 2, {"scaled": True}),
@@ -110,7 +110,14 @@ def test_the_judge_finds_the_same_support_of_every_entry(p, q, options):
             assert np.nanmax(reached) <= judge + 1e-5 * size
 
 
-@pytest.mark.parametrize("options", [{}, {"symmetric": True}, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param({}, marks=pytest.mark.slow),
+        {"symmetric": True},
+        {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)},
+    ],
+)
 def test_entries_alone_are_bounded_from_above(options):
     """A part of the problem sees the samples of one entry: its bound is proved, and nowhere below that of all of it."""
     problem, _ = random_matrix_problem(2, 2, 2, 2, rho=1.4, **options)
@@ -202,7 +209,7 @@ def test_norms_of_bounds_and_of_entrywise_products():
 # Laws.
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 30))])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(30)])
 def test_the_truth_is_inside_on_random_plants(seed):
     """30 plants of four shapes, symmetric ones among them, truth of the class and noise in the discs: no bound is exceeded."""
     p, q = SHAPES[seed % 4]
@@ -230,10 +237,10 @@ def test_coupling_the_channels_of_a_diagonal_plant_costs_nothing():
     frf = problem.frequency[0]
     frf = dataclasses.replace(frf, values=frf.values * np.eye(2))
     problem = dataclasses.replace(problem, frequency=frf)
-    together = value_sets_at(consistent_set(rid.identify(problem)), 2.4, 6, 1e-5)
+    together = value_sets_at(consistent_set(rid.identify(problem)), 2.4, 3, 1e-5)
     for found in together:
         one = rid.MixedProblem(frequency=frf.entry(*found.entry), prior=problem.prior)
-        (alone,) = value_sets_at(consistent_set(rid.identify(one)), 2.4, 6, 1e-5)
+        (alone,) = value_sets_at(consistent_set(rid.identify(one)), 2.4, 3, 1e-5)
         assert np.all(found.support <= alone.support + 1e-4 * np.abs(alone.support).max())
 
 
@@ -251,7 +258,7 @@ def test_the_taylor_form_encloses_the_exact_one():
     """Its supports are above what the exact form attains, and what it attains below the supports of the exact form."""
     problem, _ = random_matrix_problem(4, 2, 2, 2, rho=3.0)
     results = [rid.identify(problem, form=form) for form in ("orthonormal", "taylor")]
-    exact, taylor = (value_sets_at(consistent_set(result), 2.0, 4, 1e-4) for result in results)
+    exact, taylor = (value_sets_at(consistent_set(result), 2.0, 3, 1e-4) for result in results)
     for one, two in zip(exact, taylor, strict=True):
         turn = np.exp(-1j * one.directions)[:, None]
         size = np.abs(one.support).max()
@@ -382,13 +389,13 @@ def test_files_with_the_entries_of_others_are_refused(error, tmp_path):
     error.save(tmp_path / "bounds")
     with np.load(tmp_path / "bounds.npz") as archive:
         arrays = dict(archive)
-    assert len(arrays["values/entry"]) == 12
+    assert len(arrays["values/entry"]) == 8
     from robustid.guarantees.packing import part, unpack_values
 
     stored, entries = part(arrays, "values/"), error.identification.problem.entries
     for name, changed in (
         ("entry", stored["entry"][::-1]),
-        ("omega", stored["omega"] + np.arange(12) * 1e-3),
+        ("omega", stored["omega"] + np.arange(8) * 1e-3),
         ("points", stored["points"][:-4]),
     ):
         with pytest.raises(ValueError, match="polygons"):
@@ -437,7 +444,7 @@ def test_half_widths_of_matrices_are_below_the_errors():
     assert 0.5 * largest < median == worst <= largest
 
 
-@pytest.mark.parametrize("joint", ["column", "matrix"])
+@pytest.mark.parametrize("joint", [pytest.param("column", marks=pytest.mark.slow), "matrix"])
 def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
     """At a frequency point sigma(F - N) <= sigma(y - N) + r, where the entries alone would give twice that for 2x2."""
     problem, truth = random_matrix_problem(3, 2, 2, 3, rho=1.05)
@@ -456,12 +463,12 @@ def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
     assert np.all(error.sigma_lower <= error.sigma_upper)
 
 
-def test_entries_are_bounded_more_tightly_where_the_largest_singular_value_asks_for_it(monkeypatch):
+@pytest.mark.parametrize("omega", [[1.6], pytest.param(np.linspace(1.4, 1.8, 4), marks=pytest.mark.slow)])
+def test_entries_are_bounded_more_tightly_where_the_largest_singular_value_asks_for_it(omega, monkeypatch):
     """The gap of the largest singular value is smaller where it misses the one asked for by little, and nowhere wider."""
     from robustid.guarantees import polygons
 
     problem, *_ = small_problem()
-    omega = np.linspace(1.4, 1.8, 4)
     finer = bounded(problem, omega, directions=8, rtol=0.1)
     monkeypatch.setattr(polygons, "_WORTH", 0.0)
     before = bounded(problem, omega, directions=8, rtol=0.1)

@@ -159,8 +159,8 @@ def test_optimised_python_behaves_the_same(capsys):
 
 
 def test_docstrings_begin_with_a_verb_or_a_noun_phrase_and_say_the_field_s_words():
-    for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for name, path in MODULES.items():
+        for node in ast.walk(tree(name)):
             if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module) and (said := ast.get_docstring(node)):
                 place = f"{path}, {getattr(node, 'name', 'module')}"
                 assert not re.match(r"(What|Whether|Of|How|Where|Which|That|Those|When)\b", said), place

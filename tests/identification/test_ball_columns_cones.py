@@ -150,7 +150,7 @@ def random_pair(rng, count, real=0):
     return np.abs(e) * (1 + rng.uniform(1e-4, 3, count)), e
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
 def test_the_algebra_of_discs(seed):
     rng = np.random.default_rng(seed)
     cones, s, z = discs.Cones(40), random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)
@@ -163,7 +163,7 @@ def test_the_algebra_of_discs(seed):
         assert np.all(pair[1][25:].imag == 0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
 def test_the_scaling_of_discs_against_three_by_three_matrices(seed):
     rng = np.random.default_rng([7, seed])
     s, z = random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)

@@ -41,7 +41,7 @@ def check_random_plant(seed, lines):
     assert agrees(random_matrix_problem(seed, p, q, lines, factor=0.5)[0]).margin >= inside.margin - 1e-6
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 def test_random_plants(seed):
     check_random_plant(seed, 3)
 
@@ -82,21 +82,28 @@ def missing_columns(frf, rng):
     return column_bounds(missing(frf, rng), rng)
 
 
+def by_turns(first, second):
+    """All pairs, of which those are run always that take each of the longer list once, the shorter one over and over."""
+    return [
+        pytest.param(one, two, marks=() if (i - j) % min(len(first), len(second)) == 0 else pytest.mark.slow)
+        for i, one in enumerate(first)
+        for j, two in enumerate(second)
+    ]
+
+
 DATA = column_bounds, ellipsoids, directions, missing, missing_columns
 
 
-@pytest.mark.parametrize("change", DATA)
-@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize(("change", "symmetric"), by_turns(DATA, (False, True)))
 def test_kinds_of_bounds(change, symmetric):
     problem, _ = random_matrix_problem(1, 2, 2, 3, factor=0.5)
     frf = change(problem.frequency[0], np.random.default_rng(2))
     assert agrees(dataclasses.replace(problem, frequency=frf, symmetric=symmetric)).margin > 0.1
 
 
-@pytest.mark.parametrize(("p", "q"), SHAPES)
-@pytest.mark.parametrize("solver", ["structured", "cvxpy"])
-def test_modes_scalings_and_two_experiments(p, q, solver):
-    rng = np.random.default_rng(3)
+@pytest.mark.parametrize(("shape", "solver"), by_turns(SHAPES, ("structured", "cvxpy")))
+def test_modes_scalings_and_two_experiments(shape, solver):
+    (p, q), rng = shape, np.random.default_rng(3)
     problem, _ = random_matrix_problem(2, p, q, 4, factor=0.3)
     prior = dataclasses.replace(problem.prior, scaling=rng.uniform(0.5, 2, (p, q)))
     frf = problem.frequency[0]
@@ -118,8 +125,9 @@ def test_records_and_lines_together(symmetric):
     agrees(dataclasses.replace(problem, parametric=KAUTZ))
 
 
-@pytest.mark.parametrize("change", [np.copy, column_bounds, ellipsoids, directions])
-@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize(
+    ("change", "symmetric"), by_turns((np.copy, column_bounds, ellipsoids, directions), (False, True))
+)
 def test_taylor_coefficients_prove_the_same(change, symmetric):
     """The proven intervals of both forms overlap, and are as narrow as asked."""
     problem, _ = random_matrix_problem(5, 2, 2, 3, factor=0.5, rho=1.6)
@@ -173,8 +181,9 @@ def test_the_block_by_brute_force(sarason):
 # --- proofs -----------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("change", [np.copy, column_bounds, ellipsoids, directions])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize(
+    ("change", "form"), by_turns((np.copy, column_bounds, ellipsoids, directions), ("orthonormal", "taylor"))
+)
 def test_proofs_hold_and_forged_ones_do_not(change, form):
     pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
     problem, _ = random_matrix_problem(6, 2, 2, 2, factor=0.5, rho=2.0)

@@ -41,7 +41,7 @@ def near(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 
 
-@pytest.mark.parametrize("case", ["frequency", "mixed", "parametric"])
+@pytest.mark.parametrize("case", [pytest.param("frequency", marks=pytest.mark.slow), "mixed", "parametric"])
 def test_the_judge_of_matrices_agrees_with_that_of_one_channel(case):
     problem = problems.random_problem(1, case, 12, noise=4.0)
     margin = identified(problem).margin
@@ -99,8 +99,14 @@ def test_independent_blocks():
         near(found[:, 2:, 1:], values(apart[1].model), 1e-6)
 
 
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
-@pytest.mark.parametrize("joint", ["entry", "column"])
+@pytest.mark.parametrize(
+    ("joint", "form"),
+    [
+        ("entry", "taylor"),
+        ("column", "orthonormal"),
+        *(pytest.param(*c, marks=pytest.mark.slow) for c in (("entry", "orthonormal"), ("column", "taylor"))),
+    ],
+)
 def test_the_order_of_the_channels(form, joint):
     problem, _ = random_matrix_problem(3, 2, 3, 3, factor=0.8, rho=2.5)
     problem = dataclasses.replace(problem, frequency=rebound(problem.frequency[0], joint=joint))

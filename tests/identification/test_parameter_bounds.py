@@ -85,7 +85,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in KINDS[::2] else k for k in KINDS])
 def test_margin_against_the_paper_s_theorem(kind, seeds):
     """Clarabel on the printed inequality with the intervals written out; Taylor forms enclose the same number."""
     active = positive = 0
@@ -114,7 +114,7 @@ def test_margin_against_the_paper_s_theorem(kind, seeds):
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [k if k in KINDS[::2] else pytest.param(k, marks=pytest.mark.slow) for k in KINDS])
 def test_gain_and_centre_with_intervals(kind, seeds):
     """The smallest gain against Clarabel; every point on the way keeps to the intervals; the centre is stationary."""
     for seed in range(seeds):
@@ -152,7 +152,7 @@ def barrier(data, level, x, p):
 # --- certificates -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_certificate_belongs_to_its_intervals(seeds):
     """Evaluated under wider intervals it proves no more than holds there; under its own, what it says."""
     for seed in range(seeds):
@@ -174,7 +174,7 @@ def test_a_certificate_belongs_to_its_intervals(seeds):
         assert not proof.verify(data.rows, data.sarason) or result.margin_lower < 1e-6
 
 
-@pytest.mark.parametrize("seeds", [12, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [6, pytest.param(30, marks=pytest.mark.slow)])
 def test_certificates_from_arbitrary_multipliers_hold_for_members(seeds):
     """Random multipliers, good or bad: no member with coefficients in their intervals is below the value."""
     proved = 0

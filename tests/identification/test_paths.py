@@ -12,7 +12,9 @@ from support.problems import CASES, judge_margin, random_problem
 # --- decisions on the border, and degenerate input --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
+)
 def test_barely_feasible_problems_are_decided(case):
     """K from the gain path such that the margin is 1 + d: the margin path returns it, and the proof decides."""
     decided = 0

@@ -221,7 +221,9 @@ def compare(case, seed):
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
+)
 def test_both_forms_prove_the_same_margin(case, seeds):
     statuses = {compare(case, seed).status for seed in range(seeds)}
     assert rid.Status.CONSISTENT in statuses

@@ -174,7 +174,7 @@ def realisations(seed, count):
     return system, truth, fitted(truth, 6, weight, truth), fits
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(60, marks=pytest.mark.slow)])
 def test_standard_deviations_of_poles_are_those_of_simulated_noise(count):
     """So many realisations, 2x2 order 6: the chi-square of frequency and damping of 3 modes within its 99.8 % interval, 6 of 6."""
     system, _, exact, fits = realisations(0, count)
@@ -191,10 +191,11 @@ def test_standard_deviations_of_poles_are_those_of_simulated_noise(count):
     assert held == 6
 
 
-def test_coverage_of_the_true_response_with_estimated_noise():
-    """20 seeds: |P - truth| <= 2 std in 1 - exp(-4) = 98.2 % of lines and entries (complex normal) of every size."""
+@pytest.mark.parametrize("seeds", [8, pytest.param(20, marks=pytest.mark.slow)])
+def test_coverage_of_the_true_response_with_estimated_noise(seeds):
+    """Over seeds: |P - truth| <= 2 std in 1 - exp(-4) = 98.2 % of lines and entries (complex normal) of every size."""
     inside, variances, poles = [], [], []
-    for seed in range(20):
+    for seed in range(seeds):
         system, truth, _, (fit,) = realisations(seed, 1)
         found = fit_covariance(fit)
         inside.append(np.mean(np.abs(fit.nodes.response - truth) <= 2 * found.response_std()))
@@ -204,10 +205,10 @@ def test_coverage_of_the_true_response_with_estimated_noise():
             poles.append(abs(found.hz[k] - system.frequency[m] / 2 / np.pi) <= 2 * found.hz_std[k])
     # 24 coefficients make the lines of a fit move together: a single seed may lie far below the mean.
     assert np.mean(inside) >= 0.96
-    assert np.sum(np.array(inside) >= 0.9) >= 18
+    assert np.sum(np.array(inside) >= 0.9) >= 0.9 * seeds
     # v = 1/2 with 936 degrees of freedom each
-    assert np.abs(np.mean(variances) - 0.5) <= 4 * 0.5 * np.sqrt(2 / 936 / 20)
-    assert binom.ppf(1e-3, 60, 0.954) <= np.sum(poles) <= binom.ppf(1 - 1e-3, 60, 0.954)
+    assert np.abs(np.mean(variances) - 0.5) <= 4 * 0.5 * np.sqrt(2 / 936 / seeds)
+    assert binom.ppf(1e-3, 3 * seeds, 0.954) <= np.sum(poles) <= binom.ppf(1 - 1e-3, 3 * seeds, 0.954)
 
 
 def test_variance_scales_and_weights_cancel():

@@ -158,18 +158,18 @@ def test_fixed_points_are_the_stationary_points():
         assert np.linalg.norm(seen(A, moved) - wanted) <= 1e-8 * np.linalg.norm(wanted)
 
 
-def test_the_optimum_stays_where_it_is_and_sk_leaves_it():
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(5)])
+def test_the_optimum_stays_where_it_is_and_sk_leaves_it(seed):
     """5 seeds of 5, 1 % noise."""
-    for seed in range(5):
-        problem, start = structure(seed, lines=200)
-        best = fit_fraction(problem, start=start, method="lm", rtol=1e-16).fraction
-        slope = gauss_newton_direction(problem, best).slope
-        assert slope <= 1e-7
-        moved, other = iv_step(problem, best)[0], sk_step(problem, best.denominators)[0]
-        here, there = (relative_error(one.response, best.response) for one in (moved, other))
-        assert here <= 1e-6
-        assert there >= 100 * here
-        assert problem.cost(other) >= (1 + 1e-4) * problem.cost(best)
+    problem, start = structure(seed, lines=200)
+    best = fit_fraction(problem, start=start, method="lm", rtol=1e-16).fraction
+    slope = gauss_newton_direction(problem, best).slope
+    assert slope <= 1e-7
+    moved, other = iv_step(problem, best)[0], sk_step(problem, best.denominators)[0]
+    here, there = (relative_error(one.response, best.response) for one in (moved, other))
+    assert here <= 1e-6
+    assert there >= 100 * here
+    assert problem.cost(other) >= (1 + 1e-4) * problem.cost(best)
 
 
 def contraction(problem, best):
@@ -237,7 +237,7 @@ def check_order_40(seed, steps, lines=1000):
 
 def test_condition_number_one_at_order_40():
     """Noisy 4x4 data of order 40."""
-    assert check_order_40(0, 2, lines=160) >= 1e-5
+    assert check_order_40(0, 2, lines=100) >= 1e-5
 
 
 @pytest.mark.slow

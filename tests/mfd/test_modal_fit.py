@@ -111,18 +111,19 @@ def test_the_history_holds_the_free_descent_too():
 RIGID = pytest.param("proportional, rigid", marks=pytest.mark.slow)
 
 
+@pytest.mark.parametrize("seeds", [3, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["proportional", RIGID, "symmetric", "general, symmetric"])
-def test_true_structure_lowers_the_error_at_withheld_points(name):
+def test_true_structure_lowers_the_error_at_withheld_points(name, seeds):
     """Six seeds, 3 % noise: below the free fit in all but one at most, and by a tenth in the median where shapes are real."""
     ratios = []
-    for seed in range(6):
+    for seed in range(seeds):
         system, frf, asked = posed(name, level=0.03, seed=seed)
         wanted = system.response(BETWEEN)
         free = rid.fit_mfd(frf, order=system.order, restart=False)
         fit = rid.fit_mfd(frf, **asked, start=free.model)
         errors = [relative_error(one.fraction.response(BETWEEN), wanted) for one in (fit, free)]
         ratios.append(errors[0] / errors[1])
-    assert np.sum(np.array(ratios) < 1) >= 5
+    assert np.sum(np.array(ratios) < 1) >= seeds - 1
     assert np.median(ratios) < (0.9 if asked["modal"].damping == "proportional" else 1)
 
 

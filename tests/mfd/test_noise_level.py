@@ -23,30 +23,30 @@ def error(fit, truth):
     return np.linalg.norm(fit.fraction.response(OMEGA) - truth) / np.linalg.norm(truth)
 
 
-def test_noise_of_a_level_is_seen():
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(3)])
+def test_noise_of_a_level_is_seen(seed):
     """Three seeds of three: within 20 % of the fit that is told, at most a tenth of the error of relative weights."""
-    for seed in range(3):
-        truth, frf = measured(seed, level=0.01)
-        fit = fit_mfd(frf, order=10)
-        told = fit_mfd(frf, order=10, weight=Weight(np.ones(truth.shape)))
-        relative = fit_mfd(frf, order=10, weight=Weight.relative(frf.values))
-        assert "level" in fit.weight_choice
-        assert error(fit, truth) <= 1.2 * error(told, truth)
-        assert error(fit, truth) <= 0.1 * error(relative, truth)
-        assert fit.stable
-        assert fit.cost <= fit.start_cost
-        first = [step for step in fit.history if step.former == "in weight 1"]
-        assert [step.cost for step in first] == [step.cost for step in relative.history]
+    truth, frf = measured(seed, level=0.01)
+    fit = fit_mfd(frf, order=10)
+    told = fit_mfd(frf, order=10, weight=Weight(np.ones(truth.shape)))
+    relative = fit_mfd(frf, order=10, weight=Weight.relative(frf.values))
+    assert "level" in fit.weight_choice
+    assert error(fit, truth) <= 1.2 * error(told, truth)
+    assert error(fit, truth) <= 0.1 * error(relative, truth)
+    assert fit.stable
+    assert fit.cost <= fit.start_cost
+    first = [step for step in fit.history if step.former == "in weight 1"]
+    assert [step.cost for step in first] == [step.cost for step in relative.history]
 
 
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("order", "form"), [(10, "right"), (6, "left")])
-def test_relative_noise_and_too_small_an_order_stay_relative(order, form):
-    for seed in range(2):
-        for noise in ({"relative": 0.05}, {"level": 0.01} if order == 6 else {"relative": 0.01}):
-            _, frf = measured(seed, **noise)
-            fit = fit_mfd(frf, order=order, form=form)
-            assert fit.weight_choice.startswith("relative")
-            assert fit.cost == fit_mfd(frf, order=order, form=form, weight=Weight.relative(frf.values)).cost
+def test_relative_noise_and_too_small_an_order_stay_relative(order, form, seed):
+    for noise in ({"relative": 0.05}, {"level": 0.01} if order == 6 else {"relative": 0.01}):
+        _, frf = measured(seed, **noise)
+        fit = fit_mfd(frf, order=order, form=form)
+        assert fit.weight_choice.startswith("relative")
+        assert fit.cost == fit_mfd(frf, order=order, form=form, weight=Weight.relative(frf.values)).cost
 
 
 def test_level_and_relative_part_are_those_of_the_noise():

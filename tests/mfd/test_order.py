@@ -202,11 +202,11 @@ def test_a_lost_item_is_done_again_here(caplog):
     same(sweep, suggest_order(frf, orders=orders, executor=pool))
 
 
-@pytest.mark.parametrize("executor", [None, Lossy({4})])
+@pytest.mark.parametrize("executor", [None, Lossy({2})])
 def test_an_item_that_fails_twice_is_kept_as_a_failure(executor):
-    frf = data(0, 1, 1, 2, 60)
-    sweep = suggest_order(frf, orders=[4, 5, 100], executor=executor)
-    assert list(sweep.fits) == [4, 5]
+    frf = data(0, 1, 1, 1, 40)
+    sweep = suggest_order(frf, orders=[2, 3, 100], executor=executor)
+    assert list(sweep.fits) == [2, 3]
     assert list(sweep.failures) == [100]
     assert sweep.failures[100].startswith("InputError: `order` = 100")
     assert "failed" in sweep.summary()
@@ -244,7 +244,7 @@ def test_an_interrupt_leaves_the_orders_finished(monkeypatch, caplog, inside):
 
 def test_a_local_minimum_is_left_by_a_warm_start(monkeypatch):
     """A fit of order 5 that ends above that of order 4 is replaced by one that doesn't."""
-    frf, fit = data(0, 1, 1, 2, 60), order.fit_one
+    frf, fit = data(0, 1, 1, 2, 40), order.fit_one
 
     def stuck(frf, options, n):
         found = fit(frf, options, n)
@@ -320,10 +320,10 @@ def test_no_more_than_half_as_many_parameters_as_equations():
 
 def test_where_no_order_is_right_withheld_points_decide():
     """A delay has no order: the costs fall for ever, and the order suggested predicts withheld points as well as any."""
-    omega = 2 * np.pi * np.linspace(1, 100, 160)
+    omega = 2 * np.pi * np.linspace(1, 100, 100)
     s = 1j * omega
     values = np.exp(-0.011 * s) * (1 / (s**2 + 2 * s + 150**2) + 0.3 / (s**2 + 4 * s + 400**2)) * 1e4
-    values = values * (1 + 1e-3 * np.random.default_rng(0).standard_normal(160))
+    values = values * (1 + 1e-3 * np.random.default_rng(0).standard_normal(100))
     sweep = suggest_order(rid.FrequencyResponse(omega, values), orders=range(4, 15, 2))
     assert np.all(np.diff(sweep.costs) <= 1e-6 * sweep.costs[:-1])
     chosen = sweep.withheld[sweep.orders == sweep.suggested][0]

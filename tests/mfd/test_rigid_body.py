@@ -171,16 +171,17 @@ def test_factor_inside(ny, nu, count, modes):
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 3e-3
 
 
-def test_variance_at_low_frequency_is_lower_than_without():
-    """2x2, 12 noise realisations: lower error in the lowest 50 lines in at least 11, and rms at most two thirds."""
+@pytest.mark.parametrize("seeds", [5, pytest.param(12, marks=pytest.mark.slow)])
+def test_variance_at_low_frequency_is_lower_than_without(seeds):
+    """2x2, noise realisations: lower error in the lowest 50 lines in all but one, and rms at most two thirds."""
     plant, pairs = machine(2, 2, 2, 1, 3), []
-    for seed in range(12):
+    for seed in range(seeds):
         fit, truth = fitted(plant, seed, 0.01, 1)
         free, _ = fitted(plant, seed, 0.01, 1, rigid_body=None, start=fit.model, stable=False)
         assert free.cost <= fit.cost * (1 + 1e-9)
         pairs.append([relative_error(f.fraction.response(OMEGA[:50]), truth[:50]) for f in (fit, free)])
     rigid, without = np.array(pairs).T
-    assert np.sum(rigid < without) >= 11
+    assert np.sum(rigid < without) >= seeds - 1
     assert np.linalg.norm(rigid) <= 2 / 3 * np.linalg.norm(without)
 
 

@@ -1,6 +1,7 @@
 """A saved fit comes back exactly, evaluates and draws, and its cost and state space are verified again."""
 
 import contextlib
+import functools
 import json
 import pickle
 
@@ -23,6 +24,7 @@ FITS = {
 }
 
 
+@functools.cache
 def fitted(case="plain"):
     truth, options = FITS[case]
     values = noisy(np.random.default_rng(1), truth, 0.01)

@@ -29,7 +29,7 @@ def sampled(rng, *, dt=0.1):
     return model, control.sample_system(model, dt, method="zoh")
 
 
-@pytest.mark.parametrize("models", [50, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("models", [15, pytest.param(150, marks=pytest.mark.slow)])
 def test_random_models_come_back(models):
     # Damping down to 1e-5, modes up to 0.95 of Nyquist. The error is that of rounding A: at most
     # 21 eps / (distance of the nearest pole to the circle).

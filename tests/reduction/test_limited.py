@@ -149,9 +149,10 @@ def test_a_weight_keeps_the_mode_where_it_is_large(dt):
     np.testing.assert_allclose(np.abs(np.log(poles) / dt if dt else poles) / (2 * np.pi), 1, rtol=0.05)
 
 
+@pytest.mark.parametrize("models", [5, pytest.param(15, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
-def test_weighted_truncation_is_stable_at_every_order(discrete):
-    for seed in range(15):
+def test_weighted_truncation_is_stable_at_every_order(discrete, models):
+    for seed in range(models):
         rng = np.random.default_rng(seed)
         model, weight = random_model(rng, discrete=discrete), random_model(rng, discrete=discrete)[0, 0]
         for order in range(model.nstates):
@@ -159,10 +160,11 @@ def test_weighted_truncation_is_stable_at_every_order(discrete):
             assert reduction.status in (ReductionStatus.UNBOUNDED, ReductionStatus.FEWER)
 
 
-def test_unstable_outcome_of_a_band_is_said():
+@pytest.mark.parametrize("models", [6, pytest.param(20, marks=pytest.mark.slow)])
+def test_unstable_outcome_of_a_band_is_said(models):
     # Both outcomes occur: nothing keeps a narrow band from giving an unstable model.
     told = set()
-    for seed in range(20):
+    for seed in range(models):
         model = random_model(np.random.default_rng(seed), discrete=False)
         for order in range(1, model.nstates):
             reduction = balanced_truncation(model, order=order, band_hz=(0.3, 0.4))
@@ -172,9 +174,10 @@ def test_unstable_outcome_of_a_band_is_said():
     assert told == {False, True}
 
 
+@pytest.mark.parametrize("models", [6, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
-def test_static_gain_is_kept_within_the_same_bound(discrete):
-    for seed in range(20):
+def test_static_gain_is_kept_within_the_same_bound(discrete, models):
+    for seed in range(models):
         model = random_model(np.random.default_rng(seed), discrete=discrete)
         points, zero = points_of(model), np.array([1.0 if discrete else 0.0])
         floor = 1e-10 * peak(model, points)
@@ -187,9 +190,10 @@ def test_static_gain_is_kept_within_the_same_bound(discrete):
             assert gap(model, reduction.model, zero) <= floor
 
 
-def test_static_gain_of_a_discrete_model_is_the_bilinear_image_of_the_continuous_one():
+@pytest.mark.parametrize("models", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_static_gain_of_a_discrete_model_is_the_bilinear_image_of_the_continuous_one(models):
     # Liu and Anderson: states at rest are at rest in both, unlike states set to zero.
-    for seed in range(10):
+    for seed in range(models):
         model = random_model(np.random.default_rng(seed), discrete=False)
         sampled = control.sample_system(model, 0.3, method="bilinear")
         for order in range(model.nstates):

@@ -21,6 +21,14 @@ def error() -> rid.WorstCaseError:
 
 
 @pytest.fixture(scope="session")
+def static_page(consistent: rid.Identification, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """What is written where pages are to have no script; its pictures take seconds."""
+    path = tmp_path_factory.mktemp("static") / "page.html"
+    rid.write_report(consistent, path, static=True)
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
 def matrix_result() -> rid.Identification:
     """A 2 x 2 identification of a response with a missing value, and a record with two inputs."""
     frf = matrix_pages.with_values(matrix_pages.measured(lines=10), (3, 1, 0), np.nan, np.inf)

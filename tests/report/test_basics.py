@@ -47,9 +47,8 @@ def test_text_stands_out_from_what_is_behind_it():
     assert contrast(named("accent"), WHITE) >= 3  # of lines and of the mark of what has the focus
 
 
-def test_a_page_has_a_language_headings_in_order_and_words_for_pictures(consistent, tmp_path):
-    rid.write_report(consistent, tmp_path / "page.html", static=True)
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+def test_a_page_has_a_language_headings_in_order_and_words_for_pictures(static_page):
+    page = static_page
     assert '<html lang="en">' in page
     assert 'name="viewport"' in page
     levels = [int(level) for level in re.findall(r"<h([1-6])\b", page)]

@@ -16,7 +16,7 @@ from robustid.report import write_report
 from support import matrix_pages
 from support.browser import CHROMIUM, Shown, framed, opened, plots
 from support.mfd_systems import noisy, random_modal_system
-from support.report_pages import identified, problem, with_circle
+from support.report_pages import identified, with_circle
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chromium` on the path")
 DRAWN = re.compile(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', re.S)
@@ -46,11 +46,14 @@ def all_drawn(folder: Path, *kinds: tuple[Callable[[Path], None], int]) -> list[
     return [drawn(page, shown, width) for (page, (_, width)), shown in zip(pages.items(), every, strict=True)]
 
 
-def test_pages_on_narrow_screens(tmp_path: Path) -> None:
-    """Two kinds of pages, each drawn without an error, with the plots that it should have."""
-    found = all_drawn(tmp_path, (identification, 390), (fit, 390))
-    check_identification(found[0])
-    assert any("rotation [mrad] / torque [Nm]" in markup for markup in found[1].values())
+@pytest.mark.parametrize("kind", ["identification", pytest.param("fit", marks=pytest.mark.slow)])
+def test_pages_on_narrow_screens(tmp_path: Path, kind: str) -> None:
+    """Drawn without an error, with the plots that the page should have."""
+    (found,) = all_drawn(tmp_path, ({"identification": identification, "fit": fit}[kind], 390))
+    if kind == "identification":
+        check_identification(found)
+    else:
+        assert any("rotation [mrad] / torque [Nm]" in markup for markup in found.values())
 
 
 @pytest.mark.slow
@@ -124,7 +127,7 @@ def response(page: Path) -> None:
 def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:
     nasty = "<script>alert('owned')</script>"
     label = "</script><img src=x onerror=alert('owned')><b>y</b>"
-    result = rid.identify(problem(hz=17.3, inputs=[(nasty, "N")], outputs=[(label, "</script>")]))
+    result = identified(inputs=[(nasty, "N")], outputs=[(label, "</script>")])
     write_report(result, tmp_path / "report.html", title='"Title" & </title>')
     dom, console = opened(tmp_path / "report.html", tmp_path / "profile")
     assert console == []

@@ -54,8 +54,8 @@ def test_a_verdict_that_warns_is_a_warning_and_another_stands_below() -> None:
     assert [part.title for part in document.parts] == ["Details", "Part"]
 
 
-def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(consistent: rid.Identification) -> None:
-    page = render_report(consistent, static=True)
+def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static_page: str) -> None:
+    page = static_page
     assert len(page) < MOST_BYTES_STATIC
     assert "<script" not in page
     assert "script-src" not in page

@@ -23,7 +23,7 @@ BOUND_SOURCES = ("periods", "rest", "coherence", "scatter")
 _FACTOR = 1.5  # over the largest difference that was seen, as for the noise floor
 _BEYOND = 1.2  # over a residual that is larger than its bound
 _REST = 50  # samples of a rest from which a noise floor is taken
-_ROUGH = 0.5  # scatter in parts of the response, from which on nothing is seen but scatter
+_ROUGH = 0.25  # scatter in parts of the response, from which on a bound for all points together is as large as it
 _LEAST = 1e-4  # part of a value, below which nobody measures
 
 

@@ -23,6 +23,7 @@ _WIDE = 100.0  # highest over lowest frequency from which on the plant may be on
 _SMALLEST = 1e-9  # part of the largest |G| below which a relative weight makes no sense
 _STEP = 1e-6  # of the differences, in units of 1/omega and of the unit circle
 _TIGHT = 1e-11
+_APART = 5  # frequency points between pairs that are added
 _NEAR, _FAR, _WIDER = 1e-3, 10.0, 1.5  # how far a delay is moved for its deviation, times the largest omega
 
 
@@ -82,12 +83,15 @@ class PoleFit:
             for poles in self._firsts(order)[: None if decades else 1]:
                 for _ in range(_RELOCATIONS * (1 + self.wide)):
                     poles = self._relocated(ahead, poles)
-                    entries = self._entries(ahead, self._functions(0.0, poles))
-                    cost = sum(float(one.residual @ one.residual) for one in entries)
-                    best = min(best, (cost, poles), key=lambda item: item[0])
+                    best = min(best, (self._cost(ahead, poles), poles), key=lambda item: item[0])
             costs.append(best[0])
             found.append(best[1])
         return np.array(costs), found
+
+    def _cost(self, values: np.ndarray, poles: np.ndarray) -> float:
+        """Sum of squares of what these poles leave."""
+        entries = self._entries(values, self._functions(0.0, poles))
+        return sum(float(one.residual @ one.residual) for one in entries)
 
     def residuals(self, poles: np.ndarray) -> np.ndarray:
         """Weighted values less their best fit at these poles, complex, (F, entries); without a delay."""
@@ -114,19 +118,27 @@ class PoleFit:
         def residual(z: np.ndarray) -> np.ndarray:
             return np.concatenate([one.residual for one in self._entries(self.values, self._functions(*unpack(z)))])
 
+        plain = held and delay == 0
+        reach = () if plain else _STEP * np.eye(len(moves))
+
         def slopes(z: np.ndarray) -> np.ndarray:
-            ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in _STEP * np.eye(z.size)]
+            ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in reach]
             changes = [(up - down) / (2 * _STEP) for up, down in ends]
             rows: list[np.ndarray] = []
             entries = self._entries(self.values, self._functions(*unpack(z)))
             for weight, one in zip(self.weight.T, entries, strict=True):
                 c = one.coefficients
-                rows.append(one.tangent(_real(weight[:, None] * np.stack([each @ c for each in changes], axis=1))))
+                ways = _slopes(self.x, unpack(z)[1], c) if plain else np.stack([each @ c for each in changes], axis=1)
+                rows.append(one.tangent(_real(weight[:, None] * ways)))
             return np.concatenate(rows)
 
         least_squares: Any = scipy.optimize.least_squares
         tight = {"ftol": _TIGHT, "xtol": _TIGHT, "gtol": _TIGHT}
-        found = least_squares(residual, np.zeros(len(moves)), slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
+        begin = np.zeros(len(moves))
+        with np.errstate(invalid="ignore", divide="ignore"):  # poles that meet have no functions of their own
+            found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
+        if not np.isfinite(found.cost):
+            return Refined(*unpack(begin), float(np.sum(residual(begin) ** 2)))
         return Refined(*unpack(found.x), 2 * float(found.cost))
 
     def deviation(self, best: Refined) -> float:
@@ -205,6 +217,31 @@ class PoleFit:
             starts.append(-np.geomspace(lowest, high, order).astype(complex))
         return [s / high if self.dt is None else np.exp(s * self.dt) for s in starts]
 
+    def broad(self, order: int) -> np.ndarray:
+        """Pairs over the band that are as wide as their distance, and a real pole where the order is odd.
+
+        They follow what is smooth as they stand: where noise is a quarter of the response and more, relocation goes astray.
+        """
+        low, high = self._band
+        middle = np.linspace(low, high, order // 2 + 2)[1:-1]
+        return self._placed(middle, np.full(middle.size, (high - low) / (order // 2 + 1)), order)
+
+    def grown(self, poles: np.ndarray, order: int) -> np.ndarray:
+        """The poles, and narrow pairs where they leave most, up to an order; a real pole where a single one is missing."""
+        left = np.sum(np.abs(self.residuals(poles)) ** 2, axis=1)
+        width, at = np.gradient(self.omega), list[int]()
+        missing = order - poles.size - int(np.sum(np.imag(poles) > 0))
+        for _ in range(missing // 2):
+            k = int(np.argmax(left))
+            at.append(k)
+            left[np.abs(self.omega - self.omega[k]) <= _APART * width[k]] = 0
+        return np.concatenate([poles, self._placed(self.omega[at], width[at], missing)])
+
+    def _placed(self, omega: np.ndarray, width: np.ndarray, order: int) -> np.ndarray:
+        """Pairs at frequencies with distances from the axis in rad/s, and a real pole where the order is odd."""
+        poles = np.append(1j * omega - width, [complex(-self.omega[-1])] * (order % 2))
+        return poles / self.omega[-1] if self.dt is None else np.exp(poles * self.dt)
+
 
 def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
     """Functions of real poles, the sum and j times the difference of those of pairs, (F, order): real coefficients."""
@@ -220,6 +257,17 @@ def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
     columns[:, first[pair]] += other
     columns[:, first[pair] + 1] = 1j * (one[:, pair] - other)
     return columns
+
+
+def _slopes(x: np.ndarray, poles: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Derivatives of the sum of `_fractions` times c by Re of every pole, then by Im of those of pairs, (F, n)."""
+    pair = np.imag(poles) != 0
+    first = np.cumsum(1 + pair) - 1 - pair
+    one = 1 / (x[:, None] - poles) ** 2
+    other = np.where(pair, 1 / (x[:, None] - np.conj(poles)) ** 2, 0)
+    real, imag = c[first], np.where(pair, c[np.minimum(first + 1, len(c) - 1)], 0)
+    both, apart = one + other, 1j * (one - other)
+    return np.hstack([real * both + imag * apart, (real * apart - imag * both)[:, pair]])
 
 
 def _ahead_of_hold(poles: np.ndarray, f: float) -> np.ndarray:

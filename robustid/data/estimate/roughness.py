@@ -18,8 +18,11 @@ _POINTS_A_POLE = 6
 _ORDERS_OF_DECADES, _POINTS_OF_DECADES = (4, 8, 12, 16, 20, 30), 3
 _POOL = 21  # neighbouring frequency points whose residuals say how large the noise is
 _REWEIGHTED = 3
+_SEARCHED = 2  # of these with all starts of refined poles, then from the best
 _DIP = 5  # neighbours whose median a response is at least, where noise is proportional to it
 _RISES = 2  # of the criterion before no higher order is tried: one may be a poor start of the poles
+_NOISY = 0.1  # residuals in parts of the response from which on relocated poles are refined,
+_REFINED = 20  # up to this order
 _WHITE = 0.3  # correlation of neighbours below which residuals are noise
 _SMALLEST = 1e-9  # part of the largest |G|
 FEWEST = _ORDERS[0] * _POINTS_A_POLE
@@ -43,6 +46,8 @@ def roughness(frf: FrequencyResponse) -> Roughness:
 
     Residuals r are weighted by the deviation s of their neighbours, in turn, of noise that is even nearby or proportional to the
     response nearby, whichever is likelier; ``BIC = 2 sum_k (log s_k^2 + |r_k|^2/s_k^2) + 2 n log 2F`` for n poles with residues.
+    Where noise is a large part of the response, relocated poles go astray: the least squares are then sought from broad poles and
+    from those of the order before, too.
     """
     plain = dataclasses.replace(frf, covariance=None, bound=None)
     values: Complex = plain.values.reshape(-1)
@@ -50,20 +55,30 @@ def roughness(frf: FrequencyResponse) -> Roughness:
     # A value that is small by chance isn't known better than its neighbours.
     near: Real = np.median(sliding_window_view(np.pad(np.abs(values), _DIP // 2, mode="edge"), _DIP), axis=1)
     sizes: Real = np.maximum(np.maximum(np.abs(values), near), least)
+    # A peak of one point is no error of its own size: beside its neighbours it must be followed.
+    level: Real = np.maximum(near, least)
     made: list[tuple[float, Roughness]] = []
     fit = PoleFit(plain, feedthrough=True)
     orders, points = (_ORDERS_OF_DECADES, _POINTS_OF_DECADES) if fit.wide else (_ORDERS, _POINTS_A_POLE)
+    places = np.zeros(0, complex)
     for poles in orders:
         worse = len(made) - 1 - _best(made) if made else 0
         if poles * points > size or worse == _RISES:
             break
-        deviation = sizes
+        deviation, lower, refined = level, places, False
         residual: Complex = values
         left, unlikely = 1 - (2 * poles + 1) / (2 * size), np.inf
-        for _ in range(_REWEIGHTED):
+        for again in range(_REWEIGHTED):
             fit.weight = (1 / deviation)[:, None]
-            _, found = fit.search(poles, np.zeros(1))
-            residual = np.asarray(fit.residuals(found[0])[:, 0] * deviation, dtype=complex)
+            starts = [places] if again else []
+            if again < _SEARCHED or not refined:
+                places = fit.search(poles, np.zeros(1))[1][0]
+                large = np.mean(np.abs(fit.residuals(places)[:, 0] * deviation / sizes) ** 2) > _NOISY**2
+                refined = bool(large) and poles <= _REFINED
+                starts += [places, fit.broad(poles), fit.grown(lower, poles)]
+            if refined:
+                places = min((fit.refine(0.0, start, held=True) for start in starts), key=lambda one: one.cost).poles
+            residual = np.asarray(fit.residuals(places)[:, 0] * deviation, dtype=complex)
             shapes = (np.ones(size), sizes)
             unlikely, deviation = min((_nearby(residual, shape, least) for shape in shapes), key=lambda one: one[0])
             deviation = deviation / np.sqrt(left)
