@@ -21,7 +21,7 @@ _REWEIGHTED = 3
 _SEARCHED = 2  # of these with all starts of refined poles, then from the best
 _DIP = 5  # neighbours whose median a response is at least, where noise is proportional to it
 _RISES = 2  # of the criterion before no higher order is tried: one may be a poor start of the poles
-_NOISY = 0.1  # residuals in parts of the response from which on relocated poles are refined,
+_NOISY = 0.05  # noise in parts of the response from which on relocated poles are refined,
 _REFINED = 20  # up to this order
 _WHITE = 0.3  # correlation of neighbours below which residuals are noise
 _SMALLEST = 1e-9  # part of the largest |G|
@@ -57,27 +57,27 @@ def roughness(frf: FrequencyResponse) -> Roughness:
     sizes: Real = np.maximum(np.maximum(np.abs(values), near), least)
     # A peak of one point is no error of its own size: beside its neighbours it must be followed.
     level: Real = np.maximum(near, least)
+    noisy = _bent(values, level) > _NOISY
     made: list[tuple[float, Roughness]] = []
     fit = PoleFit(plain, feedthrough=True)
     orders, points = (_ORDERS_OF_DECADES, _POINTS_OF_DECADES) if fit.wide else (_ORDERS, _POINTS_A_POLE)
-    places = np.zeros(0, complex)
+    places: np.ndarray = np.zeros(0, complex)
     for poles in orders:
         worse = len(made) - 1 - _best(made) if made else 0
         if poles * points > size or worse == _RISES:
             break
-        deviation, lower, refined = level, places, False
+        deviation, lower, refined = level, places, noisy and poles <= _REFINED
         residual: Complex = values
         left, unlikely = 1 - (2 * poles + 1) / (2 * size), np.inf
         for again in range(_REWEIGHTED):
             fit.weight = (1 / deviation)[:, None]
-            starts = [places] if again else []
-            if again < _SEARCHED or not refined:
-                places = fit.search(poles, np.zeros(1))[1][0]
-                large = np.mean(np.abs(fit.residuals(places)[:, 0] * deviation / sizes) ** 2) > _NOISY**2
-                refined = bool(large) and poles <= _REFINED
-                starts += [places, fit.broad(poles), fit.grown(lower, poles)]
             if refined:
+                starts: list[np.ndarray] = [places] if again else []
+                if again < _SEARCHED:
+                    starts += [fit.search(poles, np.zeros(1))[1][0], fit.broad(poles), fit.grown(lower, poles)]
                 places = min((fit.refine(0.0, start, held=True) for start in starts), key=lambda one: one.cost).poles
+            else:
+                places = fit.search(poles, np.zeros(1))[1][0]
             residual = np.asarray(fit.residuals(places)[:, 0] * deviation, dtype=complex)
             shapes = (np.ones(size), sizes)
             unlikely, deviation = min((_nearby(residual, shape, least) for shape in shapes), key=lambda one: one[0])
@@ -88,6 +88,12 @@ def roughness(frf: FrequencyResponse) -> Roughness:
         criterion = 2 * unlikely + 2 * poles * float(np.log(2 * size))
         made.append((criterion, Roughness(residual, deviation, min(_POOL, size) * left, poles, white)))
     return made[_best(made)][1]
+
+
+def _bent(values: Complex, level: Real) -> float:
+    """Median deviation of a value from the middle of its neighbours, as that of noise, in parts of the response."""
+    bent = np.abs(values[1:-1] - (values[2:] + values[:-2]) / 2) / level[1:-1]
+    return float(np.median(bent) / np.sqrt(1.5 * np.log(2)))
 
 
 def _best(made: list[tuple[float, Roughness]]) -> int:
