@@ -181,7 +181,7 @@ class PriorChoice:
         """The sentence that asks for the decay of a passive class."""
         return (
             f"{name} is given without {decay} (in 1/s): say how far left of the axis the plant is passive, at most the smallest"
-            " real part of its poles, in magnitude"
+            " real part of its poles, in magnitude; robustid fit FILE --order auto shows those of a fit"
         )
 
 
