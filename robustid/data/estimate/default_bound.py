@@ -44,7 +44,7 @@ def estimate_bound(
         from the mean over its periods, in their later half. "rest" of a record: `bounds_from_noise_floor` of the stretch before
         the input first moves, of 50 samples or more, whose mean is removed. "coherence" of a response with one input, with
         `averages`: ``s^2 = |G|^2 (1 - c)/(c (n - 1))``. "scatter" of a response with 24 frequency points or more: what the
-        smooth stable model of the best order leaves, pooled over 21 neighbouring points.
+        smooth model of the best order leaves, pooled over 21 neighbouring points.
     averages : int, optional
         Number n of averaged blocks without overlap behind a coherence c.
     probability : float
