@@ -135,7 +135,7 @@ class PoleFit:
         least_squares: Any = scipy.optimize.least_squares
         tight = {"ftol": _TIGHT, "xtol": _TIGHT, "gtol": _TIGHT}
         begin = np.zeros(len(moves))
-        with np.errstate(invalid="ignore", divide="ignore"):  # poles that meet have no functions of their own
+        with np.errstate(all="ignore"):  # poles that meet have no functions of their own; on a point they have no value
             found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
         if not np.isfinite(found.cost):
             return Refined(*unpack(begin), float(np.sum(residual(begin) ** 2)))
