@@ -182,7 +182,7 @@ class BestModels:
         if not held.size or not held.size <= n <= REFINED:
             return None
         for pair in self._with_held(n):
-            if pair is not None:
+            if pair is not None and pair.A.shape[0] == n:  # a family may have more functions than were asked for
                 fit = _quiet(lambda p=pair: self._rest_refined(p))
                 best = fit if best is None or (fit is not None and fit.worst < best.worst) else best
         return best
