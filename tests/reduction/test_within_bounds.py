@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.core import response
 from robustid.identification.residuals import largest_ratio
 from robustid.reduction import SearchStatus
+from robustid.reduction.best_models import BestModels
 from support.paper_plant import AS_THE_PAPER, mixed, structure
 from support.problems import random_problem
 
@@ -276,3 +277,16 @@ def test_an_interrupted_search_keeps_what_it_found(searched):
     assert found.status is (SearchStatus.WITHIN if result.consistent else SearchStatus.INFLATED)
     assert whole.order <= found.order or not result.consistent
     assert judged_again(problem, found.model) <= max(1.0, result.margin * (1 + 1e-5))
+
+
+def test_functions_of_another_number_than_the_order_are_no_candidates():
+    """A family may have more functions than were asked for: its model is none of that order."""
+    data = rid.flexible_structure(seed=0)
+    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=basis, prior=prior))
+    models = BestModels(result, 0)
+    families = models._families
+    models._families = tuple(lambda n, one=one: one(n + 4) for one in families)
+    fit = models._parametric_kept(4)
+    assert fit.pair.A.shape[0] == 4
