@@ -167,7 +167,7 @@ def suggest_kautz(
     if wanted is None and not fit.plane.dt:
         decades = over_decades(frf)
         left = residual_rows(poles, fit)
-        if decades is not None and ratios(left).max() > 1 and decades.left < _FEWER * (left @ left):
+        if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
             return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
@@ -201,6 +201,14 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
     )
+
+
+def _relaxes(found: Relaxations, left: Real, pairs: int) -> bool:
+    """Return whether poles over decades explain most of what pairs leave; or all of it, by fewer, mostly real."""
+    simpler = (
+        found.largest <= 1 and found.omega.size < 2 * pairs and 2 * int(np.sum(found.damping == 1)) > found.omega.size
+    )
+    return bool(found.left < _FEWER * (left @ left) or simpler)
 
 
 def _of_decades(fit: LineData, found: Relaxations, lowest: float, repeat: int) -> KautzSuggestion:

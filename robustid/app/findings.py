@@ -14,7 +14,7 @@ from robustid.app.options import Modes
 from robustid.app.run_file import RunFile
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
-from robustid.guarantees import Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
+from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
 from robustid.identification import Identification, Validation, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most
@@ -63,6 +63,23 @@ def pole_words(identification: Identification, modes: Modes) -> str:
     except InputError:
         return f"{FIXED_POLES}."
     return f"{FIXED_POLES}{OVER_POLES}."
+
+
+def band_words(band: Band) -> str:
+    """Sentence on the band that is proved at every frequency."""
+    upper = band.sigma_upper
+    poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
+    if band.box is not None:
+        poles = ", the poles anywhere in the pole-uncertainty box that the data leave"
+    known = band.bounded
+    if not known.any():
+        return f"No error is proved{poles}: the data do not tell the amplitudes of the modes apart."
+    size = np.maximum(np.linalg.norm(band.nominal, 2, axis=(1, 2)), np.finfo(float).tiny)
+    but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
+    return (
+        f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
+        f" order {band.model.nstates} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
+    )
 
 
 def box_words(band: WorstCaseOverPoles) -> str:

@@ -13,11 +13,12 @@ from robustid.core import atomic_write, digest, paths, save, text_array
 from robustid.data import FrequencyResponse
 from robustid.data.io import save_model
 from robustid.errors import InputError, Status
+from robustid.guarantees import Band
 from robustid.identification import Identification, MixedProblem, describe_problem
 from robustid.mfd import MatrixFraction
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "worst_case", "over_poles", "family", "fit")
+_NUMBERS = ("identification", "band", "worst_case", "over_poles", "family", "fit")
 _PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
@@ -122,6 +123,11 @@ class RunFolder:
         ):
             place.parent.mkdir(parents=True, exist_ok=True)
             result.save(place)
+
+    def proved(self, band: Band) -> None:
+        """Keep the band."""
+        if self.folder is not None:
+            band.save(self.folder / "band")
 
     def finish(self, result: IdentifiedReduced) -> list[Path]:
         """Keep everything that isn't kept yet; the names of all files."""

@@ -6,11 +6,14 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from robustid.advice import response_sizes, suggest_kautz
 from robustid.app.choices import DOUBLED, basis_of, default_prior, from_records, suggested, with_roll_off
 from robustid.app.options import Modes
 from robustid.app.passive_class import chosen_decay, relaxations
 from robustid.app.prior_options import PriorChoice
+from robustid.app.proved import box_of_modes
 from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE
 from robustid.bases import kautz, passive_modes
 from robustid.core import Frozen
@@ -27,10 +30,13 @@ class Proposal(Frozen):
     problem : MixedProblem
     choices : tuple of str
         One paragraph per choice that the program made.
+    box : pair of (M, 2) arrays, or None
+        What the data leave to the poles that were taken from them.
     """
 
     problem: MixedProblem
     choices: tuple[str, ...]
+    box: Any = None
 
 
 def propose(
@@ -69,7 +75,7 @@ def propose(
     placeholder = prior or default_prior((*frequency, *time), shape)
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     dt, basis = MixedProblem(frequency=frequency, time=time, prior=placeholder).dt, None
-    twice = None
+    twice = box = None
     kind = passive or (prior.passive if prior else "")
     if modes.hz is not None:
         delay = int(dt > 0) if modes.delay is None else modes.delay
@@ -82,6 +88,8 @@ def propose(
     elif frequency:
         suggestion = suggest_kautz(frequency[0], repeat=modes.repeat, delay=modes.delay)
         basis = suggestion.basis
+        hz, intervals = suggestion.omega / (2 * np.pi), suggestion.omega_interval / (2 * np.pi)
+        box = box_of_modes(hz.tolist(), suggestion.damping, intervals, suggestion.damping_interval)
         if modes.repeat == 1 and suggestion.omega.size:
             twice = kautz(suggestion.omega, suggestion.damping, dt=dt, repeat=2, delay=suggestion.delay)
         choices.append(MODES_NOTE + suggestion.summary())
@@ -109,4 +117,4 @@ def propose(
     if roll_off:
         problem, words = with_roll_off(problem)
         choices.append(words)
-    return Proposal(problem, tuple(choices))
+    return Proposal(problem, tuple(choices), box)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from robustid.advice import Content
 from robustid.app.run_file import RunFile
 from robustid.core import Frozen
-from robustid.guarantees import Coverage, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
 
@@ -32,6 +32,8 @@ class IdentifiedReduced(Frozen):
     worst_case, error : WorstCaseError or None
         Around the identified model, and around the small one; None where it wasn't asked for, or nothing is consistent. Bounds of
         matrices are made tight around the small one.
+    band : Band or None
+        Proved at every frequency, around the small model: over the pole-uncertainty box where the poles were taken from the data.
     over_poles : WorstCaseOverPoles or None
         With the poles anywhere in the pole-uncertainty box, around the small model.
     content : Content or None
@@ -56,6 +58,7 @@ class IdentifiedReduced(Frozen):
     withheld: Coverage | None = None
     findings: tuple[str, ...]
     run_file: RunFile
+    band: Band | None = None
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -103,4 +106,5 @@ class IdentifiedReduced(Frozen):
             content=self.content,
             worth=self.worth,
             run_file=self.run_file.text(),
+            band=self.band,
         )

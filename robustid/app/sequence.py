@@ -15,6 +15,7 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
+from robustid.app.proved import box_of_modes, proved_band
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import CHOSEN_MODES, RunFile
 from robustid.app.withheld import compared, looked_at, split_points
@@ -187,17 +188,25 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     else:
         found.append(why_not_compared(result, reduction, left.response, left.records))
     found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
-    error = small = band = seen = None
+    error = small = over_poles = seen = proved = None
+    if result.consistent and run.worst_case.compute:
+        around.say("proving the error at every frequency")
+        modes = run.modes
+        box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
+        proved = proved_band(result, reduction.model, box)
+        if proved is not None:
+            around.folder.proved(proved)
+            found.insert(0, findings.band_words(proved))
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
         found.append(findings.EMPTY)
     elif result.consistent and run.worst_case.compute:
         run, error, small = _bounded(run, result, reduction, left.withheld, around)
-        seen = compared(small, left.withheld, left.kind)
+        seen = compared(small if proved is None else proved, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(CHOSEN_MODES) and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.pole_words(result, run.modes))
     if result.consistent and run.worst_case.over_poles:
-        band, words = _over_poles(run, result, reduction, around)
+        over_poles, words = _over_poles(run, result, reduction, around)
         found.append(words)
     if left.kind != "lines":  # whether the records that were used bound the others, whatever the class is
         found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
@@ -211,7 +220,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         worth=worth,
         worst_case=error,
         error=small,
-        over_poles=band,
+        over_poles=over_poles,
+        band=proved,
         findings=tuple(found),
         run_file=run,
     )
@@ -268,7 +278,7 @@ def _bounded(
     asked, basis = run.worst_case, result.problem.parametric
     if asked.at_hz is None:
         poles = () if basis is None else basis.poles
-        grid = looked_at(default_grid(result), poles, result.problem.plane, withheld)
+        grid = looked_at(default_grid(result.problem), poles, result.problem.plane, withheld)
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
@@ -290,7 +300,7 @@ def _over_poles(
     if not modes.hz or modes.hz_interval is None:
         return None, "There are no poles to vary: over_poles has nothing to bound."
     try:
-        band = worst_case_over_poles(
+        found = worst_case_over_poles(
             result,
             2 * np.pi * np.array(modes.hz_interval),
             np.array(modes.damping_interval),
@@ -301,4 +311,4 @@ def _over_poles(
         )
     except (InputError, InconsistentDataError) as error:
         return None, f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
-    return band, findings.box_words(band)
+    return found, findings.box_words(found)

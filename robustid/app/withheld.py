@@ -13,7 +13,7 @@ from robustid.app.run_file import RunFile
 from robustid.core import Plane, Real
 from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
 from robustid.errors import InputError
-from robustid.guarantees import Coverage, Family, WorstCaseError, coverage
+from robustid.guarantees import Band, Coverage, Family, WorstCaseError, coverage
 
 _DENSE = 60  # frequency points from which on some are withheld
 _EVERY = 4  # one of so many then
@@ -108,10 +108,17 @@ def looked_at(grid: Real, poles: Any, plane: Plane, withheld: Sequence[Frequency
     return np.unique(np.concatenate([grid, lines[np.unique([*spread, *near])]]))
 
 
-def compared(band: WorstCaseError | Family, withheld: Sequence[FrequencyResponse], kind: str) -> Coverage | None:
+def compared(band: Band | WorstCaseError | Family, withheld: Sequence[FrequencyResponse], kind: str) -> Coverage | None:
     """Compare a band with the withheld responses; None where there are none, or they have no frequency in common."""
     if not withheld:
         return None
+    if isinstance(band, Band):  # at every withheld line
+        low, high = band.range
+        lines = np.unique(np.concatenate([frf.omega for frf in withheld]))
+        lines = lines[(lines >= low) & (lines <= high)]
+        if not lines.size:
+            return None
+        band = dataclasses.replace(band, omega=lines)
     known = np.maximum(band.omega, np.finfo(float).tiny)
     near = any(np.min(np.abs(frf.omega[:, None] / known - 1)) < 1e-9 for frf in withheld)
     return coverage(band, withheld, kind=kind) if near else None

@@ -1,6 +1,7 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
 from robustid.guarantees import storage as storage  # registers the results that can be saved
+from robustid.guarantees.band import Band, band, has_box
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
@@ -27,7 +28,7 @@ from robustid.guarantees.weight_structures import (
     structured_weights,
 )
 from robustid.guarantees.widening import bounds_of_entries
-from robustid.guarantees.withheld import Band, Coverage, band_of_others, coverage
+from robustid.guarantees.withheld import Coverage, ResponseDiscs, band_of_others, coverage
 from robustid.guarantees.worst_case import LEAST, MOST, worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 
@@ -48,6 +49,7 @@ __all__ = [
     "PoleCell",
     "Ranked",
     "Refutation",
+    "ResponseDiscs",
     "ResponseTube",
     "RobustStabilityMargin",
     "StructuredPlant",
@@ -57,6 +59,7 @@ __all__ = [
     "WorstCaseError",
     "WorstCaseOverPoles",
     "as_frequencies",
+    "band",
     "band_of_others",
     "bounds_of_entries",
     "box_of",
@@ -69,6 +72,7 @@ __all__ = [
     "family",
     "frequencies_of",
     "growing_error",
+    "has_box",
     "magnitude_weight",
     "norm_of_bounds",
     "output_errors",

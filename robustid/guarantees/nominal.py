@@ -16,13 +16,16 @@ _GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
 def as_nominal(model: Any, identification: Identification) -> Any:
-    """The model, checked: the inputs, outputs and dt of the data, stable (integrators where the parametric part has them)."""
+    """The model, checked; by default that of the identification."""
+    return identification.model if model is None else check_nominal(model, identification.problem)
+
+
+def check_nominal(model: Any, problem: MixedProblem) -> Any:
+    """Return the model: the inputs, outputs and dt of the data, stable (integrators where the parametric part has them)."""
     import control
 
-    if model is None:
-        return identification.model
     as_kind("model", model, control.StateSpace, "a control.StateSpace")
-    dt, entries = identification.problem.dt, identification.problem.entries
+    dt, entries = problem.dt, problem.entries
     if (model.ninputs, model.noutputs) != (entries.inputs, entries.outputs):
         wanted = (
             "one input and one output" if entries.single else f"{entries.inputs} inputs and {entries.outputs} outputs"
@@ -31,15 +34,15 @@ def as_nominal(model: Any, identification: Identification) -> Any:
     if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
         wanted = f"discrete-time with the dt of the data, {dt:g} s" if dt else "continuous, as the data are"
         raise InputError(f"`model` must be {wanted}; got dt = {model.dt}")
-    a: NDArray[Any] = identification.problem.plane.in_z(StateMatrices.of(model)).A
+    a: NDArray[Any] = problem.plane.in_z(StateMatrices.of(model)).A
     poles = np.linalg.eigvals(a) if model.nstates else np.zeros(0)
-    basis = identification.problem.parametric
+    basis = problem.parametric
     allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
     if np.any(np.abs(poles[~allowed]) >= 1):
         worst = poles[~allowed][np.argmax(np.abs(poles[~allowed]))]
         pole = f"of modulus {np.abs(worst):.6g}"
         if not dt:
-            pole = f"with real part {identification.problem.plane.exponents(worst).real:.6g} rad/s"
+            pole = f"with real part {problem.plane.exponents(worst).real:.6g} rad/s"
         raise InputError(f"`model` must be stable: its error could not be bounded; got a pole {pole}")
     return model
 
@@ -59,9 +62,8 @@ def as_frequencies(omega: Any, problem: MixedProblem) -> Real:
     return np.minimum(grid, plane.top)
 
 
-def default_grid(identification: Identification) -> Real:
+def default_grid(problem: MixedProblem) -> Real:
     """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
-    problem = identification.problem
     plane, basis = problem.plane, problem.parametric
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     top = plane.top if plane.dt else _BEYOND * float(lines.max())

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Arrays, Record, as_count, describe, keep, part, rebuild, under
+from robustid.core import Arrays, Record, as_count, describe, digest, keep, part, rebuild, text_array, under
+from robustid.guarantees.band import Band, band_of_multipliers
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.families import Family
 from robustid.guarantees.member import Member, as_members
@@ -18,11 +19,12 @@ from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MarginCertificate
+from robustid.identification import Identification, MarginCertificate, describe_problem, read_problem
 
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
 _BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
 _MISSING, _MEMBER = "missing", "member/{}/"
+_ENTRY, _AMPLITUDES = "entry/{}/", "amplitudes/"
 
 
 def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
@@ -68,7 +70,7 @@ def _unpack_error(record: Record, arrays: Arrays) -> WorstCaseError:
     return error
 
 
-def _pack_band(band: WorstCaseOverPoles) -> tuple[Record, Arrays]:
+def _pack_over_poles(band: WorstCaseOverPoles) -> tuple[Record, Arrays]:
     described, arrays = describe(band.identification)
     arrays |= _pack_nominal(band) | under(_BOX, _pack_ends(band.box))
     arrays |= under(_BAND, {name: getattr(band, name) for name in ("omega", "upper", "magnitude")})
@@ -88,7 +90,7 @@ def _pack_band(band: WorstCaseOverPoles) -> tuple[Record, Arrays]:
     return record, arrays
 
 
-def _unpack_band(record: Record, arrays: Arrays) -> WorstCaseOverPoles:
+def _unpack_over_poles(record: Record, arrays: Arrays) -> WorstCaseOverPoles:
     identification = rebuild(record["identification"], arrays)
     problem, ends = identification.problem, part(arrays, _BOX)
     box = box_of(identification, ends["omega"], ends["damping"], as_count("delay", record["delay"]))
@@ -153,6 +155,48 @@ def _parameters(arrays: Arrays, identification: Identification) -> ParameterInte
     return found
 
 
+def _pack_band(band: Band) -> tuple[Record, Arrays]:
+    arrays, problem = describe_problem(band.problem)
+    arrays |= {"omega": band.omega}
+    if band.box is not None:
+        arrays |= under(_BOX, {"omega": band.box[0], "damping": band.box[1]})
+    if band.model is not None:
+        arrays |= _matrices(band.model)
+    for k, one in enumerate(band.bands):
+        found = one.extraction
+        numbers = {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
+        proof = {
+            "about": found.about,
+            "points": found.points,
+            "multipliers": found.multipliers,
+            "assumed": found.assumed,
+        }
+        arrays |= under(_ENTRY.format(k), numbers | under(_AMPLITUDES, proof))
+    record = {
+        "problem": problem,
+        "problem_digest": digest({"text": text_array(problem)}),
+        "entries": len(band.bands),
+        "summary": band.summary().splitlines(),
+    }
+    return record, arrays
+
+
+def _unpack_band(record: Record, arrays: Arrays) -> Band:
+    """The band of stored multipliers: radii are not stored, but follow from them anew."""
+    if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
+        raise ValueError("the problem was edited (its digest differs)")
+    problem, ends, model = read_problem(arrays, record["problem"]), part(arrays, _BOX), part(arrays, _MODEL)
+    nominal: Any = None
+    if model:
+        import control
+
+        nominal = control.ss(*(model[name] for name in "ABCD"), problem.dt)
+    box = (ends["omega"], ends["damping"]) if ends else None
+    parts = [part(arrays, _ENTRY.format(k)) for k in range(record["entries"])]
+    multipliers = [(one["angles"], one["points"], one["multipliers"], part(one, _AMPLITUDES)) for one in parts]
+    return band_of_multipliers(problem, box, arrays["omega"], nominal, multipliers)
+
+
 def _pack_family(family: Family) -> tuple[Record, Arrays]:
     arrays = _matrices(family.model)
     members: list[Record] = []
@@ -199,7 +243,8 @@ keep(
     WorstCaseOverPoles,
     "band over poles",
     words="error over a pole-uncertainty box",
-    pack=_pack_band,
-    unpack=_unpack_band,
+    pack=_pack_over_poles,
+    unpack=_unpack_over_poles,
 )
+keep(Band, "band", words="proved band", pack=_pack_band, unpack=_unpack_band)
 keep(Family, "family", words="family of plants", pack=_pack_family, unpack=_unpack_family)

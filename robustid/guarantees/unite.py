@@ -168,7 +168,7 @@ def frequencies_of(members: Sequence[Member]) -> Real:
     for m in members:
         problem = m.identification.problem
         if m.poles is None:
-            found.append(default_grid(m.identification))
+            found.append(default_grid(m.identification.problem))
         else:
             omega, damping = m.poles
             found.append(default_frequencies(problem, box_of(m.identification, omega, damping, m.delay)))

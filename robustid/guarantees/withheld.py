@@ -12,6 +12,7 @@ import numpy as np
 from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, plane_of, time_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.band import Band
 from robustid.guarantees.families import Family
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.scores import Ranked, chance_of_order, ranked
@@ -26,7 +27,7 @@ _SAME = 1e-9  # relative distance up to which two frequencies are one
 _IN_ORDER = 0.1  # probability below which the order of the scores is no chance
 
 
-class Band(NamedTuple):
+class ResponseDiscs(NamedTuple):
     """Discs that are said to hold the response: `omega` (F,) rad/s, `centre` and `radius` (F, ny, nu), `dt` in s or 0."""
 
     omega: Real
@@ -35,23 +36,25 @@ class Band(NamedTuple):
     dt: float
 
     @classmethod
-    def of(cls, thing: Any) -> Band:
+    def of(cls, thing: Any) -> ResponseDiscs:
         """The band of a worst-case error, of a family, or of a response with its bound."""
         if isinstance(thing, FrequencyResponse):
             if thing.bound is None:
                 raise InputError("`band` is a response without a bound; use with_bound(...), or estimate_frf")
             return cls(thing.omega, thing.values, thing.bound.outer_radius, float(thing.dt or 0.0))
+        if isinstance(thing, Band):
+            return cls(thing.omega, thing.centre, thing.radius, thing.problem.dt)
         if isinstance(thing, WorstCaseError | WorstCaseOverPoles | Family):
             model, omega = thing.model, thing.omega
             return cls(omega, plane_of(model.dt, omega).values_at(model, omega), thing.upper, float(model.dt))
         raise InputTypeError(
-            "`band` must be a WorstCaseError, a WorstCaseOverPoles, a Family or a FrequencyResponse; got"
+            "`band` must be a Band, a WorstCaseError, a WorstCaseOverPoles, a Family or a FrequencyResponse; got"
             f" {type(thing).__name__}"
         )
 
 
-def band_of_others(bands: Sequence[Band], scores: Any) -> tuple[Complex, Real, float]:
-    r"""Band from leave-one-out scores over all R records: centre and radius (F, ny, nu), and its probability.
+def band_of_others(bands: Sequence[ResponseDiscs], scores: Any) -> tuple[Complex, Real, float]:
+    r"""ResponseDiscs from leave-one-out scores over all R records: centre and radius (F, ny, nu), and its probability.
 
     `bands[i]` is made without record i, whose score against it is `scores[i]`. The next record lies in one of the bands times its
     score as a whole with probability at least :math:`1 - 2/(R + 1)`, hence at every frequency in the disc
@@ -251,7 +254,7 @@ def coverage(band: Any, withheld: Any, *, kind: str = "records", names: Sequence
     >>> found.contradicted, found.next_record.probability, round(found.next_record.factor, 6)
     (True, 0.8, 1.3)
     """
-    discs = Band.of(band)
+    discs = ResponseDiscs.of(band)
     items: list[Any] = [withheld] if isinstance(withheld, FrequencyResponse) else list(withheld)
     if kind not in UNITS:
         raise InputError(f"`kind` must be one of {tuple(UNITS)}; got {kind!r}")
@@ -295,7 +298,7 @@ def _numbered(kind: str, count: int) -> list[str]:
     return [f"{kind.removesuffix('s')} {k}" for k in range(1, count + 1)]
 
 
-def _check_fits(band: Band, item: FrequencyResponse, name: str) -> None:
+def _check_fits(band: ResponseDiscs, item: FrequencyResponse, name: str) -> None:
     """Refuse a response of another size or sample time than the band."""
     if item.values.shape[1:] != band.radius.shape[1:]:
         sizes = "{} x {}".format(*item.values.shape[1:]), "{} x {}".format(*band.radius.shape[1:])

@@ -107,7 +107,7 @@ def worst_case_error(
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
     rtol = as_positive("rtol", rtol)
     model = as_nominal(model, identification)
-    grid = default_grid(identification) if omega is None else as_frequencies(omega, identification.problem)
+    grid = default_grid(identification.problem) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
     gap = rtol / 5
     if identification.problem.entries.single:  # of matrices the sides follow the gap

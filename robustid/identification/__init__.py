@@ -25,7 +25,7 @@ from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
-from robustid.identification.storage import describe_problem
+from robustid.identification.storage import describe_problem, read_problem
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
 from robustid.identification.verification import Check, Claim
 from robustid.identification.weighting import PriorWeight, as_weight
@@ -75,6 +75,7 @@ __all__ = [
     "prior_fields",
     "prior_from",
     "prove_margin",
+    "read_problem",
     "validate",
     "verify_margin_exactly",
     "verify_support_exactly",

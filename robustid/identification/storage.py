@@ -94,7 +94,7 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
     """The identification that was packed so; every claim is verified again."""
     if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
         raise ValueError("the problem was edited (its digest differs)")
-    problem = _read_problem(arrays, record["problem"])
+    problem = read_problem(arrays, record["problem"])
     prior = prior_from(record["prior_of_model"])
     sections = _read_sections(record["sections"])
     formulation = formulate_in(problem, sections)
@@ -125,7 +125,8 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
     )
 
 
-def _read_problem(arrays: Arrays, text: Record) -> MixedProblem:
+def read_problem(arrays: Arrays, text: Record) -> MixedProblem:
+    """The problem that `describe_problem` described."""
     experiments: dict[str, list[Any]] = {}
     for kind, cls in (("frequency", FrequencyResponse), ("time", TimeRecord)):
         experiments[kind] = []

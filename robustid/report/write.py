@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from robustid.advice import Content, Sensitivity
     from robustid.data import TimeRecord
-    from robustid.guarantees import Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.mfd import OrderSweep
     from robustid.reduction import ModelWorth, Reduction
 
@@ -61,6 +61,7 @@ def write_report(
     worth: ModelWorth | None = None,
     diagnosis: str | None = None,
     run_file: str | None = None,
+    band: Band | None = None,
     static: bool = False,
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
@@ -119,6 +120,8 @@ def write_report(
         From `diagnose(identification).summary()`: its first lines stand on the first screen as the next step, all of it below.
     run_file : str, optional
         The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
+    band : Band, optional
+        From `band(identification, model=...)`: the guarantee that is proved at every frequency, shown first.
     static : bool
         Pictures in place of plots that can be zoomed: a page without scripts, mostly below 500 kB, that any mail program shows.
 
@@ -180,6 +183,7 @@ _OF_IDENTIFICATIONS = (
     "worth",
     "diagnosis",
     "run_file",
+    "band",
 )
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, _OF_IDENTIFICATIONS),

@@ -146,6 +146,8 @@ def test_nothing_is_replaced_without_force(folder, run):
     assert code == 0
     written = sorted(path.name for path in (folder / "out").iterdir())
     assert written == [
+        "band.json",
+        "band.npz",
         "identification.json",
         "identification.npz",
         "report.html",
@@ -188,7 +190,7 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
     assert code == 130
     assert "--resume" in out
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        "identification.json", "identification.npz", "response-1.csv", "run.toml",
+        "band.json", "band.npz", "identification.json", "identification.npz", "response-1.csv", "run.toml",
     ]  # fmt: skip
 
     def again(*_, **__):

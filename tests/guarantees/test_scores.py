@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import Band, band_of_others, chance_of_order, ranked
+from robustid.guarantees import ResponseDiscs, band_of_others, chance_of_order, ranked
 
 
 def test_the_kth_of_the_scores_holds_the_next_one_in_so_many_of_all_orders():
@@ -72,7 +72,7 @@ def test_leave_one_out_bands_hold_the_next_record_at_least_as_often_as_they_say(
         for k in range(5):
             rest = np.delete(records[:5], k, axis=0)
             centre = rest.mean(axis=0)
-            bands.append(Band(omega, centre, np.abs(rest - centre).max(axis=0), 0.1))
+            bands.append(ResponseDiscs(omega, centre, np.abs(rest - centre).max(axis=0), 0.1))
             scores.append((np.abs(records[k] - centre) / bands[-1].radius).max())
         centre, radius, probability = band_of_others(bands, scores)
         assert probability == pytest.approx(2 / 3)

@@ -112,7 +112,7 @@ def test_bad_arguments(band):
         rid.coverage(band, one, names=["a", "b"])
     with pytest.raises(rid.InputError, match="without a bound"):
         rid.coverage(one, one)
-    with pytest.raises(TypeError, match="`band` must be a WorstCaseError"):
+    with pytest.raises(TypeError, match="`band` must be a Band, a WorstCaseError"):
         rid.coverage(0.1, one)
     with pytest.raises(TypeError, match="`withheld` must be a FrequencyResponse"):
         rid.coverage(band, [0.1])

@@ -63,6 +63,7 @@ def bounds(
     program, 130 interrupted.
     """
     from robustid.app.files import load_result
+    from robustid.app.proved import proved_band
     from robustid.report import render_summary, write_report
 
     if omega and points:
@@ -71,7 +72,7 @@ def bounds(
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
     written, written_poles = outputs.result_files(output), outputs.result_files(_beside(output))
     outputs.check_static(report, static)
-    both = [*written, *(written_poles if how.over_poles else ())]
+    both = [*written, *(written_poles if how.over_poles else ()), *outputs.result_files(_beside(output, "-band"))]
     outputs.check_outputs([*both, report], [*outputs.sources(source), *(controller or [])], force)
     console = terminal.console()
     loops = {path.stem: _controller(path) for path in controller or []}
@@ -79,6 +80,10 @@ def bounds(
     asked: Any = _spaced(identification, points) if points else omega
     spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
     words = words_of(bounds, executor="--workers", identification="the identification")
+    with step(console, "proving the error at every frequency"):
+        proved = proved_band(identification, identification.model, _box(identification.problem))
+    if proved is not None:
+        say(console, proved.summary())
     with in_words(words), _resumable(console, resume):
         error = _bounded(console, identification, asked, how, spread)
     certified, band = _certified(console, error), None
@@ -88,6 +93,9 @@ def bounds(
     for name, margin in margins.items():
         say(console, f"controller {name}:")
         console.print(render_summary(margin))
+    if proved is not None:
+        proved.save(_beside(output, "-band"))
+        written = [*written, *outputs.result_files(_beside(output, "-band"))]
     terminal.say_written(console, *written)
     if how.over_poles:
         with in_words(words), _resumable(console, resume):
@@ -103,7 +111,9 @@ def bounds(
     if report is not None:
         with step(console, "drawing the report"):
             shown_too: dict[str, Any] = {"stability": margins} if margins else {}
-            write_report(identification, report, static=static, worst_case=error, over_poles=band, **shown_too)
+            write_report(
+                identification, report, static=static, worst_case=error, over_poles=band, band=proved, **shown_too
+            )
         terminal.say_written(console, report)
     terminal.repeat_warnings(console, identification)
     if not certified:
@@ -120,10 +130,10 @@ def _controller(path: Path) -> Any:
     return load(path, kind="model")
 
 
-def _beside(output: Path) -> Path:
-    """NAME-poles, for the worst case over poles."""
+def _beside(output: Path, ending: str = "-poles") -> Path:
+    """NAME-poles, for the worst case over poles; NAME-band, for the band that is proved at every frequency."""
     base = outputs.result_files(output)[0].with_suffix("")
-    return base.with_name(base.name + "-poles")
+    return base.with_name(base.name + ending)
 
 
 @contextlib.contextmanager
@@ -159,12 +169,10 @@ def _certified(console: Any, result: Any) -> bool:
 
 def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
     """The band that covers the pole-uncertainty box which the data leave to the poles that they suggest; None for other poles."""
-    from robustid.advice import suggest_kautz
     from robustid.guarantees import worst_case_over_poles
 
-    problem = error.identification.problem
-    found = suggest_kautz(problem.frequency[0]) if problem.frequency else None
-    if found is None or not _same_poles(found.basis, problem.parametric):
+    found = _suggested(error.identification.problem)
+    if found is None:
         return None
     with shown(console, _BOXES) as show:
         return worst_case_over_poles(
@@ -176,6 +184,30 @@ def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
             progress=counted(show, _BOXES),
             **spread,
         )
+
+
+def _suggested(problem: Any) -> Any:
+    """The modes that the first frequency response suggests; None where those of the problem are others."""
+    from robustid.advice import suggest_kautz
+    from robustid.data import FrequencyResponse
+
+    first = next((one for one in problem.frequency if isinstance(one, FrequencyResponse)), None)
+    if first is None or problem.parametric is None:
+        return None
+    try:
+        found = suggest_kautz(first)
+    except InputError:  # too few frequency points for any
+        return None
+    return found if _same_poles(found.basis, problem.parametric) else None
+
+
+def _box(problem: Any) -> Any:
+    """The pole-uncertainty box of poles that the data suggest; None of others, which were stated."""
+    found = _suggested(problem)
+    if found is None:
+        return None
+    light = found.damping < 1
+    return found.omega_interval[light], found.damping_interval[light]
 
 
 def _unfinished(error: Any, band: Any) -> list[str]:
@@ -205,7 +237,7 @@ def _spaced(identification: Any, points: int) -> Any:
 
     from robustid.guarantees import default_grid
 
-    grid = default_grid(identification)
+    grid = default_grid(identification.problem)
     return np.linspace(grid[0], grid[-1], points)
 
 

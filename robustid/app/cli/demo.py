@@ -48,14 +48,22 @@ def demo(
     console = terminal.console()
     folder = outputs.new_folder(output)
     data = measurements(console, folder, seed)
-    result = identified(console, Identify(), frequency=[data.frequency], time=[data.time])
+    result, box = identified(console, Identify(), frequency=[data.frequency], time=[data.time])
     page = folder / "report.html"
     hz = [0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50]
     with step(console, "bounding the error of the model"):
         error = worst_case_error(result, omega=2 * np.pi * np.array(hz), directions=_SIDES)
     error.save(folder / "bounds")
     finish(
-        console, result, folder / "result", page, reduce=True, static=static, title="robustid demo", worst_case=error
+        console,
+        result,
+        folder / "result",
+        page,
+        reduce=True,
+        static=static,
+        box=box,
+        title="robustid demo",
+        worst_case=error,
     )
     terminal.say(console, f"\nNext: open {page} in a browser.")
     raise typer.Exit(terminal.EXIT[result.status])

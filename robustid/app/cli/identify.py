@@ -82,7 +82,7 @@ def identify(
     lines, samples = (one.read(console) for one in asked)
     dt = (*lines, *samples)[0].dt
     modes = _with_pairs(modes, mode, dt)
-    result = identified(
+    result, box = identified(
         console,
         how,
         frequency=lines,
@@ -96,7 +96,7 @@ def identify(
     )
     if apply and not result.consistent:
         result = _applied(console, how, result)
-    finish(console, result, output, report, reduce=reduce, static=static)
+    finish(console, result, output, report, reduce=reduce, static=static, box=box)
     raise typer.Exit(terminal.EXIT[result.status])
 
 
@@ -142,8 +142,8 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(console: Any, how: Identify, **data: Any) -> Any:
-    """Return the identification of data, as `propose` takes them, with the choices that were made as its notes."""
+def identified(console: Any, how: Identify, **data: Any) -> tuple[Any, Any]:
+    """Return the identification of data, as `propose` takes them, with the choices as its notes, and the box of its poles."""
     from robustid.app.proposal import propose
     from robustid.identification import identify as solve
 
@@ -156,7 +156,7 @@ def identified(console: Any, how: Identify, **data: Any) -> Any:
         words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
         with shown(console, words) as show:
             result = solve(problem, **how.arguments, progress=counted(show, words))
-    return dataclasses.replace(result, notes=(*result.notes, *proposal.choices))
+    return dataclasses.replace(result, notes=(*result.notes, *proposal.choices)), proposal.box
 
 
 def finish(
@@ -167,10 +167,12 @@ def finish(
     *,
     reduce: bool,
     static: bool = False,
+    box: Any = None,
     **shown_too: Any,
 ) -> None:
     """Compute and render everything; only then write, and show what was found."""
     from robustid.advice import diagnose
+    from robustid.app.proved import proved_band
     from robustid.core import atomic_write
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_report, render_summary
@@ -183,14 +185,20 @@ def finish(
     if not result.consistent:
         with shown(console, _HELPS) as show:
             diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
+    with step(console, "proving the error at every frequency"):
+        band = proved_band(result, result.model if reduction is None else reduction.model, box)
     if report is not None:
-        page = render_report(result, static=static, reduction=reduction, diagnosis=diagnosis or None, **shown_too)
+        page = render_report(
+            result, static=static, reduction=reduction, band=band, diagnosis=diagnosis or None, **shown_too
+        )
     summary = render_summary(result, reduction)
     result.save(output)
     if report is not None:
         with atomic_write(report) as file:
             file.write(page)
     console.print(summary)
+    if band is not None:
+        say(console, band.summary())
     if diagnosis:
         console.print("\n" + terminal.plain(diagnosis), highlight=False)  # wrapped at words
     terminal.say_written(console, *outputs.result_files(output), report)

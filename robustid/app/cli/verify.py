@@ -10,7 +10,7 @@ import typer
 
 from robustid.app.cli import terminal
 from robustid.app.cli.bounds import circle_words
-from robustid.app.cli.terminal import counted, in_words, say, shown
+from robustid.app.cli.terminal import counted, in_words, say, shown, step
 
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
@@ -29,18 +29,23 @@ def verify(
     130 interrupted.
     """
     from robustid.app.files import load_result
-    from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 
     console = terminal.console()
     with in_words({"exact": "--exact"}):
-        result = load_result(source, "identification", "worst-case error", "band over poles")
-        failed = _identification_failures(console, getattr(result, "identification", result), exact)
+        result = load_result(source, "identification", "worst-case error", "band over poles", "band")
+        failed: list[str] = []
+        if isinstance(result, Band):
+            failed += _sum_failures(console, result, exact)
+        else:
+            failed += _identification_failures(console, getattr(result, "identification", result), exact)
         if isinstance(result, WorstCaseError):
             failed += _bound_failures(console, result, exact)
         elif isinstance(result, WorstCaseOverPoles):
             failed += _band_failures(console, result, exact)
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
-    say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", _ASSUMED)
+    assumed = [] if isinstance(result, Band) else [_ASSUMED]  # a band says its own
+    say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
     for name in failed:
         console.print(f"[red]FAILED[/red]     {terminal.plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
@@ -98,6 +103,20 @@ def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
         say(console, f"{word:<11}{count - len(wrong)} of {count} cells cover all their poles, in ball arithmetic")
         failed += wrong
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
+
+
+def _sum_failures(console: Any, band: Any, exact: bool) -> list[str]:
+    """Print what a band of linear certificates claims, from its multipliers; the names of what does not hold."""
+    say(console, "claimed    " + band.summary().removeprefix("guarantee  "))
+    with step(console, "evaluating the sums"):
+        holds = band.verify(exact)
+    count = sum(one.angles.size for one in band.bands)
+    word = "verified" if holds else "FAILED"
+    say(
+        console,
+        f"{word:<11}{count} discs, each from the sums of its multipliers; radii are not stored, but follow from them",
+    )
+    return [] if holds else ["discs, from the sums of their multipliers"]
 
 
 def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:

@@ -196,7 +196,7 @@ def _scale(spread: tuple[Real, Real] | None, error: WorstCaseError) -> tuple[Rea
 
 def band_frequencies(identification: Identification) -> Real:
     """Some thirty frequencies, those of the modes among them, rad/s."""
-    grid = default_grid(identification)
+    grid = default_grid(identification.problem)
     basis, plane = identification.problem.parametric, identification.problem.plane
     chosen = [grid[::_THIN], grid[-1:]]
     if basis is not None:

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.errors import Status
-from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.identified import Models, about, in_unit, sample_words, siso
-from robustid.report.sections import guarantee, pole_box
+from robustid.report.sections import guarantee, pole_box, proved_band
 from robustid.report.sections.frequency import frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
+from robustid.report.sections.proved_band import band_chart
 from robustid.report.sections.time import time_chart
 from robustid.report.words import HZ, at_most, number
 
@@ -40,17 +41,18 @@ def glance(
     models: Models = None,
     worst_case: WorstCaseError | None = None,
     over_poles: WorstCaseOverPoles | None = None,
+    band: Band | None = None,
     withheld: Coverage | None = None,
     advice: str = "",
 ) -> Glance:
     """Return numbers, words, plot and next steps; `advice`: sentences of what would make inconsistent data consistent."""
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
+    if band is not None and band.bounded.any():
+        bound = band
     contradicted = withheld is not None and withheld.contradicted
     words = ""
     if bound is not None and not contradicted:
-        words = guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)
-        words = words.removeprefix(about(identification))  # a warning says so
-        words += BETWEEN
+        words = _sentence(identification, bound).removeprefix(about(identification))  # a warning says so
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     return Glance(
@@ -59,9 +61,18 @@ def glance(
             *[("margin: factor on all bounds", margin)] * (identification.status is not Status.CONSISTENT),
         ],
         words=words,
-        chart=_chart(identification, models, worst_case),
-        next=_next(identification, worst_case, contradicted, advice),
+        chart=first_panel(band_chart(identification, band))
+        if band is not None
+        else _chart(identification, models, worst_case),
+        next=_next(identification, worst_case, band, contradicted, advice),
     )
+
+
+def _sentence(identification: Identification, bound: Any) -> str:
+    """The guarantee in words; what is drawn between frequencies where it isn't proved there."""
+    if isinstance(bound, Band):
+        return proved_band.sentence(identification, bound)
+    return (guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)) + BETWEEN
 
 
 def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
@@ -70,7 +81,7 @@ def _numbers(identification: Identification, reduction: Reduction | None, bound:
     order = f"{identification.order}" + (f" → {small.nstates}" if small.nstates != identification.order else "")
     found = [("model order", order)]
     if bound is not None:
-        known = np.isfinite(bound.sigma_upper)
+        known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
         where, share = guarantee.at_resonance(bound)
         found += [
@@ -97,7 +108,9 @@ def _chart(identification: Identification, models: Models, error: WorstCaseError
     return first_panel(whole)
 
 
-def _next(identification: Identification, error: WorstCaseError | None, contradicted: bool, advice: str) -> list[Text]:
+def _next(
+    identification: Identification, error: WorstCaseError | None, band: Band | None, contradicted: bool, advice: str
+) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
         lines = advice.splitlines()  # the likely cause, and at the end the change to make
         return [Text(line) for line in dict.fromkeys([*lines[:1], *lines[-1:]])] or [
@@ -107,6 +120,14 @@ def _next(identification: Identification, error: WorstCaseError | None, contradi
         return [Text("Ask for a smaller accuracy, or give it more time: see the verdict.")]
     if contradicted:
         return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
+    if band is not None and band.bounded.any():
+        upper = np.where(band.bounded, band.sigma_upper, -1.0)
+        where = f"{number(band.omega[int(np.argmax(upper))] / HZ, 5)} Hz"
+        narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
+        if band.open_ranges:
+            narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
+        check = _STABLE.replace("error", "band")
+        return [Text(f"Check a controller K against this error: {check}", code=(check,)), Text(narrower)]
     if error is None or not error.omega.size:
         return [Text(f"Bound the error of the model: {BOUND}", code=(BOUND,))]
     at, *_, sample = error.worst(1)[0]

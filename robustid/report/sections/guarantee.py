@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import lighter
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
@@ -82,15 +82,16 @@ def sentence(error: WorstCaseError) -> str:
     )
 
 
-def _response(error: WorstCaseError | WorstCaseOverPoles) -> np.ndarray:
+def _response(error: WorstCaseError | WorstCaseOverPoles | Band) -> np.ndarray:
     """Size of the response of the model, (F,): its largest singular value."""
     return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
 
 
-def at_resonance(error: WorstCaseError | WorstCaseOverPoles) -> tuple[str, float]:
+def at_resonance(error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str, float]:
     """Say where the response is largest among the frequencies that are bounded, and the error there as a share of it."""
     size, upper = _response(error), error.sigma_upper
-    place = int(np.argmax(np.where(np.isfinite(upper), size, -1.0)))
+    known = error.bounded if isinstance(error, Band) else np.isfinite(upper)
+    place = int(np.argmax(np.where(known, size, -1.0)))
     inside = 0 < place < size.size - 1
     where = f"at {'the resonance' if inside else 'the largest response'}, {number(error.omega[place] / HZ)} Hz"
     return where, float(upper[place] / max(size[place], _TINY))

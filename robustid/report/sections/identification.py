@@ -28,6 +28,7 @@ from robustid.report.sections.guarantee import guarantee_section
 from robustid.report.sections.matrices import matrices_section
 from robustid.report.sections.pole_box import pole_box_section
 from robustid.report.sections.poles import modes_table, poles_section, slowest_poles
+from robustid.report.sections.proved_band import proved_band_section
 from robustid.report.sections.reduction import order_section, reduction_words
 from robustid.report.sections.residuals import active_section, active_table, residual_section
 from robustid.report.sections.run import diagnosis_section, findings_section, run_file_section
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Sensitivity
-    from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
     from robustid.reduction import ModelWorth, Reduction
     from robustid.report.sections.stability import Margins
 
@@ -69,9 +70,10 @@ def identification_page(
     worth: ModelWorth | None = None,
     diagnosis: str | None = None,
     run_file: str | None = None,
+    band: Band | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
-    guaranteed: list[Block] = []
+    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band)
     if worst_case is not None:
         guaranteed += guarantee_section(identification, worst_case)
     if over_poles is not None:
@@ -120,6 +122,7 @@ def identification_page(
             models=shown,
             worst_case=worst_case,
             over_poles=over_poles,
+            band=band,
             withheld=withheld,
             # Of a run the diagnosis stands among its findings, the only one of several lines.
             advice=diagnosis or next((words for words in findings if "\n" in words), ""),

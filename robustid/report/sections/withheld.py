@@ -30,12 +30,15 @@ def withheld_verdict(found: Coverage) -> Verdict:
     return Verdict(key, word, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
 
 
+GUARANTEED = "What is guaranteed"  # how the headings of guarantees begin
+
+
 def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Block]:
     """Blocks about a band, which are not headed as a guarantee where withheld data contradict it."""
     if found is None or not found.contradicted:
         return list(blocks)
     other = Heading(CONTRADICTED)
-    return [other if isinstance(b, Heading) and b.text == "What is guaranteed" else b for b in blocks]
+    return [other if isinstance(b, Heading) and b.text.startswith(GUARANTEED) else b for b in blocks]
 
 
 def withheld_section(found: Coverage | None) -> list[Block]:

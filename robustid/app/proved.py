@@ -1,0 +1,30 @@
+"""The band that is proved at every frequency, over the pole-uncertainty box where poles were taken from the same data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustid.guarantees import Band, band, has_box
+from robustid.identification import Identification
+
+Box = tuple[Any, Any]
+
+
+def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any) -> Box | None:
+    """The box that data leave to modes, by rising frequency; None where there is none. Real poles (damping 1) have none."""
+    if not len(hz or ()) or hz_interval is None or damping_interval is None:
+        return None
+    order = [k for k in np.argsort(hz).tolist() if damping[k] < 1]
+    if not order:
+        return None
+    return 2 * np.pi * np.asarray(hz_interval, dtype=float)[order], np.asarray(damping_interval, dtype=float)[order]
+
+
+def proved_band(result: Identification, model: Any, box: Box | None) -> Band | None:
+    """The band around a model; at the poles as they stand where a box does not go with them, None of classes without a gain."""
+    if not result.consistent or result.prior.positive_real:
+        return None
+    basis = result.problem.parametric
+    return band(result, model=model, box=box if box is not None and has_box(basis, len(box[0])) else None)

@@ -1,0 +1,1 @@
+"""Linear certificates: values of every consistent system from finitely many sums, without a semidefinite program."""

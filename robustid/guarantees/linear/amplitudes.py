@@ -1,0 +1,193 @@
+"""Certified discs of the amplitudes of the parametric part: linear certificates that extract them from the samples."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Frozen, Real, freeze
+from robustid.guarantees.linear.certificate import Amplitudes, Targets, choose, class_radius, mismatch
+from robustid.guarantees.linear.samples import Samples
+from robustid.guarantees.linear.search import POINTS, nearest_points, search
+
+_ROUNDS = 4
+_SLACK = 1 + 1e-9
+AMPLITUDE = 2.0  # of a mode that the data cannot bound, over that of a fit: an assumption
+_WIDE = 0.5  # hyperbolic radius of a box above which nothing is tried to prove of its amplitude
+_LEAST = 1e-3  # of the largest amplitude of a fit: what is assumed at least
+_FIRST = 80  # points of the first look around a mode
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Extraction(Frozen):
+    """Combinations of the samples that extract every amplitude.
+
+    Attributes
+    ----------
+    samples : Samples
+    about : (g,) complex array
+        From where the proof measures the amplitudes.
+    points : (g, n) int array
+    multipliers : (g, n + T) complex array
+    assumed : (g,) array
+        Moduli that amplitudes are assumed not to exceed, where the data cannot bound them: inf where nothing is assumed.
+    """
+
+    samples: Samples
+    about: Complex
+    points: NDArray[np.intp]
+    multipliers: Complex
+    assumed: Real
+
+    def __post_init__(self) -> None:
+        names = ("about", "points", "multipliers", "assumed")
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in names})
+
+    @functools.cached_property
+    def known(self) -> Amplitudes:
+        """The discs that they prove: infinite where the data do not tell the amplitudes apart."""
+        if not self.samples.amplitudes:
+            return Amplitudes(np.zeros(0, complex), np.zeros(0))
+        return discs(self.samples, amplitude_targets(self.samples), self)
+
+
+def base_of(samples: Samples) -> Complex:
+    """Zeta from which the class is seen when an amplitude is extracted: at the frequency of its mode, (g,)."""
+    functions, region = samples.functions, samples.problem.region
+    turns = np.zeros(functions.amplitudes)
+    if functions.fixed is not None and functions.fixed.states:
+        grid = np.linspace(0, np.pi, 2001)[1:-1]  # where a function is largest among the frequencies
+        sizes = np.abs(functions.fixed.response(grid))
+        turns[: functions.fixed_count] = grid[np.argmax(sizes, axis=0)]
+    if functions.modes is not None:
+        turns[functions.fixed_count :] = np.angle(functions.modes.middle)
+    every = np.concatenate([np.tile(turns, len(samples.components)), np.zeros(samples.transients)])
+    return region.points(every)
+
+
+def amplitude_targets(samples: Samples) -> Targets:
+    """The functionals that take the amplitude out of a system."""
+    count = samples.amplitudes
+    values = np.zeros((count, samples.amplitude_of.size), complex)
+    own = samples.first & ~samples.conjugate
+    values[samples.amplitude_of[own], np.flatnonzero(own)] = 1
+    return Targets(base_of(samples), np.zeros(count, complex), values, np.zeros((count, count)))
+
+
+def extract(samples: Samples) -> Extraction:
+    """Search combinations that extract the amplitudes: exactly at first, then as far as what the last round proved asks for.
+
+    Modes that a box leaves very wide may cancel each other with any amplitudes: where nothing is proved of them, `AMPLITUDE` times
+    those of a fit are assumed, and said to be.
+    """
+    targets = amplitude_targets(samples)
+    fit = guess(samples, targets)
+    nothing = np.full(samples.amplitudes, np.inf)
+    sizes = AMPLITUDE * np.maximum(np.abs(fit), _LEAST * np.abs(fit).max(initial=0.0))
+    wide, touching = wide_modes(samples), wide_modes(samples, touching=True)
+    found = None
+    for some in (wide & ~touching, wide):
+        if found is None or not np.all(np.isfinite(found.known.radius)):
+            found = _rounds(samples, targets, fit, np.where(some, sizes, nothing))
+    return found  # type: ignore[return-value]
+
+
+def wide_modes(samples: Samples, *, touching: bool = False) -> NDArray[np.bool_]:
+    """Amplitudes of modes whose box is so wide that a series of a few terms says little, (g,); or that reach the circle."""
+    functions = samples.functions
+    own = np.zeros(functions.amplitudes, bool)
+    if functions.modes is not None:
+        modes = functions.modes
+        own[functions.fixed_count :] = modes.reach > 0 if touching else modes.distance > _WIDE
+    return np.concatenate([np.tile(own, len(samples.components)), np.zeros(samples.transients, bool)])
+
+
+def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real) -> Extraction:
+    """The best of some rounds, each with the discs of the one before."""
+    stated = np.isfinite(assumed)
+    known = Amplitudes(np.where(stated, 0, fit), assumed)
+    best = None
+    for _ in range(_ROUNDS):
+        points, d = search(samples, targets, known, points=POINTS + 2 * samples.amplitude_of.size)
+        found = Extraction(samples, np.where(stated, fit, known.centre), points, d, assumed)
+        if best is None or found.known.radius.sum() < best.known.radius.sum():
+            best = found
+        if not np.all(np.isfinite(found.known.radius)):
+            break
+        known = found.known
+    return best  # type: ignore[return-value]  # there is a round
+
+
+def discs(samples: Samples, targets: Targets, extraction: Extraction) -> Amplitudes:
+    r"""Discs that combinations of the samples prove for all amplitudes at once.
+
+    With u_g = |c_g - q_g| about any q, every combination says u <= b + E u, E >= 0 what it confuses with other amplitudes, with the
+    terms of the series and with what these leave out. Where E has a spectral radius below 1, u <= (I - E)^-1 b. An assumed
+    amplitude enters b.
+    """
+    stated = np.isfinite(extraction.assumed)
+    about = np.where(stated, 0, extraction.about)
+    e, b, E = confusion(samples, targets, extraction, about)
+    e, own = np.where(stated, 0, e), ~stated
+    b = b + E[:, stated] @ extraction.assumed[stated]
+    found, count = np.where(stated, extraction.assumed, np.inf), int(own.sum())
+    part = E[np.ix_(own, own)]
+    if count and np.all(np.isfinite(part)) and np.abs(np.linalg.eigvals(part)).max() < 1:
+        solved = np.linalg.solve(np.eye(count) - part, b[own]) * _SLACK
+        if np.all(solved >= 0) and np.all(b[own] + part @ solved <= solved):
+            found[own] = solved
+    return Amplitudes(about + e, found)
+
+
+def confusion(samples: Samples, targets: Targets, extraction: Extraction, about: Complex) -> tuple[Complex, Real, Real]:
+    """Return c - about as the combinations say it, and b, E of `discs`, whose radii count from there."""
+    d, at, count = extraction.multipliers, samples.amplitude_of, samples.amplitudes
+    chosen, first = choose(samples, targets, extraction.points), samples.first
+    centre = np.where(first, np.where(samples.conjugate, about[at].conj(), about[at]), 0)
+    missed = mismatch(chosen, targets, d)
+    e: Complex = (d * chosen.y).sum(axis=1) - missed @ centre - about
+    e = np.where(np.bincount(at[first], minlength=count) == 1, np.real(e), e)  # real amplitudes
+    e = np.where(np.isfinite(extraction.assumed), 0, e)
+    size = np.abs(d)
+    left = (size[:, :, None] * chosen.left_out).sum(axis=1)  # (g, g): times the largest amplitude
+    by = np.zeros((at.size, count))
+    by[np.arange(at.size), at] = 1
+    near, series = np.abs(missed) @ (by * first[:, None]), np.abs(missed) @ (by * (samples.powers * ~first)[:, None])
+    terms = np.abs(chosen.values).swapaxes(1, 2) @ size[:, :, None]
+    rounded = 1e-14 * ((terms[:, :, 0] + 1) @ (by * samples.powers[:, None]))
+    whole = series + left + rounded
+    b = (size * chosen.bound).sum(axis=1) + class_radius(samples, chosen, targets, d) + whole @ np.abs(about + e)
+    b = b + near @ np.abs(e) + 1e-13 * (size * np.abs(chosen.y)).sum(axis=1)
+    return e, b * (1 + 1e-12), (near + whole) * (1 + 1e-12)
+
+
+def guess(samples: Samples, targets: Targets) -> Complex:
+    """Amplitudes of a least-squares fit with the class as its noise: from where the first proof measures them."""
+    count = samples.amplitudes
+    if not count:
+        return np.zeros(0, complex)
+    points = np.unique(nearest_points(samples, targets.base, _FIRST))
+    points = np.unique(np.concatenate([points, np.mod(points + samples.angles.size // 2, max(samples.angles.size, 1))]))
+    middle = samples.problem.region.points(
+        np.array([np.median(np.abs(samples.angles)) if samples.angles.size else 0.0])
+    )
+    one = Targets(middle, np.zeros(1, complex), targets.values[:1], targets.left_out[:1])
+    chosen = choose(samples, one, points[None])
+    columns = np.flatnonzero(samples.first)
+    P, y, bound = chosen.values[0][:, columns], chosen.y[0], chosen.bound[0]
+    unit = 1 / np.maximum(np.linalg.norm(P, axis=0), 1e-300)
+    gram = chosen.gram[0]
+    noise = np.diag(bound**2 * bound.size + 1e-12 * np.trace(gram).real / y.size)
+    factor = np.asarray(np.linalg.cholesky(gram + noise), dtype=complex)  # type: ignore[reportUnknownArgumentType]
+    white, seen = (np.asarray(np.linalg.solve(factor, one), dtype=complex) for one in (P * unit, y))
+    found = np.asarray(np.linalg.lstsq(white, seen, rcond=1e-9)[0], dtype=complex) * unit
+    q: Complex = np.zeros(count, complex)
+    plain = ~samples.conjugate[columns]
+    own = samples.amplitude_of[columns]
+    q[own[plain]] = found[plain]
+    return np.where(np.bincount(own, minlength=count) == 1, q.real, q)  # real coefficients

@@ -1,0 +1,188 @@
+"""Linear certificates: the value of a functional of every consistent system, within two sums."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Frozen, Real
+from robustid.guarantees.linear.samples import Samples
+
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Amplitudes(Frozen):
+    """Knowledge of the amplitudes of the parametric part: each within `radius` of `centre`.
+
+    Attributes
+    ----------
+    centre : (g,) complex array
+    radius : (g,) array
+    """
+
+    centre: Complex
+    radius: Real
+
+    @property
+    def largest(self) -> Real:
+        """Largest modulus, (g,)."""
+        return (np.abs(self.centre) + self.radius) * (1 + 4 * _EPS)
+
+    def coefficients(self, samples: Samples) -> tuple[Complex, Real]:
+        """Centres and radii of all coefficients, (m,) each: the amplitude or its conjugate, or c' tau^j."""
+        at, first = samples.amplitude_of, samples.first
+        centre = np.where(first, np.where(samples.conjugate, self.centre[at].conj(), self.centre[at]), 0)
+        return centre, np.where(first, self.radius[at], self.largest[at] * samples.powers)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Targets(Frozen):
+    """Functionals that are to be bounded: values of the entry at angles, or coefficients.
+
+    Attributes
+    ----------
+    base : (B,) complex array
+        Zeta from which the harmonic measure is seen.
+    weight : (B,) complex array
+        K s W at the angle, whose zeta is `base`; 0 of coefficients.
+    values : (B, m) complex array
+        The functional of every function.
+    left_out : (B, g) array
+    """
+
+    base: Complex
+    weight: Complex
+    values: Complex
+    left_out: Real
+
+    def __getitem__(self, index: slice) -> Targets:
+        return Targets(*(getattr(self, field.name)[index] for field in dataclasses.fields(self)))
+
+
+def targets_at(samples: Samples, angles: Real) -> Targets:
+    """The values of the entry at angles."""
+    return Targets(
+        samples.problem.region.points(angles),
+        samples.target_weight(angles),
+        samples.target_values(angles),
+        samples.target_left_out(angles),
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Chosen(Frozen):
+    """The arrays of some points, a choice for every target, and of all rows of records.
+
+    Attributes
+    ----------
+    points : (B, n) int array
+    gram : (B, S, S) complex array
+        Inner products of the functionals in H2 of the harmonic measure, S = n + T.
+    cross : (B, S) complex array
+        With the target.
+    values : (B, S, m) complex array
+    y : (B, S) complex array
+    bound : (B, S) array
+        Without what the series leave out.
+    left_out : (B, S, g) array
+    """
+
+    points: NDArray[np.intp]
+    gram: Complex
+    cross: Complex
+    values: Complex
+    y: Complex
+    bound: Real
+    left_out: Real
+
+
+def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chosen:
+    r"""The arrays for the points of every target.
+
+    The kernel of H2 of the harmonic measure seen from zeta_0 is k(zeta, w) = (1 - zeta_0* zeta)(1 - zeta_0 w*)/((1 - |zeta_0|^2)
+    (1 - zeta w*)), k(zeta, zeta_0) = 1; its Taylor coefficients in zeta and w* are tridiagonal.
+    """
+    rows = samples.rows
+    z, base = samples.nodes[points], targets.base[:, None]
+    scale = (1 - np.abs(base) ** 2)[:, :, None]
+    weights = samples.weights[points]  # (B, n, C)
+    turned = (1 - base.conj() * z)[:, :, None] * weights
+    gram = (turned @ turned.conj().swapaxes(1, 2)) / (scale * (1 - z[:, :, None] * z.conj()[:, None, :]))
+    cross = weights[:, :, samples.target] * targets.weight.conj()[:, None]
+    if rows:
+        plain, shift, later = samples.shifted
+        own = (
+            plain + np.abs(base)[:, :, None] ** 2 * later - base.conj()[:, :, None] * shift - base[:, :, None] * shift.T
+        )
+        first, second = (part.T[points].swapaxes(1, 2) for part in samples.mixed)  # (B, T, n)
+        mixed = (first - base.conj()[:, :, None] * second) * (1 - base * z.conj())[:, None, :] / scale
+        gram = np.block([[gram, mixed.conj().swapaxes(1, 2)], [mixed, own / scale]])
+        start = samples.blocks[samples.target][:, 0]
+        cross = np.concatenate([cross, start * targets.weight.conj()[:, None]], axis=1)
+
+    def joined(at_points: NDArray[np.generic], of_rows: NDArray[np.generic]) -> NDArray[np.generic]:
+        below = np.broadcast_to(of_rows, (len(points), *of_rows.shape))
+        return np.concatenate([at_points[points], below], axis=1)
+
+    return Chosen(
+        points,
+        gram,
+        cross,
+        joined(samples.values, samples.record_functions),  # type: ignore[arg-type]
+        joined(samples.y, samples.record_y.astype(complex)),  # type: ignore[arg-type]
+        joined(samples.bound, samples.record_bound),  # type: ignore[arg-type]
+        joined(samples.left_out, samples.record_left_out),  # type: ignore[arg-type]
+    )
+
+
+def mismatch(chosen: Chosen, targets: Targets, d: Complex) -> Complex:
+    """Differences of the functional of every function from the combination of the samples, (B, m)."""
+    return np.einsum("bsm,bs->bm", chosen.values, d) - targets.values
+
+
+def class_radius(samples: Samples, chosen: Chosen, targets: Targets, d: Complex) -> Real:
+    """Norm of the target less the combination, times K: the largest value over the class, rounding included, (B,)."""
+    square = np.abs(targets.weight) ** 2 - 2 * (d * chosen.cross).sum(axis=1).real
+    square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
+    # |<f, g>| <= ||f|| ||g||: no term of the sums is larger than those of the square of this one.
+    sizes = np.abs(targets.weight) + (np.abs(d) * np.sqrt(np.einsum("bss->bs", chosen.gram).real)).sum(axis=1)
+    return np.sqrt(np.maximum(square, 0.0) + rounding(samples, d.shape[1]) * sizes**2)
+
+
+def rounding(samples: Samples, terms: int) -> float:
+    """Relative error of a sum of so many products with the kernel, whose denominators cancel near the border of the class."""
+    inside = float(samples.problem.region.inside(np.append(np.abs(samples.angles), 0.0)).min())
+    return (4 * terms + 64 + 16 / inside) * _EPS
+
+
+def radii(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> Real:
+    r"""Radius of the disc around `centres` that holds the target of every consistent system, (B,).
+
+    .. math:: \sum_k |d_k| (\varepsilon_k + A' R_k) + K |r_d| + \sum_i \Delta_i |(\sum_k d_k P_i(z_k)) - P_i(z_0)| + A' R_0
+
+    with A the largest amplitudes, R what the series leave out, Delta_i the radii of the coefficients.
+    """
+    if not np.all(np.isfinite(known.radius)):
+        return np.full(len(d), np.inf)
+    _, radius = known.coefficients(samples)
+    bound = chosen.bound + chosen.left_out @ known.largest
+    size = np.abs(d)
+    noise = (size * bound).sum(axis=1)
+    leak = np.abs(mismatch(chosen, targets, d)) @ radius
+    products = np.abs(chosen.values).swapaxes(1, 2) @ size[:, :, None]
+    leak += 8 * (d.shape[1] + 8) * _EPS * ((products[:, :, 0] + np.abs(targets.values)) @ radius)
+    with np.errstate(invalid="ignore"):
+        beyond = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, targets.left_out @ known.largest)
+    total = noise + leak + beyond + class_radius(samples, chosen, targets, d)
+    return total * (1 + 1e-12) + 8 * d.shape[1] * _EPS * (size * np.abs(chosen.y)).sum(axis=1)
+
+
+def centres(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> Complex:
+    """Centres of the discs, (B,): the combination of the samples, and what of the functions it misses, at their centres."""
+    coefficient, _ = known.coefficients(samples)
+    return (d * chosen.y).sum(axis=1) - mismatch(chosen, targets, d) @ coefficient

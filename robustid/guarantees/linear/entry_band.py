@@ -1,0 +1,211 @@
+"""Linear certificates of one entry at knots of the frequency axis, and between them by interpolation."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Frozen, Real, freeze
+from robustid.guarantees.linear.amplitudes import Extraction, extract
+from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
+from robustid.guarantees.linear.samples import Samples
+from robustid.guarantees.linear.search import POINTS, search
+
+_LOOSE = 1.05  # of the radius between knots over that of a search there: above, the arc is halved
+_ROUNDS, _MOST = 6, 1200  # of halving arcs, and knots
+_STEPS_BETWEEN = 5
+_APART = 1e-9  # of the range: knots that are nearer to each other are one
+_LINES = 200  # of the data, at most, that are knots at first
+_OUTSIDE = 40  # knots below and above the data
+_AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
+_STACK = 4e6  # complex numbers of a stack of evaluations
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class EntryBand(Frozen):
+    """Discs that hold an entry of every consistent system, at every angle between the first and the last knot.
+
+    Between two knots the multipliers are those of both, in proportion: any multipliers are a certificate.
+
+    Attributes
+    ----------
+    samples : Samples
+    extraction : Extraction
+    angles : (F,) array
+        Ascending.
+    points : (F, n) int array
+    multipliers : (F, n + T) complex64 array
+    """
+
+    samples: Samples
+    extraction: Extraction
+    angles: Real
+    points: NDArray[np.intp]
+    multipliers: NDArray[np.complex64]
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("angles", "points", "multipliers")})
+
+    @functools.cached_property
+    def _at_knots(self) -> tuple[Complex, Real]:
+        return evaluate(self.samples, self.extraction, self.angles, self.points, self.multipliers.astype(complex))
+
+    @property
+    def centre(self) -> Complex:
+        """Centres at the knots, (F,)."""
+        return self._at_knots[0]
+
+    @property
+    def radius(self) -> Real:
+        """Radii at the knots, (F,)."""
+        return self._at_knots[1]
+
+    def at(self, angles: Real) -> tuple[Complex, Real]:
+        """Centres and radii at angles between the knots."""
+        found = np.empty(angles.size, complex), np.empty(angles.size)
+        before = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, self.angles.size - 2)
+        part = (angles - self.angles[before]) / (self.angles[before + 1] - self.angles[before])
+        known = (part == 0) | (part == 1)
+        knots = (before + (part == 1))[known]
+        for whole, own in zip(found, self._at_knots, strict=True):
+            whole[known] = own[knots]
+        if not known.all():
+            new = self.between(before[~known], part[~known])
+            for whole, own in zip(found, new, strict=True):
+                whole[~known] = own
+        return found
+
+    def between(self, arcs: NDArray[np.intp], part: Real) -> tuple[Complex, Real]:
+        """Centres and radii on arcs, behind knot number `arcs`, at the given parts of their lengths."""
+        angles = self.angles[arcs] + part * (self.angles[arcs + 1] - self.angles[arcs])
+        return mixed(self.samples, self.extraction, angles, part, self._of(arcs), self._of(arcs + 1))
+
+    def _of(self, knots: NDArray[np.intp]) -> tuple[NDArray[np.intp], Complex]:
+        return self.points[knots], self.multipliers[knots].astype(complex)
+
+
+def mixed(
+    samples: Samples,
+    extraction: Extraction,
+    angles: Real,
+    part: Real,
+    low: tuple[NDArray[np.intp], Complex],
+    high: tuple[NDArray[np.intp], Complex],
+) -> tuple[Complex, Real]:
+    """Centres and radii at angles with multipliers that are mixed from two others: (1 - part) and part of them."""
+    count, t = low[0].shape[1], part[:, None]
+    points = np.concatenate([low[0], high[0]], axis=1)
+    a, b = (1 - t) * low[1], t * high[1]
+    d = np.concatenate([a[:, :count], b[:, :count], a[:, count:] + b[:, count:]], axis=1)
+    return evaluate(samples, extraction, angles, points, d)
+
+
+def evaluate(
+    samples: Samples, extraction: Extraction, angles: Real, points: NDArray[np.intp], d: Complex
+) -> tuple[Complex, Real]:
+    """Centres and radii of multipliers at angles."""
+    found = np.empty(angles.size, complex), np.empty(angles.size)
+    size = d.shape[1] if d.ndim == 2 else 1
+    stack = max(int(_STACK / (size * (size + samples.amplitude_of.size) + 1)), 1)
+    for start in range(0, angles.size, stack):
+        part = slice(start, start + stack)
+        targets = targets_at(samples, angles[part])
+        chosen, own = choose(samples, targets, points[part]), d[part].astype(complex)
+        found[0][part] = centres(samples, chosen, targets, own, extraction.known)
+        found[1][part] = radii(samples, chosen, targets, own, extraction.known)
+    return found
+
+
+def entry_band(samples: Samples, wanted: Real, low: float, high: float) -> EntryBand:
+    """Search certificates at the wanted angles, at the lines and around the modes, and between them until interpolation does."""
+    extraction = extract(samples)
+    angles = apart(np.concatenate([wanted, first_knots(samples, low, high)]), _APART * (high - low))
+    count = POINTS + min(int(samples.first.sum()), POINTS)  # more where there are more functions to be told apart
+    points, d = _found(samples, extraction, angles, count)
+    open_arcs = np.arange(angles.size - 1)
+    for _ in range(_ROUNDS):
+        if not open_arcs.size:
+            break
+        middle = (angles[open_arcs] + angles[open_arcs + 1]) / 2
+        low_end, high_end = [(points[k], np.asarray(d[k], dtype=complex)) for k in (open_arcs, open_arcs + 1)]
+        _, between = mixed(samples, extraction, middle, np.full(middle.size, 0.5), low_end, high_end)
+        new_points, new_d = _found(samples, extraction, middle, count, heaviest(samples, low_end, high_end))
+        _, direct = evaluate(samples, extraction, middle, new_points, new_d.astype(complex))
+        loose = between > _LOOSE * direct
+        # Every middle becomes a knot; the arcs beside the loose ones stay open.
+        order = np.argsort(np.concatenate([angles, middle]), kind="stable")
+        fresh = np.concatenate([np.zeros(angles.size, bool), loose])[order]
+        angles = np.concatenate([angles, middle])[order]
+        points, d = np.concatenate([points, new_points])[order], np.concatenate([d, new_d])[order]
+        at = np.flatnonzero(fresh)
+        open_arcs = np.unique(np.concatenate([at - 1, at]))
+        open_arcs = open_arcs[np.diff(angles)[open_arcs] > 4 * _APART * (high - low)]
+        if angles.size > _MOST:
+            break
+    return EntryBand(samples, extraction, angles, points, d)
+
+
+def _found(
+    samples: Samples,
+    extraction: Extraction,
+    angles: Real,
+    count: int,
+    start: tuple[NDArray[np.intp], Complex] | None = None,
+) -> tuple[NDArray[np.intp], NDArray[np.complex64]]:
+    targets, known = targets_at(samples, angles), extraction.known
+    if start is None:
+        points, d = search(samples, targets, known, points=count)
+    else:
+        points, d = search(samples, targets, known, steps=_STEPS_BETWEEN, start=start)
+    return points, d.astype(np.complex64)
+
+
+def apart(angles: Real, least: float) -> Real:
+    """The angles, ascending, without those that are nearer than `least` to the one before; the last one is kept."""
+    ascending = np.unique(angles)
+    kept = [float(ascending[0])]
+    for one in ascending[1:].tolist():
+        if one - kept[-1] > least:
+            kept.append(one)
+    kept[-1] = float(ascending[-1])
+    return np.array(kept)
+
+
+def heaviest(
+    samples: Samples, low: tuple[NDArray[np.intp], Complex], high: tuple[NDArray[np.intp], Complex]
+) -> tuple[NDArray[np.intp], Complex]:
+    """The points of two knots that bear most of their mean, as many as each has, and the mean of the multipliers there."""
+    count = low[0].shape[1]
+    points, d = np.empty_like(low[0]), np.empty_like(low[1])
+    d[:, count:] = (low[1][:, count:] + high[1][:, count:]) / 2
+    for k in range(len(points)):
+        both, place = np.unique(np.concatenate([low[0][k], high[0][k]]), return_inverse=True)
+        every = np.concatenate([low[1][k, :count], high[1][k, :count]]) / 2
+        total = np.zeros(both.size, complex)
+        np.add.at(total, place, every)
+        most = np.argsort(-np.abs(total) * samples.bound[both])[:count]
+        points[k], d[k, :count] = both[most], total[most]
+    return points, d
+
+
+def first_knots(samples: Samples, low: float, high: float) -> Real:
+    """The ends, the lines (or some of many), a grid outside of them, and angles around the modes."""
+    lines = np.unique(np.abs(samples.angles))
+    lines = lines[(lines >= low) & (lines <= high)]
+    if lines.size > _LINES:
+        lines = lines[np.unique(np.linspace(0, lines.size - 1, _LINES).round().astype(int))]
+    inner = (float(lines[0]), float(lines[-1])) if lines.size else (low, low)
+    parts = [lines, np.linspace(low, inner[0], _OUTSIDE // 4), np.linspace(inner[1], high, _OUTSIDE)]
+    poles: list[complex] = [] if samples.functions.modes is None else samples.functions.modes.middle.tolist()
+    if samples.functions.fixed is not None:
+        poles += [p for p in samples.functions.fixed.poles.tolist() if p.imag > 0]
+    for pole in poles:
+        turn, width = float(np.angle(pole)), -float(np.log(abs(pole)))
+        parts.append(turn + width * np.array([-k for k in _AROUND] + [0.0, *_AROUND]))
+    every = np.concatenate(parts)
+    return np.unique(np.concatenate([every[(every >= low) & (every <= high)], [low, high]]))

@@ -1,0 +1,227 @@
+"""The parametric part as linear certificates see it: known functions, and modes whose poles lie in a box."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+import scipy.sparse.csgraph
+from numpy.typing import NDArray
+
+from robustid.bases import ParametricBasis
+from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, simulate
+from robustid.errors import InputError
+from robustid.guarantees.curvature import input_normal, second_derivative
+from robustid.guarantees.linear.pole_discs import PoleDiscs, discs_of
+
+_DELAYS = 9  # of pairs: those that are tried
+_SAME = 1e-8  # relative: functions that are combinations of others up to rounding
+_LEFT_OUT = 1e-3  # of a mode, by its series, where the bounds of the samples ask for no less
+_TO_BOUND = 0.02  # of the bound of a sample, by the series
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Functions(Frozen):
+    """m known functions of an entry; each coefficient belongs to one of the amplitudes.
+
+    Amplitudes are the real coefficients of the fixed functions, then the complex c' of the modes. Further coefficients of a mode's
+    series are parts of it, of bounded size.
+
+    Attributes
+    ----------
+    fixed : ParametricBasis or None
+    modes : PoleDiscs or None
+    kept : tuple of int
+        Numbers of the fixed functions in the basis of the problem.
+    """
+
+    fixed: ParametricBasis | None
+    modes: PoleDiscs | None
+    kept: tuple[int, ...]
+
+    @property
+    def fixed_count(self) -> int:
+        """Number of fixed functions."""
+        return len(self.kept)
+
+    @property
+    def mode_count(self) -> int:
+        """Number of modes with their poles in a box."""
+        return 0 if self.modes is None else self.modes.middle.size
+
+    @property
+    def amplitudes(self) -> int:
+        """Number of amplitudes of an entry."""
+        return self.fixed_count + self.mode_count
+
+    @functools.cached_property
+    def _columns(self) -> tuple[tuple[int, float, bool], ...]:
+        own = [(k, 1.0, False) for k in range(self.fixed_count)]
+        modes = () if self.modes is None else self.modes.columns
+        return (*own, *((self.fixed_count + mode, size, conjugate) for mode, size, conjugate in modes))
+
+    @functools.cached_property
+    def amplitude_of(self) -> NDArray[np.intp]:
+        """Numbers of the amplitudes that the coefficients belong to, (m,)."""
+        return np.array([one[0] for one in self._columns], dtype=int)
+
+    @functools.cached_property
+    def powers(self) -> Real:
+        """Largest size of every coefficient for an amplitude of 1, (m,)."""
+        return np.array([one[1] for one in self._columns])
+
+    @functools.cached_property
+    def first(self) -> NDArray[np.bool_]:
+        """Mask of the coefficients that are the amplitude itself, or its conjugate, (m,)."""
+        modes = () if self.modes is None else self.modes.first
+        return np.array([*(True,) * self.fixed_count, *modes], dtype=bool)
+
+    @functools.cached_property
+    def conjugate(self) -> NDArray[np.bool_]:
+        """Mask of those that belong to the conjugate of the amplitude, (m,)."""
+        return np.array([conjugate for _, _, conjugate in self._columns], dtype=bool)
+
+    def values(self, angles: Real) -> Complex:
+        """Values at exp(j angle), angles of either sign, (N, m)."""
+        own = np.zeros((len(angles), 0), complex) if self.fixed is None else self.fixed.response(angles)
+        return own if self.modes is None else np.concatenate([own, self.modes.values(angles)], axis=1)
+
+    def left_out(self, angles: Real) -> Real:
+        """Most that the series of the modes leave out for an amplitude of 1, (N, amplitudes)."""
+        found = np.zeros((len(angles), self.amplitudes))
+        if self.modes is not None:
+            found[:, self.fixed_count :] = self.modes.left_out(angles)
+        return found
+
+    def responses(self, u: Real) -> Complex:
+        """Responses to an input (T,) from zero initial conditions, (T, m)."""
+        own = np.zeros((len(u), 0), complex)
+        if self.fixed is not None:
+            system: Any = StateMatrices(*self.fixed.matrices)
+            own = simulate(system, u[:, None])[0].astype(complex)
+        return own if self.modes is None else np.concatenate([own, self.modes.responses(u)], axis=1)
+
+    def left_out_in_time(self, u: Real) -> Real:
+        """Most that the series leave out of such responses, (T, amplitudes)."""
+        found = np.zeros((len(u), self.amplitudes))
+        if self.modes is not None:
+            found[:, self.fixed_count :] = self.modes.left_out_in_time(u)
+        return found
+
+    def bends(self, low: Real, high: Real) -> Real:
+        """Bound of the second derivative along arcs of what every amplitude does, for an amplitude of 1, (arcs, amplitudes)."""
+        found = np.zeros((low.size, self.amplitudes))
+        if self.fixed is not None:
+            states = input_normal(self.fixed.A, self.fixed.B, self.fixed.C)
+            ends = zip(low.tolist(), high.tolist(), strict=True)
+            found[:, : self.fixed_count] = [second_derivative(*states, a, b)[:, 0] for a, b in ends]
+        if self.modes is not None:
+            found[:, self.fixed_count :] = self.modes.bends(low, high)
+        return found
+
+    def largest_on(self, low: Real, high: Real) -> Real:
+        """Bound of the modulus of the same on arcs, (arcs, amplitudes)."""
+        found = np.zeros((low.size, self.amplitudes))
+        if self.fixed is not None:
+            ends = [np.abs(self.fixed.response(end)) for end in (low, high)]
+            bent = self.bends(low, high)[:, : self.fixed_count] * ((high - low) ** 2 / 8)[:, None]
+            found[:, : self.fixed_count] = np.maximum(*ends) + bent
+        if self.modes is not None:
+            found[:, self.fixed_count :] = self.modes.largest_on(low, high)
+        return found
+
+
+def fixed_functions(basis: ParametricBasis | None) -> Functions:
+    """The functions of a basis, all of them known."""
+    return Functions(basis, None, () if basis is None else tuple(range(basis.size)))
+
+
+def functions_over(
+    basis: ParametricBasis | None, plane: Plane, omega: Real, damping: Real, peaks: Real | None = None
+) -> Functions:
+    """The functions of a basis whose pairs have their poles anywhere in a pole-uncertainty box, a row (M, 2) a mode.
+
+    `peaks` (M,) are sizes of the modes at their resonance in units of the bounds there: they say how many terms the series take.
+
+    Raises
+    ------
+    InputError
+        The box has not as many modes as the basis has pairs, or does not hold their poles.
+    """
+    pairs = {} if basis is None else pairs_of(basis)
+    if basis is None or not pairs:
+        raise InputError("`box` holds poles of `kautz` pairs, and `parametric` has none; leave the box out")
+    poles = np.array([pole for pole, _ in pairs.values()])
+    delays = {delay for _, delay in pairs.values()}
+    if len(delays) > 1:
+        raise InputError(f"`box` needs pairs of one delay; those of `parametric` have {sorted(delays)}")
+    order = np.argsort(np.angle(poles))
+    if omega.shape != (poles.size, 2) or damping.shape != omega.shape:
+        raise InputError(
+            f"`box` must have one row (low, high) for each of the {poles.size} modes of `parametric`; got"
+            f" {omega.shape} and {damping.shape}"
+        )
+    s = plane.exponents(poles[order])
+    for name, ends, own in (("frequency", omega, np.abs(s)), ("damping", damping, -s.real / np.abs(s))):
+        outside = (own < ends[:, 0] * (1 - 1e-9)) | (own > ends[:, 1] * (1 + 1e-9))
+        if np.any(outside):
+            mode = int(np.argmax(outside))
+            raise InputError(
+                f"`box` must hold the poles of `parametric`, by rising frequency: mode {mode + 1} has the {name}"
+                f" {own[mode]:.9g}, its row is {ends[mode].tolist()}"
+            )
+    wanted = np.full(poles.size, _LEFT_OUT)
+    if peaks is not None:
+        wanted = np.minimum(wanted, _TO_BOUND / np.maximum(peaks, 1e-300))
+    modes = discs_of(plane, omega, damping, delays.pop(), wanted)
+    taken = {number for both in pairs for number in both}
+    kept = tuple(k for k in range(basis.size) if k not in taken)
+    fixed = None
+    if kept:
+        A, B, C, D = basis.matrices
+        labels = tuple(basis.labels[k] for k in kept)
+        states = np.flatnonzero(reached(basis)[list(kept)].any(axis=0))
+        fixed = ParametricBasis(
+            A[np.ix_(states, states)], B[states], C[np.ix_(np.array(kept), states)], D[list(kept)], basis.dt, labels,
+            corner=basis.corner,
+        )  # fmt: skip
+    return Functions(fixed, modes, kept)
+
+
+def reached(basis: ParametricBasis) -> NDArray[np.bool_]:
+    """Mask of the states that every function depends on, (m, n): blocks of A that are not connected are of different modes."""
+    number = scipy.sparse.csgraph.connected_components(basis.A != 0, directed=False)[1]
+    return np.array([np.isin(number, number[row != 0]) for row in basis.C]).reshape(basis.C.shape)
+
+
+def pairs_of(basis: ParametricBasis) -> dict[tuple[int, int], tuple[complex, int]]:
+    """Pairs of functions that span x^delay/(1 - a x) and its conjugate, or (1 + x)/(1 - a x): their numbers, a and the delay.
+
+    Two functions of the same states that no other function has, with one pole in the upper half plane besides zeros.
+    """
+    if not basis.states:
+        return {}
+    of, angles = reached(basis), np.array([0.3, 0.9, 1.7, 2.4, 2.9])
+    values, x = basis.response(angles), np.exp(-1j * angles)
+    found: dict[tuple[int, int], tuple[complex, int]] = {}
+    for k in range(basis.size - 1):
+        states = np.flatnonzero(of[k])
+        if np.flatnonzero(of[:, states].any(axis=1)).tolist() != [k, k + 1]:
+            continue
+        own = np.linalg.eigvals(basis.A[np.ix_(states, states)])
+        own = own[np.imag(own) > 0]
+        if own.size != 1:
+            continue
+        pole = complex(basis.poles[np.argmin(np.abs(basis.poles - own[0]))])
+        for delay in range(-1 if basis.corner is not None else 0, _DELAYS):
+            n = 1 + x if delay < 0 else x**delay
+            span = np.stack([n / (1 - pole * x), n / (1 - np.conj(pole) * x)], axis=1)
+            left = values[:, k : k + 2] - span @ np.linalg.lstsq(span, values[:, k : k + 2], rcond=None)[0]
+            if np.linalg.norm(left) <= _SAME * np.linalg.norm(values[:, k : k + 2]):
+                found[k, k + 1] = pole, delay
+                break
+    return found

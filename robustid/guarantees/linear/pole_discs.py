@@ -1,0 +1,272 @@
+"""Modes whose poles lie anywhere in a pole-uncertainty box, as series in a few functions with fixed poles."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+import scipy.optimize
+import scipy.signal
+
+from robustid.core import Complex, Frozen, Plane, Real, freeze
+
+_ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
+_TERMS = 24  # of a series, at most
+_WIDEST, _FAR_TERMS = 0.9, 6  # distance from which a box counts as reaching the circle, and terms of its series
+_CELLS = 16  # of a box, along each side, on which distances are bounded
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PoleDiscs(Frozen):
+    r"""Every mode c n(x)/(1 - a x) with its pole a in a hyperbolic disc about a_1, x the delay.
+
+    .. math:: \frac{1}{1 - a x} = \sum_{j \le J} C_j \frac{\beta_1 \cdots \beta_{j-1}}{1 - a_j x} + \frac{\prod_{i \le J}
+        \tau_i \beta_i}{1 - a x}, \qquad \beta_i = \frac{x - a_i^*}{1 - a_i x}, \qquad \tau_i = \frac{a - a_i}{1 - a_i^* a}
+
+    with C_j = (1 - |a_j|^2)/(1 - a_j* a) tau_1 ... tau_(j-1): what projections on functions with the poles a_i leave of a Szego
+    kernel. On the unit circle |beta| = 1, so that the remainder is small at every frequency, at the resonance too, however light
+    the damping is. The amplitude is c' = c C_1. In Re s < 0 the distance of poles is |(s - s_0)/(s + s_0*)|; that of a = exp(s T)
+    is at most that (Schwarz and Pick).
+
+    A box that reaches the circle has no such disc of use: about its middle a_1 a geometric series in (a - a_1) x/(1 - a_1 x) then
+    serves at the frequencies that are farther from a_1 than all of the box, and nothing at the others.
+
+    Attributes
+    ----------
+    poles : tuple of complex arrays
+        The a_i of every mode in the z of the plane, in the upper half plane.
+    sizes : tuple of arrays
+        Bounds of |C_j/C_1|.
+    distance : (M,) array
+        Largest |tau_1|, below 1.
+    rest : (M,) array
+        Bound of |tau_1 ... tau_J|/(1 - |tau_1|).
+    reach : (M,) array
+        Largest |a - a_1| of boxes that reach the circle; 0 of the others.
+    delay : int
+        n(x) = x^delay; -1 stands for n(x) = 1 + x, of a strictly proper mode of continuous time.
+    """
+
+    poles: tuple[Complex, ...]
+    sizes: tuple[Real, ...]
+    distance: Real
+    rest: Real
+    reach: Real
+    delay: int
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("distance", "rest", "reach")})
+
+    @functools.cached_property
+    def middle(self) -> Complex:
+        """The a_1, (M,)."""
+        return np.array([poles[0] for poles in self.poles])
+
+    @functools.cached_property
+    def columns(self) -> tuple[tuple[int, float, bool], ...]:
+        """Mode, bound of |C_j/C_1| and whether it is the conjugate one, of every function."""
+        return tuple(
+            (mode, 1.0 if j == 0 else float(size), conjugate)
+            for mode, sizes in enumerate(self.sizes)
+            for j, size in enumerate(sizes)
+            for conjugate in (False, True)
+        )
+
+    @functools.cached_property
+    def first(self) -> tuple[bool, ...]:
+        """Mask of the functions that are the first of their mode, or the conjugate of that."""
+        return tuple(j == 0 for sizes in self.sizes for j in range(len(sizes)) for _ in range(2))
+
+    def values(self, angles: Real) -> Complex:
+        """The functions n(x) beta_1 ... beta_(j-1)/(1 - a_j x), and with conjugate poles, at exp(j angle), (N, 2 sum J)."""
+        x = np.exp(-1j * np.asarray(angles, dtype=float))
+        found: list[Complex] = []
+        for poles, far in zip(self.poles, self.reach.tolist(), strict=True):
+            products = [self._numerator(x)] * 2
+            for pole in poles:
+                for k, a in enumerate((pole, pole.conj())):
+                    found.append(products[k] / (1 - a * x))
+                    products[k] = products[k] * (x if far else x - a.conj()) / (1 - a * x)
+        return np.stack(found, axis=1) if found else np.zeros((x.size, 0), complex)
+
+    def _numerator(self, x: Complex) -> Complex:
+        return 1 + x if self.delay < 0 else x**self.delay
+
+    def left_out(self, angles: Real) -> Real:
+        """Largest remainder of the series of every mode and its conjugate, for |c'| = 1, (N, M); inf where it does not converge."""
+        x = np.exp(-1j * np.asarray(angles, dtype=float))[:, None]
+        terms = np.array([len(poles) for poles in self.poles])
+        total = np.zeros((x.size, self.middle.size))
+        for middle in (self.middle, self.middle.conj()):
+            d = np.abs(1 - middle * x) * (1 - _ROUNDING)
+            room = np.maximum(d - self.reach, 0.0)
+            with np.errstate(divide="ignore"):
+                total += np.where(self.reach > 0, (self.reach / d) ** terms / room, self.rest / d)
+        return np.abs(self._numerator(x)) * total * (1 + _ROUNDING)
+
+    def responses(self, u: Real) -> Complex:
+        """Responses of the functions to an input (T,) from zero initial conditions, (T, 2 sum J)."""
+        found: list[Complex] = []
+        start = np.concatenate([np.zeros(self.delay), u])[: u.size].astype(complex)
+        for poles, far in zip(self.poles, self.reach.tolist(), strict=True):
+            before = start
+            for pole in poles:
+                one = np.asarray(scipy.signal.lfilter([1.0], [1.0, -pole], before))
+                found += [one, np.conj(one)]
+                numerator = [0.0, 1.0] if far else [-pole.conj(), 1.0]
+                before = np.asarray(scipy.signal.lfilter(numerator, [1.0, -pole], before))
+        return np.stack(found, axis=1) if found else np.zeros((u.size, 0), complex)
+
+    def left_out_in_time(self, u: Real) -> Real:
+        """The same in the response to an input, (T, M): the H2 norm of the remainder times the norm of the input so far.
+
+        Infinite for boxes that reach the circle.
+        """
+        norm = np.sqrt(np.cumsum(u**2))[:, None]
+        size = np.sqrt((1 - np.abs(self.middle)) * (1 + np.abs(self.middle)))
+        return norm * np.where(self.reach > 0, np.inf, 2 * self.rest / size) * (1 + _ROUNDING)
+
+    def bends(self, low: Real, high: Real) -> Real:
+        r"""Bound of the second derivative of every mode and its conjugate along arcs, for |c'| = 1, (arcs, M).
+
+        Products of moduli, of n/((1 - a_0 x)(1 - tau beta)) with |beta'| = (1 - |a_0|^2)/|1 - a_0 x|^2, at the angle nearest to
+        the pole.
+        """
+        total = np.zeros((low.size, self.middle.size))
+        for k, T in enumerate(self.distance.tolist()):
+            for a in (self.middle[k], self.middle[k].conj()):
+                d, size = self._nearest(low, high, a), np.abs(a)
+                turn = (1 - size) * (1 + size) / d**2 * T / (1 - T)
+                first = size / d + turn
+                second = first**2 + size / d**2 + turn * ((1 - size) * (1 + size) / d**2 + 2 * size / d) + turn**2
+                value = 1 / (d * (1 - T))
+                if self.reach[k]:
+                    value = self._far(d, k)
+                    first, second = value, 2 * value**2 + value
+                n = max(self.delay, 0)
+                whole = 2 * second + 2 * first + 1 if self.delay < 0 else second + 2 * n * first + n**2
+                total[:, k] += whole * value
+        return total * (1 + 1e-9)
+
+    def largest_on(self, low: Real, high: Real) -> Real:
+        """Bound of the modulus of every mode and its conjugate on arcs, for |c'| = 1, (arcs, M)."""
+        total = np.zeros((low.size, self.middle.size))
+        for k, T in enumerate(self.distance.tolist()):
+            for a in (self.middle[k], self.middle[k].conj()):
+                d = self._nearest(low, high, a)
+                value = self._far(d, k) if self.reach[k] else 1 / (d * (1 - T))
+                total[:, k] += (2.0 if self.delay < 0 else 1.0) * value
+        return total * (1 + 1e-9)
+
+    def _far(self, d: Real, mode: int) -> Real:
+        """Bound of 1/|1 - a x| at distances d from the middle of a box that reaches the circle; inf within it."""
+        with np.errstate(divide="ignore"):
+            return 1 / np.maximum(d - self.reach[mode], 0.0)
+
+    @staticmethod
+    def _nearest(low: Real, high: Real, pole: complex) -> Real:
+        """Smallest |1 - a x| on arcs."""
+        return np.abs(1 - pole * np.exp(-1j * nearest(low, high, float(np.angle(pole)))))
+
+
+def nearest(low: Real, high: Real, angle: float) -> Real:
+    """The angle of every arc that is nearest to a given one, on the circle."""
+    ends = np.where(np.cos(low - angle) >= np.cos(high - angle), low, high)
+    turned = low + np.mod(angle - low, 2 * np.pi)
+    return np.where(turned <= high, turned, ends)
+
+
+def hull(omega: Real, damping: Real) -> Complex:
+    """Corners of a polygon around all s = (-d + j sqrt(1 - d^2)) w of two intervals, or of cells of them, (..., 5).
+
+    The four corners of the box, and the point in which the tangents at the ends of the outer arc meet.
+    """
+    turns: Real = np.arccos(-damping)  # angles of s, from the positive real axis
+    ends = np.exp(1j * turns)
+    corners = (omega[..., :, None] * ends[..., None, :]).reshape(*omega.shape[:-1], 4)
+    tip = omega[..., 1] * np.exp(1j * turns.mean(axis=-1)) / np.cos((turns[..., 1] - turns[..., 0]) / 2)
+    return np.asarray(np.concatenate([corners, tip[..., None]], axis=-1), dtype=complex)
+
+
+def distances(points: Complex, s: complex) -> Real:
+    """Hyperbolic distances in Re s < 0 of points from another, below 1."""
+    return np.abs((points - s) / (points + np.conj(s)))
+
+
+def middle_of(points: Complex) -> complex:
+    """Middle of a small hyperbolic disc of Re s < 0 around points."""
+    scale, turn = np.exp(np.log(-points.real).mean()), points.imag.mean()
+
+    def of(parts: Any) -> complex:
+        return complex(-scale * np.exp(parts[0]), turn + scale * parts[1])
+
+    def radius(s: complex) -> float:
+        return float(distances(points, s).max())
+
+    def objective(parts: Real) -> float:
+        return radius(of(parts))
+
+    found = scipy.optimize.minimize(objective, np.zeros(2), method="Nelder-Mead")
+    return min((of(found.x), of(np.zeros(2))), key=radius)
+
+
+def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real) -> PoleDiscs:
+    """Series for the boxes (M, 2), long enough for remainders below a part `wanted` (M,) of the amplitudes."""
+
+    def in_z(s: Complex) -> Complex:
+        own: Any = plane
+        return np.asarray(np.exp(s * own.dt) if own.dt else (own.corner + s) / (own.corner - s), dtype=complex)
+
+    poles: list[Complex] = []
+    sizes: list[Real] = []
+    numbers: list[tuple[float, float, float]] = []
+    for ends, dampings, part in zip(omega, damping, wanted.tolist(), strict=True):
+        s, size, distance, rest = _series(ends, dampings, part)
+        points, far = hull(ends, dampings), 0.0
+        if distance > _WIDEST:
+            s = np.full(_FAR_TERMS, (points.real.min() + points.real.max()) / 2 + 1j * points[:4].imag.mean())
+            far = float(_apart(plane, points, complex(s[0])).max()) * (1 + 1e-9)
+        a = in_z(s)
+        inside: Real = (1 - np.abs(a)) * (1 + np.abs(a))
+        # sqrt((1 - |a_j|^2)/(1 - |a_1|^2)) of |C_j/C_1|.
+        size = far ** np.arange(_FAR_TERMS) if far else np.sqrt(inside / inside[0]) * size * (1 + _ROUNDING)
+        poles.append(a)
+        sizes.append(np.asarray(size, dtype=float))
+        numbers.append((distance, rest, far))
+    distances_, rests, reaches = np.array(numbers).T
+    return PoleDiscs(tuple(poles), tuple(sizes), distances_, rests, reaches, delay)
+
+
+def _apart(plane: Plane, s: Complex, middle: complex) -> Real:
+    """Bounds of the distances in z of poles s from another: |exp' | <= 1 in Re s < 0, and that of the bilinear map."""
+    if plane.dt:
+        return np.abs(s - middle) * plane.dt
+    return 2 * np.abs(s - middle) / np.abs(plane.corner - middle)  # type: ignore[attr-defined]
+
+
+def _series(omega: Real, damping: Real, wanted: float) -> tuple[Complex, Real, float, float]:
+    """Poles in s, bounds of |tau_1 ... tau_(j-1)|/sqrt(1 - |tau_1|^2), of |tau_1|, and of the remainder.
+
+    The first pole is the middle, each further one where the product of the distances from those before is largest (Leja). On the
+    cells of a grid a distance is at most the largest one at the corners of their hulls, since hyperbolic discs are convex.
+    """
+    sides: list[Real] = [np.linspace(ends[0], ends[1], _CELLS + 1) for ends in (omega, damping)]
+    pairs = [np.stack([side[:-1], side[1:]], axis=1) for side in sides]
+    cells = hull(*(part.reshape(-1, 2) for part in np.broadcast_arrays(pairs[0][:, None], pairs[1][None])))
+    nodes = ((-sides[1] + 1j * np.sqrt(1 - sides[1] ** 2)) * sides[0][:, None]).ravel()
+    poles = [middle_of(hull(omega, damping))]
+    on_cells, at_nodes = np.ones(len(cells)), np.ones(nodes.size)
+    sizes: list[float] = []
+    first = float(distances(cells, poles[0]).max()) + _ROUNDING
+    while True:
+        sizes.append(float(on_cells.max()) / np.sqrt(1 - first**2))
+        on_cells = on_cells * (distances(cells, poles[-1]).max(axis=1) + _ROUNDING)
+        at_nodes = at_nodes * distances(nodes, poles[-1])
+        rest = float(on_cells.max()) / (1 - first)
+        if rest <= wanted or len(poles) == _TERMS:
+            return np.array(poles), np.array(sizes), first, rest * (1 + _ROUNDING)
+        poles.append(complex(nodes[np.argmax(at_nodes)]))

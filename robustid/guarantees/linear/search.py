@@ -1,0 +1,140 @@
+"""The search for good linear certificates: reweighted least squares, for many targets at once. Nothing of it is trusted."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
+from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Targets, choose, radii
+from robustid.guarantees.linear.samples import Samples
+
+POINTS = 44  # of the samples at frequencies, for a target
+_NEAR = 0.3  # of them the nearest ones; the others ever farther apart
+_STEPS = 10
+_CHANGE = 1e-20, 1e20  # of a weight, in a step
+_FARTHER = 1.8  # times the change of the logarithm of a weight
+_STACK = 4e6  # complex numbers in the matrices of a stack: memory, and what a cache holds
+_FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
+_STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
+
+
+def nearest_points(samples: Samples, base: Complex, count: int) -> NDArray[np.intp]:
+    """Points for every target, (B, n): the nearest in the hyperbolic distance, and others ever farther apart."""
+    z, total = samples.nodes, samples.angles.size
+    count = min(count, total)
+    if count == total:
+        return np.broadcast_to(np.arange(total), (base.size, total))
+    near = max(int(_NEAR * count), 1)
+    far = np.geomspace(near, total, count - near + 1)
+    place = np.unique(np.concatenate([np.arange(near), np.floor(far[:-1]).astype(int)]))
+    spare = np.setdiff1d(np.arange(total), place, assume_unique=True)
+    place = np.sort(np.concatenate([place, spare[: count - place.size]]))
+    seen = np.abs(samples.v[:, samples.target]) > 0
+    found = np.empty((base.size, count), int)
+    for k, one in enumerate(base):
+        away = np.abs((z - one) / (1 - one.conjugate() * z)) + ~seen  # what does not see the entry comes last
+        found[k] = np.argsort(away)[place]
+    return found
+
+
+def search(
+    samples: Samples,
+    targets: Targets,
+    known: Amplitudes,
+    *,
+    points: int = POINTS,
+    steps: int = _STEPS,
+    start: tuple[NDArray[np.intp], Complex] | None = None,
+) -> tuple[NDArray[np.intp], Complex]:
+    """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given."""
+    chosen_points = nearest_points(samples, targets.base, points) if start is None else start[0]
+    size = chosen_points.shape[1] + samples.rows
+    stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
+    found = np.zeros((targets.base.size, size), complex)
+    for first in range(0, targets.base.size, stack):
+        part = slice(first, first + stack)
+        chosen = choose(samples, targets[part], chosen_points[part])
+        before = None if start is None else start[1][part]
+        found[part] = _reweighted(samples, chosen, targets[part], known, steps, before)
+    return chosen_points, found
+
+
+def _reweighted(
+    samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes, steps: int, start: Complex | None
+) -> Complex:
+    r"""Multipliers of the smallest radius along the way; functions whose coefficients are unbounded are matched exactly.
+
+    A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
+    that go `_FARTHER` than that, in their logarithms, take half of the steps.
+    """
+    _, radius = known.coefficients(samples)
+    free = np.isinf(radius)
+    finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
+    bound = chosen.bound + chosen.left_out @ finite.largest
+    soft, hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
+    wanted, matched = targets.values[:, ~free], targets.values[:, free]
+    radius = radius[~free]
+    L, adjoint = soft.swapaxes(1, 2), soft.conj()  # (B, m, S), (B, S, m)
+    gram, at = chosen.gram.swapaxes(1, 2), np.arange(int(bound.shape[1]))
+    ridge = _STABLE * np.einsum("bss->bs", chosen.gram).real.max(axis=1)
+    best, value = np.zeros(bound.shape, complex), np.full(len(bound), np.inf)
+
+    def weights(d: Complex) -> list[Real]:
+        total, size = radii(samples, chosen, targets, d, finite), np.abs(d)
+        better = total < value
+        best[better], value[better] = d[better], total[better]
+        total = np.where(
+            np.isfinite(total), total, (size * bound).sum(axis=1)
+        )  # infinite where a series does not converge
+        square = np.abs(targets.weight) ** 2 - 2 * (d * chosen.cross).sum(axis=1).real
+        square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
+        missed = np.abs(np.einsum("bsm,bs->bm", soft, d) - wanted)
+        least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
+        return [
+            bound / np.maximum(size, _FLOOR * size.max(axis=1, keepdims=True) + 1e-300),
+            1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
+            np.maximum(radius, 1e-300) / np.maximum(missed, least),
+        ]
+
+    if start is not None:
+        used = weights(start)
+    else:
+        level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
+        used = [bound**2 * bound.shape[1], np.ones(len(bound)), level]
+    for step in range(steps):
+        q, w, v = used
+        A = w[:, None, None] * gram
+        if radius.size:
+            A += (adjoint * v[:, None, :]) @ L
+        A[:, at, at] += q + (w * ridge)[:, None]
+        right = w[:, None] * chosen.cross.conj() + (adjoint @ (v * wanted)[:, :, None])[:, :, 0]
+        try:
+            d = _solved(A, right, hard, matched)
+        except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
+            return best
+        new = weights(d)
+        if step or start is not None:
+            new = [old * np.clip(one / old, *_CHANGE) ** _FARTHER for old, one in zip(used, new, strict=True)]
+            largest = np.abs(d).max(axis=1, keepdims=True)
+            new[0] = np.minimum(new[0], bound / (_FLOOR * largest + 1e-300))
+        used = new
+    return best
+
+
+def _solved(A: Complex, right: Complex, hard: Complex, matched: Complex) -> Complex:
+    """Solution of A d = right, or that of the least distance from it in A for which the `hard` functions are matched."""
+    if not hard.shape[2]:
+        return np.asarray(np.linalg.solve(A, right[:, :, None])[:, :, 0], dtype=complex)
+    unit = 1 / np.maximum(np.linalg.norm(hard, axis=1, keepdims=True), 1e-300)
+    P, t = hard * unit, (matched * unit[:, 0])[:, :, None]
+    rows = P.swapaxes(1, 2)
+    both = np.concatenate([right[:, :, None], P.conj()], axis=2)
+    solved = np.asarray(np.linalg.solve(A, both), dtype=complex)
+    d, Y = solved[:, :, :1], solved[:, :, 1:]
+    schur = rows @ Y
+    for _ in range(2):  # the second time for what rounding left of the first
+        d = d + Y @ np.asarray(np.linalg.solve(schur, t - rows @ d), dtype=complex)
+    return d[:, :, 0]

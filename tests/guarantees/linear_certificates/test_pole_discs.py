@@ -1,0 +1,144 @@
+"""Modes with poles anywhere in a box, against the modes themselves: values, responses, bends, and coefficients by interpolation."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from robustid.core import SPlane, ZPlane
+from robustid.guarantees.linear.pole_discs import discs_of
+from support.pairwise import every_two
+
+PLANES = {
+    "delay 0": (ZPlane(0.01), 0),
+    "delay 1": (ZPlane(0.01), 1),
+    "delay 2": (ZPlane(0.01), 2),
+    "continuous": (SPlane(80.0), -1),
+}
+WIDTHS = {
+    "narrow": 0.05,
+    "wide": 0.6,
+    "to the circle": 20.0,
+}  # in frequency, of the largest damping times the frequency
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 30))]
+
+
+def problem_of(place, width, seed):
+    """Series of two modes in one box each, and for both modes some poles a of the box: in its corners, and inside."""
+    plane, delay = PLANES[place]
+    rng = np.random.default_rng([seed, delay + 1, list(WIDTHS).index(width)])
+    middle, damping = np.array([rng.uniform(30, 60), rng.uniform(90, 150)]), rng.uniform(0.005, 0.05, 2)
+    ratio = 1 + min(WIDTHS[width], 1.0) * rng.uniform(0.1, 1, 2)
+    dampings = damping[:, None] * ratio[:, None] ** [-0.5, 0.5]
+    half = np.minimum(WIDTHS[width] * dampings[:, 1] * rng.uniform(0.5, 1, 2), 0.2)
+    omega = middle[:, None] * (1 + half[:, None] * [-1, 1])
+    series = discs_of(plane, omega, dampings, delay, 10 ** rng.uniform(-7, -2, 2))
+    share = np.concatenate([[[0, 0], [0, 1], [1, 0], [1, 1]], rng.random((4, 2))])
+    w, d = (ends[:, 0] + share[:, [k]] * np.diff(ends, axis=1)[:, 0] for k, ends in enumerate((omega, dampings)))
+    s = (-d + 1j * np.sqrt(1 - d**2)) * w  # (8, 2)
+    return series, (np.exp(s * plane.dt) if plane.dt else (plane.corner + s) / (plane.corner - s)), rng
+
+
+def mode(series, a, angles):
+    """n(x)/(1 - a x) at x = exp(-j angle)."""
+    x = np.exp(-1j * angles)
+    return (1 + x if series.delay < 0 else x**series.delay) / (1 - a * x)
+
+
+def coefficients(series, k, a):
+    """Of 1/(1 - a x) in the functions of mode number k, from its values where later functions vanish: at the conjugates of the poles.
+
+    About the middle of a box that reaches the circle it is the geometric series.
+    """
+    if series.reach[k]:
+        return np.array([(a - series.middle[k]) ** j for j in range(len(series.poles[k]))])
+    found = []
+    with mpmath.workdps(80):
+        poles = [mpmath.mpc(p) for p in series.poles[k]]
+        for own in poles:
+            x, product, left = mpmath.conj(own), mpmath.mpf(1), None
+            left = 1 / (1 - mpmath.mpc(a) * x)
+            for pole, c in zip(poles, found, strict=False):
+                left -= c * product / (1 - pole * x)
+                product *= (x - mpmath.conj(pole)) / (1 - pole * x)
+            found.append(left * (1 - own * x) / product)
+        return np.array([complex(c) for c in found])
+
+
+def columns_of(series, k):
+    return [number for number, (own, *_) in enumerate(series.columns) if own == k]
+
+
+def both(first, conjugate):
+    return np.stack([first, conjugate], axis=1).ravel()
+
+
+CASES = every_two(list(PLANES), list(WIDTHS))
+
+
+@pytest.mark.parametrize(("place", "width"), CASES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_series_leaves_no_more_than_it_says_and_has_coefficients_of_bounded_size(place, width, seed):
+    series, poles, rng = problem_of(place, width, seed)
+    for k in range(2):
+        a_1, spread = series.middle[k], 1 - abs(series.middle[k])
+        near = np.angle(a_1) + spread * rng.standard_normal(40)
+        angles = np.concatenate([near, -near, rng.uniform(-np.pi, np.pi, 40)])
+        values, columns = series.values(angles), columns_of(series, k)
+        sizes = np.array([series.columns[n][1] for n in columns])
+        assert np.all(sizes[:2] == 1)
+        for a in poles[:, k]:
+            C = coefficients(series, k, a)
+            assert np.all(np.abs(C / C[0]) <= sizes[::2] * (1 + 1e-9))
+            c = np.exp(2j * np.pi * rng.random()) / C[0]  # |c C_1| = 1
+            whole = c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj()
+            approached = values[:, columns] @ both(c * C, (c * C).conj())
+            size = np.abs(mode(series, a, angles)) + np.abs(mode(series, a, -angles))
+            assert np.all(np.abs(whole - approached) <= series.left_out(angles)[:, k] + 1e-10 * abs(c) * size)
+
+
+@pytest.mark.parametrize(("place", "width"), [case for case in CASES if case.values[0] != "continuous"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_responses_are_those_of_the_functions_and_of_the_modes_but_for_what_is_left_out(place, width, seed):
+    series, poles, rng = problem_of(place, width, seed)
+    samples, size = 60, 2**15
+    angles = 2 * np.pi * np.arange(size) / size
+    impulse = np.eye(1, samples)[0]
+    np.testing.assert_allclose(
+        series.responses(impulse), np.fft.ifft(series.values(angles), axis=0)[:samples], rtol=1e-9, atol=1e-9
+    )
+    u = rng.standard_normal(samples)
+    found, left = series.responses(u), series.left_out_in_time(u)
+    for k in range(2):
+        columns = columns_of(series, k)
+        for a in poles[:, k]:
+            C = coefficients(series, k, a)
+            c = np.exp(2j * np.pi * rng.random()) / C[0]
+            h = np.concatenate([np.zeros(series.delay), 2 * (c * a ** np.arange(samples)).real])[:samples]
+            off = np.convolve(h, u)[:samples] - found[:, columns] @ both(c * C, (c * C).conj())
+            assert np.all(np.abs(off) <= left[:, k] + 1e-10 * abs(c) * samples)
+
+
+@pytest.mark.parametrize(("place", "width"), CASES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_modes_and_their_second_derivatives_stay_below_their_bounds_on_arcs(place, width, seed):
+    series, poles, rng = problem_of(place, width, seed)
+    lengths = 10 ** rng.uniform(-3, -0.5, 12)
+    low = np.concatenate(
+        [np.angle(series.middle)[np.arange(6) % 2] - lengths[:6] * rng.random(6), rng.uniform(0, 2.8, 6)]
+    )
+    high, step = low + lengths, 1e-5
+    most, bends = series.largest_on(low, high), series.bends(low, high)
+    angles = (low[:, None] + lengths[:, None] * np.linspace(0, 1, 60))[..., None] + step * np.arange(-1, 2)
+    seen = np.zeros((2, 12, 2))
+    for k in range(2):
+        for a in poles[:, k]:
+            c = np.exp(2j * np.pi * rng.random()) / coefficients(series, k, a)[0]
+            whole = c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj()
+            bent = np.abs(whole[..., 0] - 2 * whole[..., 1] + whole[..., 2]).max(axis=1) / step**2
+            rounding = 1e-15 * np.abs(whole).max(axis=(1, 2)) / step**2 * 10
+            seen[:, :, k] = np.maximum(seen[:, :, k], [np.abs(whole[..., 1]).max(axis=1), bent - rounding])
+    assert np.all(seen[0] <= most * (1 + 1e-12))
+    assert np.all(seen[1] <= bends * (1 + 1e-3))
+    if width == "narrow":  # bounds of use: near the resonance, where they decide
+        assert np.all(most[:6] <= 2 * seen[0, :6].max(axis=1, keepdims=True).max() * 2)
+        assert np.median(bends[:6].max(axis=1) / seen[1, :6].max(axis=1)) < 20
