@@ -23,6 +23,7 @@ from robustid.core import Progress
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
+    Band,
     WorstCaseError,
     WorstCaseOverPoles,
     default_grid,
@@ -180,6 +181,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     reduction, worth, doubtful = _small_model(run, result, left, around)
     found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
     said = content(result) if result.consistent and problem.frequency else None
+    proved = _proved(run, result, reduction, around) if result.consistent and run.worst_case.compute else None
+    found += [] if proved is None else [findings.band_words(proved)]
     if said is not None:
         found.insert(0 if said.empty else len(found), said.summary())
     found.append(findings.sample_words(result, reduction.model, reduction.order))
@@ -188,15 +191,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     else:
         found.append(why_not_compared(result, reduction, left.response, left.records))
     found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
-    error = small = over_poles = seen = proved = None
-    if result.consistent and run.worst_case.compute:
-        around.say("proving the error at every frequency")
-        modes = run.modes
-        box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
-        proved = proved_band(result, reduction.model, box)
-        if proved is not None:
-            around.folder.proved(proved)
-            found.insert(0, findings.band_words(proved))
+    error = small = over_poles = seen = None
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
         found.append(findings.EMPTY)
     elif result.consistent and run.worst_case.compute:
@@ -225,6 +220,17 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         findings=tuple(found),
         run_file=run,
     )
+
+
+def _proved(run: RunFile, result: Identification, reduction: Reduction, around: Surroundings) -> Band | None:
+    """The band that is proved at every frequency, kept as soon as it is there."""
+    around.say("proving the error at every frequency")
+    modes = run.modes
+    box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
+    found = proved_band(result, reduction.model, box)
+    if found is not None:
+        around.folder.proved(found)
+    return found
 
 
 def _small_model(

@@ -448,6 +448,11 @@ def _ends(box: Any) -> tuple[Real, Real]:
     for name, ends in (("frequencies", omega), ("damping ratios", damping)):
         if ends.shape[1:] != (2,) or np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
             raise InputError(f"`box` must hold positive ends (low, high) of the {name}; got {ends.tolist()}")
+    if omega.shape != damping.shape:
+        raise InputError(
+            f"`box` must have one row (low, high) a mode in both parts; got {omega.shape} for the frequencies and"
+            f" {damping.shape} for the damping ratios"
+        )
     if np.any(damping >= 1):
         raise InputError(f"`box` must hold damping ratios below 1; got {damping.max():g}")
     return omega, damping

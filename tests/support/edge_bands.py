@@ -53,7 +53,7 @@ def edge_plant(kind: str, seed: int) -> EdgePlant:
     box = middle * (1 + part * damping * np.array([[-1, 1]])), damping * (1 + part * np.array([[-1, 1]]))
     turn = corner[1] * damping
     pole = middle * corner[0] * (-turn + 1j * np.sqrt(1 - turn**2))
-    size = gain * 10 ** rng.uniform(0, 1) * (rng.standard_normal((ny, nu)) + 1j * rng.standard_normal((ny, nu)))
+    size = gain * 10 ** rng.uniform(0, 2) * (rng.standard_normal((ny, nu)) + 1j * rng.standard_normal((ny, nu)))
     size = size + size.T if kind == "symmetric" else size
     lines = 2 * np.pi * rng.uniform(0.5, 45, rng.integers(8, 30))
     lines = np.sort(np.concatenate([lines, [0.99 * middle, 1.01 * middle]]))

@@ -147,8 +147,11 @@ class PoleDiscs(Frozen):
                 if self.reach[k]:
                     value = self._far(d, k)
                     first, second = value, 2 * value**2 + value
-                n = max(self.delay, 0)
-                whole = 2 * second + 2 * first + 1 if self.delay < 0 else second + 2 * n * first + n**2
+                n = self.delay
+                if n < 0:
+                    whole = 2 * second + 2 * first + 1
+                else:  # no 0 times infinity
+                    whole = second + 2 * n * first + n**2 if n else second
                 total[:, k] += whole * value
         return total * (1 + 1e-9)
 

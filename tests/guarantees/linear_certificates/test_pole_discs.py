@@ -45,7 +45,7 @@ def mode(series, a, angles):
 
 
 def coefficients(series, k, a):
-    """Of 1/(1 - a x) in the functions of mode number k, from its values where later functions vanish: at the conjugates of the poles.
+    """Of 1/(1 - a x) in the functions of mode number k, from its values where later ones vanish: at the conjugates of the poles.
 
     About the middle of a box that reaches the circle it is the geometric series.
     """
@@ -55,7 +55,7 @@ def coefficients(series, k, a):
     with mpmath.workdps(80):
         poles = [mpmath.mpc(p) for p in series.poles[k]]
         for own in poles:
-            x, product, left = mpmath.conj(own), mpmath.mpf(1), None
+            x, product = mpmath.conj(own), mpmath.mpf(1)
             left = 1 / (1 - mpmath.mpc(a) * x)
             for pole, c in zip(poles, found, strict=False):
                 left -= c * product / (1 - pole * x)
@@ -103,9 +103,9 @@ def test_responses_are_those_of_the_functions_and_of_the_modes_but_for_what_is_l
     samples, size = 60, 2**15
     angles = 2 * np.pi * np.arange(size) / size
     impulse = np.eye(1, samples)[0]
-    np.testing.assert_allclose(
-        series.responses(impulse), np.fft.ifft(series.values(angles), axis=0)[:samples], rtol=1e-9, atol=1e-9
-    )
+    values = series.values(angles)
+    off = series.responses(impulse) - np.fft.ifft(values, axis=0)[:samples]
+    assert np.all(np.abs(off) <= 1e-13 * np.abs(values).max(axis=0))  # the rounding of the transform
     u = rng.standard_normal(samples)
     found, left = series.responses(u), series.left_out_in_time(u)
     for k in range(2):
@@ -139,6 +139,6 @@ def test_modes_and_their_second_derivatives_stay_below_their_bounds_on_arcs(plac
             seen[:, :, k] = np.maximum(seen[:, :, k], [np.abs(whole[..., 1]).max(axis=1), bent - rounding])
     assert np.all(seen[0] <= most * (1 + 1e-12))
     assert np.all(seen[1] <= bends * (1 + 1e-3))
-    if width == "narrow":  # bounds of use: near the resonance, where they decide
-        assert np.all(most[:6] <= 2 * seen[0, :6].max(axis=1, keepdims=True).max() * 2)
-        assert np.median(bends[:6].max(axis=1) / seen[1, :6].max(axis=1)) < 20
+    if width == "narrow":  # near the resonance, where they decide, the bounds are of use
+        assert np.all(most[:6].max(axis=1) <= 4 * seen[0, :6].max(axis=1))
+        assert np.all(bends[:6].max(axis=1) <= 40 * seen[1, :6].max(axis=1))

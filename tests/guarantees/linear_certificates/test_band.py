@@ -1,0 +1,177 @@
+"""The band as a result: knots and arcs, proofs, units, and what it refuses."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.bases import stack_bases
+from robustid.errors import InputTypeError
+from support.edge_bands import KINDS, edge_plant
+
+POLE = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))]
+
+
+def with_tight_box(kind, seed):
+    """A plant at the edge whose band is finite: the amplitude of its mode is proved."""
+    for number in range(100 * seed, 100 * seed + 100):
+        plant = edge_plant(kind, number)
+        if plant.box is not None and plant.box[1][0, 1] < 1.25 * plant.box[1][0, 0]:
+            return plant
+    raise AssertionError
+
+
+def simple(scale=1.0, dt=0.1):
+    """Lines and a record of POLE's mode and 1/(2 - x), and the box of the mode; frequencies are in units of 0.1/dt."""
+    turns, u = np.linspace(0.1, 2.5, 10), np.random.default_rng(0).standard_normal(12)
+    x, h = np.exp(-1j * turns), (2 * 0.3 * POLE ** np.arange(12.0)).real + 0.5 ** np.arange(1, 13)
+    values = 0.3 / (1 - POLE * x) + 0.3 / (1 - POLE.conj() * x) + 1 / (2 - x)
+    frf = rid.FrequencyResponse(turns / dt, scale * values, bound=0.1 * scale, dt=dt)
+    record = rid.TimeRecord(u, scale * np.convolve(u, h)[:12], dt=dt, bound=0.1 * scale)
+    omega, prior = 10.0 * (0.1 / dt), rid.Prior(gain_bound=2.0 * scale, decay_rate=1.5)
+    problem = rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=rid.kautz(omega, 0.05, dt=dt))
+    return problem, (omega * np.array([[0.997, 1.003]]), 0.05 * np.array([[0.9, 1.1]]))
+
+
+def near_simple():
+    """A model that has the mode, and two terms of the rest."""
+    mode = control.tf([0.6, -0.6 * POLE.real, 0.0], [1.0, -2 * POLE.real, abs(POLE) ** 2], 0.1)
+    return control.ss(mode + control.tf([0.5, 0.25], [1.0, 0.0], 0.1))
+
+
+@pytest.mark.parametrize("kind", ["discrete", "continuous", "record"])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_between_knots_the_radius_is_nearly_that_of_a_search_there(kind, seed):
+    plant = with_tight_box(kind, seed)
+    omega = plant.frequencies(np.random.default_rng(seed), 60)
+    between, there = (
+        rid.band(plant.problem, box=plant.box, omega=[1.0]),
+        rid.band(plant.problem, box=plant.box, omega=omega),
+    )
+    ratio = between.at(there.omega)[1] / there.radius
+    assert np.median(ratio) <= 1.05
+    assert ratio.max() <= 1.6
+
+
+@pytest.mark.parametrize("kind", ["simple", *(pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS)])
+def test_the_bound_of_an_arc_is_above_the_bounds_at_its_frequencies(kind):
+    """About a model that is near: the arcs add little."""
+    if kind == "simple":
+        (problem, box), model = simple(), near_simple()
+    else:
+        plant = with_tight_box(kind, 0)
+        problem, box, model = plant.problem, plant.box, rid.identify(plant.problem).model
+    band = rid.band(problem, box=box, omega=[1.0], model=model)
+    omega = np.random.default_rng(0).uniform(*band.range, 500)
+    arc = np.searchsorted(band.circle.edges, omega) - 1
+    assert np.all(np.isfinite(band.circle.bound))
+    assert np.all(band.error_at(omega) <= band.circle.entries[arc])
+    assert np.median(band.circle.entries[arc] / band.error_at(omega)) < 1.2
+
+
+@pytest.mark.parametrize("kind", ["discrete", "continuous", "roll-off", "record", "symmetric"])
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in range(3)])
+def test_its_discs_hold_in_ball_arithmetic(kind, seed):
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    plant = edge_plant(kind, seed)
+    band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    assert band.certified
+    assert band.verify(exact=True)
+
+
+def test_small_discs_hold_in_ball_arithmetic_too():
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    problem, box = simple()
+    band = rid.band(problem, box=box, omega=[1.0])
+    few = dataclasses.replace(band, bands=tuple(every_tenth(one) for one in band.bands))
+    assert few.verify()
+    assert few.verify(exact=True)
+
+
+def every_tenth(one):
+    kept = slice(None, None, 10)
+    return dataclasses.replace(one, angles=one.angles[kept], points=one.points[kept], multipliers=one.multipliers[kept])
+
+
+@pytest.mark.parametrize(("size", "time"), [(30, 0), (-30, 0), (0, 20), (0, -20), (-17, 9)])
+def test_units_that_are_powers_of_two_change_nothing_but_the_units(size, time):
+    """Up to where the search for the middle of a box stops: that depends on the rounding of its frequencies."""
+    (problem, box), (other, wide) = simple(), simple(2.0**size, 0.1 * 2.0**time)
+    omega = np.random.default_rng(0).uniform(0, 31, 50)
+    first, second = rid.band(problem, box=box, omega=[1.0]), rid.band(other, box=wide, omega=[2.0**-time])
+    for one, again in zip(first.at(omega), second.at(omega * 2.0**-time), strict=True):
+        np.testing.assert_allclose(again, one * 2.0**size, rtol=1e-6 if time else 1e-9)
+    assert np.isfinite(first.radius).all()
+
+
+def test_bad_input():
+    problem, box = simple()
+    bare = dataclasses.replace(problem, parametric=None)
+    low, high = (np.array(part) for part in box)
+    passive = dataclasses.replace(bare, time=None, prior=rid.PositiveReal(decay_rate=1.5))
+    for call, sentence in [
+        (lambda: rid.band(passive), "`thing` is of a .* class, which has no gain bound"),
+        (lambda: rid.band(problem, box=(low[0], high[0])), "`box` must"),
+        (
+            lambda: rid.band(problem, box=(low[:, :1], high)),
+            r"`box` must hold positive ends \(low, high\) of the frequencies",
+        ),
+        (lambda: rid.band(problem, box=(low[:, ::-1], high)), "`box` must hold positive ends .* of the frequencies"),
+        (lambda: rid.band(problem, box=(low, -high)), "`box` must hold positive ends .* of the damping ratios"),
+        (lambda: rid.band(problem, box=(low, high + 0.97)), "`box` must hold damping ratios below 1; got"),
+        (
+            lambda: rid.band(problem, box=(np.tile(low, (2, 1)), np.tile(high, (2, 1)))),
+            "`box` must have one row .* each of the 1 modes",
+        ),
+        (
+            lambda: rid.band(problem, box=(low * 1.1, high)),
+            "`box` must hold the poles .* mode 1 has the frequency 10, its row",
+        ),
+        (
+            lambda: rid.band(problem, box=(low, high * 2)),
+            "`box` must hold the poles .* mode 1 has the damping 0.05, its row",
+        ),
+        (lambda: rid.band(bare, box=box), "`box` holds poles of `kautz` pairs, and `parametric` has none"),
+        (lambda: rid.band(problem, omega=[40.0]), "`omega` must lie between 0 and pi/dt = 31.4159 rad/s"),
+        (lambda: rid.band(problem, omega=[-1.0]), "`omega` must lie between 0 and pi/dt"),
+        (lambda: rid.band(problem, omega=[]), "`omega` is empty"),
+        (
+            lambda: rid.band(problem).at([32.0]),
+            "`omega` must lie between 0 and 31.4159 rad/s, where the band stands; got 32",
+        ),
+        (lambda: rid.band(problem).circle, "`model` is missing"),
+    ]:
+        with pytest.raises(rid.InputError, match=sentence):
+            call()
+    for call, sentence in [
+        (lambda: rid.band(3.0), "`thing` must be an Identification or a MixedProblem; got float"),
+        (lambda: rid.band(problem, box=3.0), r"`box` must be a KautzSuggestion or a pair of \(M, 2\) arrays"),
+    ]:
+        with pytest.raises(InputTypeError, match=sentence):
+            call()
+
+
+def test_a_box_has_as_many_rows_of_frequencies_as_of_dampings():
+    problem, (omega, damping) = simple()
+    with pytest.raises(rid.InputError, match="`box` must"):
+        rid.band(problem, box=(np.tile(omega, (2, 1)), damping))
+
+
+def test_a_box_needs_pairs_of_one_delay():
+    problem, (omega, damping) = simple()
+    pairs = stack_bases([rid.kautz(10.0, 0.05, dt=0.1), rid.kautz(20.0, 0.05, dt=0.1, delay=1)])
+    box = np.concatenate([omega, 2 * omega]), np.concatenate([damping, damping])
+    with pytest.raises(rid.InputError, match="`box` needs pairs of one delay"):
+        rid.band(dataclasses.replace(problem, parametric=pairs), box=box)
+
+
+def test_a_box_without_width_leaves_what_exact_poles_leave():
+    problem, _ = simple()
+    exact = rid.band(problem, omega=[1.0])
+    boxed = rid.band(problem, box=([[10.0, 10.0]], [[0.05, 0.05]]), omega=[1.0])
+    (centre, radius), (other, again) = (one.at(np.random.default_rng(0).uniform(0, 31, 50)) for one in (exact, boxed))
+    np.testing.assert_allclose(again, radius, rtol=0.1)
+    assert np.all(np.abs(centre - other) <= radius + again)

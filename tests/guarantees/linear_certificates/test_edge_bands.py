@@ -1,0 +1,139 @@
+"""Plants at the very edge of the class, of all kinds of samples, with poles in the corners of their box: inside every band."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.edge_bands import KINDS, edge_plant
+
+MOST = 0.11  # half of a box, relatively, up to which these samples always tell an amplitude
+
+
+def seeds(quick, full):
+    return [*range(quick), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(quick, full))]
+
+
+def half_of(box):
+    return 0.0 if box is None else float((box[1][:, 1] / box[1][:, 0]).max() - 1) / 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", seeds(2, 50))
+def test_a_plant_at_the_edge_is_inside_at_every_frequency(kind, seed):
+    plant = edge_plant(kind, seed)
+    band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    omega = plant.frequencies(np.random.default_rng(seed), 100)
+    (centre, radius), truth = band.at(omega), plant.truth(omega)
+    assert np.all(np.abs(truth - centre) <= radius)
+    assert np.all(np.isfinite(radius)) or half_of(plant.box) > MOST
+    assert band.assumed_modes == ()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", seeds(0, 20))
+def test_bounds_on_arcs_hold_a_plant_at_the_edge_to_the_end_of_the_axis(kind, seed):
+    """Errors from a model that is off in its mode, at frequencies beyond all knots too."""
+    plant = edge_plant(kind, seed)
+    band = rid.band(plant.problem, box=plant.box, omega=[1.0], model=other_model(plant))
+    far = [] if plant.problem.dt else 10 ** np.random.default_rng(seed).uniform(3, 6, 200)
+    omega = np.append(plant.frequencies(np.random.default_rng(seed), 500), far)
+    error = np.abs(plant.truth(omega) - plant.problem.plane.values_at(band.model, omega))
+    arc = np.searchsorted(band.circle.edges, omega) - 1
+    assert np.all(error <= band.circle.entries[arc])
+    assert np.all(np.linalg.norm(error, 2, axis=(1, 2)) <= band.hinf)
+
+
+def other_model(plant):
+    """A model of its problem with another mode: its parametric functions, times numbers."""
+    import control
+
+    basis, shape = plant.problem.parametric, plant.problem.entries.shape
+    rng, gain = np.random.default_rng(0), plant.problem.prior.gain_bound
+    size = gain * rng.standard_normal((*shape, basis.size))
+    A, B = (np.kron(np.eye(shape[1]), one) for one in (basis.A, basis.B))
+    C, D = (np.concatenate([size[:, j] @ part for j in range(shape[1])], axis=1) for part in (basis.C, basis.D))
+    return control.ss(A, B, C, D, plant.problem.dt or 0)
+
+
+@pytest.mark.parametrize("kind", ["discrete", "continuous", "record"])
+@pytest.mark.parametrize("seed", seeds(1, 20))
+def test_a_box_that_reaches_the_circle_is_covered_where_something_is_said(kind, seed):
+    """By the amplitude that is assumed of its mode, and said to be: at most twice that of a fit."""
+    plant = edge_plant(kind, seed)
+    (s,) = plant.problem.plane.exponents(plant.problem.parametric.poles[:1])
+    omega, damping = np.abs(s) * np.array([[0.96, 1.04]]), -s.real / np.abs(s) * np.array([[0.5, 2.0]])
+    band = rid.band(plant.problem, box=(omega, damping), omega=[1.0])
+    assert band.assumed_modes in ((), (0,))
+    at = plant.frequencies(np.random.default_rng(seed), 100)
+    (centre, radius), truth = band.at(at), plant.truth(at)
+    inside = np.abs(truth - centre) <= radius
+    assert np.all(inside)
+
+
+def changed(array, place, new):
+    again = np.array(array)
+    again[place] = new(again[place])
+    return again
+
+
+FORGERIES = {
+    "a multiplier": lambda one, rng: dataclasses.replace(
+        one, multipliers=changed(one.multipliers, spot(one.multipliers, rng), lambda d: d * (1 + 0.3j) + 1e-3)
+    ),
+    "all multipliers of a knot": lambda one, rng: dataclasses.replace(
+        one, multipliers=changed(one.multipliers, rng.integers(len(one.multipliers)), lambda d: -2 * d)
+    ),
+    "a point": lambda one, rng: dataclasses.replace(
+        one, points=changed(one.points, spot(one.points, rng), lambda p: (p + 3) % one.samples.angles.size)
+    ),
+    "an angle": lambda one, rng: dataclasses.replace(
+        one, angles=changed(one.angles, len(one.angles) // 2, lambda a: a + 0.4 * np.diff(one.angles).min())
+    ),
+    "a multiplier of an amplitude": lambda one, rng: with_proof(
+        one, multipliers=changed(one.extraction.multipliers, spot(one.extraction.multipliers, rng), lambda d: 1.3 * d + 1e-4)
+    ),
+    "the centre of an amplitude": lambda one, rng: with_proof(one, about=one.extraction.about * (1 + 0.5j) + 1e-3),
+    "nothing as the centre of an amplitude": lambda one, rng: with_proof(one, about=0 * one.extraction.about),
+    "an assumption that is true": lambda one, rng: with_proof(
+        one, assumed=np.full(one.extraction.assumed.shape, 2 * one.extraction.known.largest.max())
+    ),
+}  # fmt: skip
+
+
+def spot(array, rng):
+    return tuple(int(rng.integers(n)) for n in array.shape)
+
+
+def with_proof(one, **fields):
+    return dataclasses.replace(one, extraction=dataclasses.replace(one.extraction, **fields))
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+@pytest.mark.parametrize("seed", seeds(1, 10))
+def test_whatever_the_multipliers_are_the_discs_that_they_give_hold(forgery, seed):
+    """A band states nothing that it does not evaluate: no change of its numbers takes a plant out of it."""
+    for kind in ("record", "continuous") if seed else ("record",):
+        plant = edge_plant(kind, seed)
+        band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+        assert np.all(np.isfinite(band.radius)) or half_of(plant.box) > MOST
+        rng = np.random.default_rng(seed)
+        for _ in range(10 if "multiplier" in forgery else 1):
+            forged = dataclasses.replace(band, bands=tuple(FORGERIES[forgery](one, rng) for one in band.bands))
+            omega = np.append(plant.frequencies(rng, 50), plant.problem.plane.omega(forged.bands[0].angles[1:-1]))
+            centre, radius = forged.at(omega)
+            assert np.all(np.abs(plant.truth(omega) - centre) <= radius)
+            assert forged.verify()
+
+
+def test_an_amplitude_that_is_assumed_is_said_to_be():
+    """What is assumed of it is not looked at, only named."""
+    plant = next(plant for plant in (edge_plant("record", seed) for seed in range(50)) if 0 < half_of(plant.box) < MOST)
+    band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    forged = dataclasses.replace(
+        band, bands=tuple(with_proof(one, assumed=0.1 * one.extraction.known.largest) for one in band.bands)
+    )
+    assert (band.assumed_modes, forged.assumed_modes) == ((), (0,))
+    assert "amplitudes of the modes at" in forged.summary()
+    assert "amplitudes of the modes at" not in band.summary()
