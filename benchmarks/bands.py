@@ -338,6 +338,7 @@ def record_halves(name):
 
 
 FIRST = ([0], [0])
+WIDE = 0.2  # end of the interval of a damping ratio above which a mode tells nothing
 MEASURED = {
     "motor torsion": motor_halves,
     "mirror (1, 1)": lambda: mirror_halves("fsm/train", FIRST),
@@ -350,17 +351,24 @@ MEASURED = {
 }
 
 
-def class_of(frf):
-    """Modes, their box and the class, all from these lines; and whether the class could be (with these poles)."""
+def class_of(frf, light=False):
+    """Statement, box and whether a gain bound fits, all from these lines; `light`: modes of wide boxes are left to the class."""
     modes = rid.suggest_kautz(frf)
+    narrow = modes.damping_interval[:, 1] < WIDE
+    kept = narrow if light else np.ones(narrow.size, bool)
+    basis = modes.basis
+    if light:
+        basis = rid.kautz(modes.omega[kept], modes.damping[kept], dt=frf.dt, delay=modes.delay) if kept.any() else None
+    box = (modes.omega_interval[kept], modes.damping_interval[kept]) if kept.any() else None
     scaling = None if frf.values[0].size == 1 else np.median(np.abs(frf.values), axis=0)
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.1, scaling=scaling)
-    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=modes.basis)
+    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
     suggested = rid.suggest_prior(problem, time_limit=60.0).prior
-    if suggested is None:  # the poles, or the bounds, are refuted by the data: the poles of the box are what is left
+    if suggested is None:
         typical = 1.0 if scaling is not None else float(np.median(np.abs(frf.values)))
         prior = rid.Prior(gain_bound=typical, decay_rate=1.05, scaling=scaling)
-    return dataclasses.replace(problem, prior=suggested or prior), modes, suggested is not None
+    stated = dataclasses.replace(problem, prior=suggested or prior)
+    return stated, box, suggested is not None, int(np.sum(~narrow))
 
 
 def judged(band, judge):
@@ -390,32 +398,43 @@ def swept(problem, band, judge, limit):
 
 def measured(arguments):
     print(
-        "share of the judging lines outside, largest (error - own bound)/radius, median radius relative to the response"
+        "share of the judging lines outside (of those used, which refute the class), largest (error - own bound)/radius,"
     )
+    print("median radius relative to the response")
     for name in arguments.cases or MEASURED:
         train, judge = MEASURED[name]()
-        (problem, modes, fits), asked = clocked(class_of, train)
         own = 100 * np.median(train.bound.outer_radius / np.abs(train.values))
+        print(f"{name}: {train.omega.size} lines to identify, {judge.omega.size} to judge, bounds {own:.3g} %")
+        problem, box, fits, wide = class_of(train)
+        fixed = said(problem, box, fits, train, judge)
+        if wide:
+            print(f"    {wide} of the modes in a wide box left to the class:")
+            problem, box, fits, _ = class_of(train, light=True)
+            fixed = said(problem, box, fits, train, judge)
+        if train.values[0].size == 1 and train.omega.size <= 300:
+            print(f"    {swept(problem, fixed, judge, arguments.time_limit)}", flush=True)
+
+
+def said(problem, box, fits, train, judge):
+    """Print what the bands of a statement are worth; the one at fixed poles."""
+    count = 0 if box is None else len(box[0])
+    print(
+        f"    {count} modes, K {problem.prior.gain_bound:.3g}, rho {problem.prior.decay_rate:.4g}"
+        f"{'' if fits else '; no K fits these poles: K is the median response'}"
+    )
+    fixed = None
+    for name, poles in (("fixed", None), ("box", box)):
+        if name == "box" and box is None:
+            continue
+        band, seconds = clocked(rid.band, problem, box=poles)
+        fixed = fixed or band
+        (outside, largest, width), (refuted, _, _) = judged(band, judge), judged(band, train)
         print(
-            f"{name:14}{train.omega.size} lines to identify, {judge.omega.size} to judge, bounds {own:.3g} %,"
-            f" {len(modes.omega)} modes, K {problem.prior.gain_bound:.3g}, rho {problem.prior.decay_rate:.4g}, class in {asked:.0f} s"  # noqa: E501
-            f"{'' if fits else ' (no K fits these poles: K is the median response)'}",
+            f"    {name:6} outside {100 * outside:6.3f} % ({100 * refuted:.3f} %)  largest {largest:6.3f}  width {100 * width:5.3g} %"
+            f"  {seconds:.1f} s{assumed(band)}{'' if np.isfinite(band.radius).all() else '; NOT FINITE'}",
             flush=True,
         )
-        bands = {}
-        for what, box in (("fixed", None), ("box", modes)):
-            if box is not None and not len(modes.omega):
-                continue
-            band, seconds = clocked(rid.band, problem, box=box)
-            outside, largest, width = judged(band, judge)
-            bands[what] = band
-            print(
-                f"{'':6}{what:7} outside {100 * outside:7.3f} %  largest {largest:6.3f}  width {100 * width:6.3g} %"
-                f"  {seconds:.1f} s{assumed(band)}{'' if np.isfinite(band.radius).all() else '; NOT FINITE'}",
-                flush=True,
-            )
-        if train.values[0].size == 1 and train.omega.size <= 300:
-            print(f"{'':6}{swept(problem, bands['fixed'], judge, arguments.time_limit)}", flush=True)
+    return fixed
 
 
 # Truths at the edge of the class

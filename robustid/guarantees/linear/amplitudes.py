@@ -17,6 +17,7 @@ from robustid.guarantees.linear.search import POINTS, nearest_points, search
 
 _ROUNDS = 4
 _SLACK = 1 + 1e-9
+_LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
 AMPLITUDE = 2.0  # of a mode that the data cannot bound, over that of a fit: an assumption
 _WIDE = 0.5  # hyperbolic radius of a box above which nothing is tried to prove of its amplitude
 _LEAST = 1e-3  # of the largest amplitude of a fit: what is assumed at least
@@ -108,18 +109,26 @@ def wide_modes(samples: Samples, *, touching: bool = False) -> NDArray[np.bool_]
 
 
 def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real) -> Extraction:
-    """The best of some rounds, each with the discs of the one before."""
+    """The best of some rounds, each with the discs of the one before.
+
+    The first matches all functions exactly; where that proves nothing, since many terms of a series ask for large multipliers, it
+    begins with discs that are surely too large.
+    """
     stated = np.isfinite(assumed)
-    known = Amplitudes(np.where(stated, 0, fit), assumed)
+    large = np.abs(fit) + float(samples.gains.max())
     best = None
-    for _ in range(_ROUNDS):
-        points, d = search(samples, targets, known, points=POINTS + 2 * samples.amplitude_of.size)
-        found = Extraction(samples, np.where(stated, fit, known.centre), points, d, assumed)
-        if best is None or found.known.radius.sum() < best.known.radius.sum():
-            best = found
-        if not np.all(np.isfinite(found.known.radius)):
+    for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
+        known = Amplitudes(np.where(stated, 0, fit), np.where(stated, assumed, start))
+        for _ in range(_ROUNDS):
+            points, d = search(samples, targets, known, points=POINTS + 2 * samples.amplitude_of.size)
+            found = Extraction(samples, np.where(stated, fit, known.centre), points, d, assumed)
+            if best is None or found.known.radius.sum() < best.known.radius.sum():
+                best = found
+            if not np.all(np.isfinite(found.known.radius)):
+                break
+            known = found.known
+        if np.all(np.isfinite(best.known.radius)):  # type: ignore[union-attr]
             break
-        known = found.known
     return best  # type: ignore[return-value]  # there is a round
 
 
@@ -169,8 +178,8 @@ def confusion(samples: Samples, targets: Targets, extraction: Extraction, about:
 def guess(samples: Samples, targets: Targets) -> Complex:
     """Amplitudes of a least-squares fit with the class as its noise: from where the first proof measures them."""
     count = samples.amplitudes
-    if not count:
-        return np.zeros(0, complex)
+    if not count or not samples.angles.size + samples.rows:
+        return np.zeros(count, complex)
     points = np.unique(nearest_points(samples, targets.base, _FIRST))
     points = np.unique(np.concatenate([points, np.mod(points + samples.angles.size // 2, max(samples.angles.size, 1))]))
     middle = samples.problem.region.points(

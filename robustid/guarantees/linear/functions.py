@@ -117,8 +117,8 @@ class Functions(Frozen):
         found = np.zeros((low.size, self.amplitudes))
         if self.fixed is not None:
             states = input_normal(self.fixed.A, self.fixed.B, self.fixed.C)
-            ends = zip(low.tolist(), high.tolist(), strict=True)
-            found[:, : self.fixed_count] = [second_derivative(*states, a, b)[:, 0] for a, b in ends]
+            for k, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):  # none of them, perhaps
+                found[k, : self.fixed_count] = second_derivative(*states, a, b)[:, 0]
         if self.modes is not None:
             found[:, self.fixed_count :] = self.modes.bends(low, high)
         return found

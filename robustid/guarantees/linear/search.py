@@ -52,6 +52,8 @@ def search(
     """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given."""
     chosen_points = nearest_points(samples, targets.base, points) if start is None else start[0]
     size = chosen_points.shape[1] + samples.rows
+    if not size:  # a box reaches the circle so far that no sample says anything
+        return chosen_points, np.zeros((targets.base.size, 0), complex)
     stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
     found = np.zeros((targets.base.size, size), complex)
     for first in range(0, targets.base.size, stack):

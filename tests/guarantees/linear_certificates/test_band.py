@@ -175,3 +175,15 @@ def test_a_box_without_width_leaves_what_exact_poles_leave():
     (centre, radius), (other, again) = (one.at(np.random.default_rng(0).uniform(0, 31, 50)) for one in (exact, boxed))
     np.testing.assert_allclose(again, radius, rtol=0.1)
     assert np.all(np.abs(centre - other) <= radius + again)
+
+
+def test_a_box_that_holds_every_line_leaves_nothing_proved():
+    omega = np.linspace(9.0, 11.0, 12)
+    pair = rid.kautz(10.0, 0.05, dt=0.1, delay=1)
+    values = pair.response(0.1 * omega) @ np.array([1.0, 0.5])
+    frf = rid.FrequencyResponse(omega, values, bound=0.01, dt=0.1)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.2), parametric=pair)
+    found = rid.band(problem, box=([[8.0, 12.0]], [[1e-5, 0.9]]))
+    assert not found.bounded.any()
+    assert "none" in found.summary()
+    assert found.verify()
