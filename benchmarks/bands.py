@@ -430,8 +430,9 @@ def said(problem, box, fits, train, judge):
         fixed = fixed or band
         (outside, largest, width), (refuted, _, _) = judged(band, judge), judged(band, train)
         print(
-            f"    {name:6} outside {100 * outside:6.3f} % ({100 * refuted:.3f} %)  largest {largest:6.3f}  width {100 * width:5.3g} %"
-            f"  {seconds:.1f} s{assumed(band)}{'' if np.isfinite(band.radius).all() else '; NOT FINITE'}",
+            f"    {name:6} outside {100 * outside:6.3f} % ({100 * refuted:.3f} %)  largest {largest:6.3f}"
+            f"  width {100 * width:5.3g} %  {seconds:.1f} s{assumed(band)}"
+            f"{'' if np.isfinite(band.radius).all() else '; NOT FINITE'}",
             flush=True,
         )
     return fixed
