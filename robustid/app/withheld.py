@@ -116,9 +116,10 @@ def compared(band: Band | WorstCaseError | Family, withheld: Sequence[FrequencyR
         low, high = band.range
         lines = np.unique(np.concatenate([frf.omega for frf in withheld]))
         lines = lines[(lines >= low) & (lines <= high)]
-        if not lines.size:
+        said = dataclasses.replace(band, omega=lines).bounded if lines.size else np.zeros(0, bool)
+        if not said.any():  # lines at which nothing is said support nothing
             return None
-        band = dataclasses.replace(band, omega=lines)
+        band = dataclasses.replace(band, omega=lines[said])
     known = np.maximum(band.omega, np.finfo(float).tiny)
     near = any(np.min(np.abs(frf.omega[:, None] / known - 1)) < 1e-9 for frf in withheld)
     return coverage(band, withheld, kind=kind) if near else None
