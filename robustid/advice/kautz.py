@@ -178,6 +178,14 @@ def suggest_kautz(
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
+    boxes = [pole_interval(fit, poles, int(i)) for i in kept]
+    if wanted is None:
+        seen = [k for k, (box, _, _) in enumerate(boxes) if not np.allclose(box[1], DAMPING, rtol=1e-6)]
+        if len(seen) < len(kept):
+            reason += (
+                f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"
+            )
+        kept, boxes = kept[seen], [boxes[k] for k in seen]
     step = fit.plane.dt
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
@@ -188,7 +196,6 @@ def suggest_kautz(
     chosen = 0
     if step:
         chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
-    boxes = [pole_interval(fit, poles, int(i)) for i in kept]
     edges = mode_intervals(np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2), fit.plane)
     return KautzSuggestion(
         omega=omega,

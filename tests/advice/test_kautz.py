@@ -211,6 +211,27 @@ def test_measured_mirror_shows_its_eight_modes(last, modes, every):
         assert np.abs(found / hz - 1).min() < 0.02, hz
 
 
+def test_a_mode_that_fits_as_well_with_any_damping_is_left_to_the_gain_bound():
+    """Entry (1, 1) of the mirror hardly shows the mode at 922 Hz; taken along, its box of all dampings would leave no band."""
+    try:
+        record = datasets.load("fsm/train")
+    except DatasetNotFoundError as missing:
+        pytest.skip(str(missing))
+    whole = rid.estimate_frf(record, period=8192).band(500, 1700)
+    frf = rid.FrequencyResponse(
+        whole.omega, whole.values[:, :1, :1], bound=whole.bound.outer_radius[:, :1, :1], dt=whole.dt
+    )
+    found = suggest_kautz(frf)
+    assert not np.any((found.omega > 2 * np.pi * 850) & (found.omega < 2 * np.pi * 970))
+    assert np.all(found.damping_interval[:, 1] < 0.5)
+    assert found.omega.size == found.omega_interval.shape[0] == found.level.size == 4
+    prior = rid.Prior(gain_bound=5e-6, decay_rate=1.04)
+    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=found.basis)
+    one = rid.band(problem, box=(found.omega_interval, found.damping_interval), omega=frf.omega[::40])
+    assert np.isfinite(one.radius).all()
+    assert suggest_kautz(frf, modes=5).omega.size == 5  # as many as are asked for
+
+
 def test_modes_that_coincide_are_one():
     pole, other = np.log([0.5, 0.4]), np.log([0.5001, 0.4])
     assert told_apart(np.array([pole, other, np.log([0.6, 0.4])])).shape == (2, 2)

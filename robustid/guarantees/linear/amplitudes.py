@@ -120,7 +120,7 @@ def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real) -> 
     for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
         known = Amplitudes(np.where(stated, 0, fit), np.where(stated, assumed, start))
         for _ in range(_ROUNDS):
-            points, d = search(samples, targets, known, points=POINTS + 2 * samples.amplitude_of.size)
+            points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size)
             found = Extraction(samples, np.where(stated, fit, known.centre), points, d, assumed)
             if best is None or found.known.radius.sum() < best.known.radius.sum():
                 best = found

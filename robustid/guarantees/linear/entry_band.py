@@ -125,7 +125,7 @@ def entry_band(samples: Samples, wanted: Real, low: float, high: float) -> Entry
     """Search certificates at the wanted angles, at the lines and around the modes, and between them until interpolation does."""
     extraction = extract(samples)
     angles = apart(np.concatenate([wanted, first_knots(samples, low, high)]), _APART * (high - low))
-    count = POINTS + min(int(samples.first.sum()), POINTS)  # more where there are more functions to be told apart
+    count = POINTS + min(int(samples.first.sum()), POINTS) // 2  # more where there are more functions to be told apart
     points, d = _found(samples, extraction, angles, count)
     open_arcs = np.arange(angles.size - 1)
     for _ in range(_ROUNDS):

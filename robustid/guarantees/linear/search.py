@@ -16,6 +16,7 @@ _NEAR = 0.3  # of them the nearest ones; the others ever farther apart
 _STEPS = 10
 _CHANGE = 1e-20, 1e20  # of a weight, in a step
 _FARTHER = 1.8  # times the change of the logarithm of a weight
+_SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
 _STACK = 4e6  # complex numbers in the matrices of a stack: memory, and what a cache holds
 _FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
 _STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
@@ -106,11 +107,17 @@ def _reweighted(
     else:
         level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
         used = [bound**2 * bound.shape[1], np.ones(len(bound)), level]
+    # The first functions of the modes at every step, the others, most of them and smaller, at some.
+    groups = [(np.flatnonzero(samples.first[~free]), 1), (np.flatnonzero(~samples.first[~free]), _SELDOM)]
+    products = [np.zeros_like(gram) for _ in groups]
+    v = np.array(used[2])
     for step in range(steps):
-        q, w, v = used
-        A = w[:, None, None] * gram
-        if radius.size:
-            A += (adjoint * v[:, None, :]) @ L
+        q, w, latest = used
+        for k, (group, every) in enumerate(groups):
+            if group.size and (step == 0 or (step - 1) % every == 0):  # the first weights are on a scale of their own
+                products[k] = (adjoint[:, :, group] * latest[:, None, group]) @ L[:, group]
+                v[:, group] = latest[:, group]
+        A = w[:, None, None] * gram + products[0] + products[1]
         A[:, at, at] += q + (w * ridge)[:, None]
         right = w[:, None] * chosen.cross.conj() + (adjoint @ (v * wanted)[:, :, None])[:, :, 0]
         try:
@@ -119,7 +126,7 @@ def _reweighted(
             return best
         new = weights(d)
         if step or start is not None:
-            new = [old * np.clip(one / old, *_CHANGE) ** _FARTHER for old, one in zip(used, new, strict=True)]
+            new = [before * np.clip(one / before, *_CHANGE) ** _FARTHER for before, one in zip(used, new, strict=True)]
             largest = np.abs(d).max(axis=1, keepdims=True)
             new[0] = np.minimum(new[0], bound / (_FLOOR * largest + 1e-300))
         used = new
