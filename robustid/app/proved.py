@@ -22,8 +22,8 @@ def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any)
     return 2 * np.pi * np.asarray(hz_interval, dtype=float)[order], np.asarray(damping_interval, dtype=float)[order]
 
 
-def proved_band(result: Identification, model: Any, box: Box | None) -> Band | None:
-    """The band around a model; at the poles as they stand where a box does not go with them, None of classes without a gain."""
+def proved_band(result: Identification, box: Box | None, model: Any = None) -> Band | None:
+    """The band; at the poles as they stand where a box does not go with them, None of classes without a gain."""
     if not result.consistent or result.prior.positive_real:
         return None
     basis = result.problem.parametric

@@ -178,11 +178,14 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         run, problem = larger
         around.folder.choices(run)
         result = _identified(run, problem, around)
-    reduction, worth, doubtful = _small_model(run, result, left, around)
+    proved = _proved(run, result, around) if result.consistent and run.worst_case.compute else None
+    reduction, worth, doubtful = _small_model(run, result, proved, left, around)
     found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
     said = content(result) if result.consistent and problem.frequency else None
-    proved = _proved(run, result, reduction, around) if result.consistent and run.worst_case.compute else None
-    found += [] if proved is None else [findings.band_words(proved)]
+    if proved is not None:
+        proved = proved.with_model(reduction.model)
+        around.folder.proved(proved)
+        found.append(findings.band_words(proved))
     if said is not None:
         found.insert(0 if said.empty else len(found), said.summary())
     found.append(findings.sample_words(result, reduction.model, reduction.order))
@@ -222,12 +225,12 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     )
 
 
-def _proved(run: RunFile, result: Identification, reduction: Reduction, around: Surroundings) -> Band | None:
+def _proved(run: RunFile, result: Identification, around: Surroundings) -> Band | None:
     """The band that is proved at every frequency, kept as soon as it is there."""
     around.say("proving the error at every frequency")
     modes = run.modes
     box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
-    found = proved_band(result, reduction.model, box)
+    found = proved_band(result, box)
     if found is not None:
         around.folder.proved(found)
     return found
@@ -236,6 +239,7 @@ def _proved(run: RunFile, result: Identification, reduction: Reduction, around: 
 def _small_model(
     run: RunFile,
     result: Identification,
+    band: Band | None,
     left: Untouched,
     around: Surroundings,
 ) -> tuple[Reduction, ModelWorth | None, tuple[DoubtfulMode, ...]]:
@@ -243,7 +247,7 @@ def _small_model(
     asked, told = run.small_model, around.begun("searching for the smallest order")
     bodies = asked.rigid_body
     body = None if bodies is None else RigidBody(bodies)
-    reduction = reduce_within_bounds(result, rigid_body=body, time_limit=asked.time_limit, progress=told)
+    reduction = reduce_within_bounds(result, rigid_body=body, band=band, time_limit=asked.time_limit, progress=told)
     worth = None
     if not why_not_compared(result, reduction, left.response, left.records):
         told = around.begun("comparing it with the best fits")

@@ -62,6 +62,8 @@ class BestModels:
         What a model must keep to: 1, or of inconsistent data, once `widen` was called, their margin.
     chains : int
         States of the integrators.
+    radius : float
+        Largest modulus of a pole.
     """
 
     def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
@@ -74,7 +76,7 @@ class BestModels:
         basis = identification.problem.parametric
         self._held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
         poles = starts.without_integrators(identification.model.poles(), self.chains)
-        self._radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
+        self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
         self.fits: dict[int, Fit] = {}
         self.found: dict[int, Found] = {}
@@ -128,7 +130,7 @@ class BestModels:
     def _truncated(self, order: int) -> Iterator[Any]:
         """Truncations to start from; of a matrix also the model's own: with as many states least squares follow every error."""
         pair = self._families[0](order - self.chains)
-        fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self._radius)))
+        fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self.radius)))
         if fit is not None:
             yield starts.statespace(self.samples, fit, self.identification.model)
         if self.samples.heads > 1 and not self.chains:
@@ -196,11 +198,11 @@ class BestModels:
         spread = pole_functions(np.append(self._held, starts.spread(self.samples, rest)))
         for pair in (*(family(n) for family in self._families[1:]), spread):
             if pair is not None:
-                moving = inside(pole_functions(apart(pair.poles, self._held)), self._radius)
+                moving = inside(pole_functions(apart(pair.poles, self._held)), self.radius)
                 yield pole_functions(np.concatenate([self._held, moving.poles]))
 
     def _rest_refined(self, pair: Pair) -> Fit:
-        samples, radius, held = self.samples, self._radius, self._held
+        samples, radius, held = self.samples, self.radius, self._held
         fit = descended(samples, least_squares(samples, pair), radius, held=held, budget=self._budget)
         steps = _STEPS if fit.cost <= self.limit else 0
         return levelled(samples, fit, radius, self.limit, steps, held, self._budget)
@@ -209,7 +211,7 @@ class BestModels:
         """A model of many states in the coordinates of the samples, which stands for the data."""
         most = min(starts.RICH, self.identification.order - self.chains)
         pair = next(p for n in range(most, -1, -1) if (p := self._families[0](n)) is not None)
-        return least_squares(self.samples, inside(pair, self._radius))
+        return least_squares(self.samples, inside(pair, self.radius))
 
     def _fitted(self, n: int) -> Pair | None:
         """The functions of a matrix fraction fitted to the responses."""
@@ -235,7 +237,7 @@ class BestModels:
 
     def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
         """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
-        samples, radius = self.samples, self._radius
+        samples, radius = self.samples, self.radius
         usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
         fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= REFINED:
@@ -269,11 +271,11 @@ class BestModels:
 
     def _descended(self, fit: Fit, steps: int) -> Fit | None:
         """The fit at its least squares, or so many steps nearer."""
-        return _quiet(lambda: descended(self.samples, fit, self._radius, steps, budget=self._budget))
+        return _quiet(lambda: descended(self.samples, fit, self.radius, steps, budget=self._budget))
 
     def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
         """These fits at their least squares, then minimax, the first that is within the limit last."""
-        samples, radius = self.samples, self._radius
+        samples, radius = self.samples, self.radius
         if n <= REFINED:
             ends = [self._descended(f, _ALL) for f in fits]
             fits = sorted((fit for fit in ends if fit is not None), key=self._promise)

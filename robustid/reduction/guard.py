@@ -30,7 +30,7 @@ class Guard:
         lowest = min(lines.min(initial=np.inf), np.pi / _GRID)
         even = np.linspace(0, np.pi, _GRID)
         low = np.geomspace(_LOWEST, float(even[1]), _GRID, endpoint=False)
-        angles = np.unique(np.concatenate([even, low, lines, (lines[1:] + lines[:-1]) / 2, _resonances(model)]))
+        angles = np.unique(np.concatenate([even, low, lines, (lines[1:] + lines[:-1]) / 2, resonances(model)]))
         self._lowest = lowest if integrators else 0.0
         self._angles = angles[angles >= self._lowest]
         self._model, self._dt = model, problem.dt
@@ -60,7 +60,7 @@ class Guard:
 
         One point for every stretch of angles, with the identified model as data.
         """
-        own = np.setdiff1d(_resonances(model), self._angles)
+        own = np.setdiff1d(resonances(model), self._angles)
         own = own[own >= self._lowest]
         response = responses(self._model, own)
         order = np.argsort(np.concatenate([self._angles, own]))
@@ -76,7 +76,7 @@ class Guard:
         return float(ratio.max()), FrequencyResponse(angles[at] / self._dt, values[at], bound=allowed[at], dt=self._dt)
 
 
-def _resonances(model: Any) -> Real:
+def resonances(model: Any) -> Real:
     """Angles of the poles, and half a width to either side."""
     poles = model.poles()
     poles = poles[(poles.imag >= 0) & (poles != 0)]

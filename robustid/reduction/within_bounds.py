@@ -17,6 +17,7 @@ from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels
+from robustid.reduction.towards_band import move_towards
 
 _log = logging.getLogger("robustid")
 
@@ -41,6 +42,7 @@ def reduce_within_bounds(
     identification: Identification,
     *,
     rigid_body: RigidBody | None = None,
+    band: Any = None,
     time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> Reduction:
@@ -71,6 +73,9 @@ def reduce_within_bounds(
     rigid_body : RigidBody, optional
         ``RigidBody(1)``: a rigid-body mode, two poles at z = 1 that are exact; of a MIMO model ``RigidBody(min(ny, nu))``,
         one for each on the side with fewer. Integrators of the parametric part are always kept.
+    band : Band, optional
+        Proved band of the same problem (`band(identification)`): of the models of the order that is found, inside every bound, one
+        near its centre in units of its radius, so that the guaranteed error is near the least that any model has.
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
         says so.
@@ -112,10 +117,14 @@ def reduce_within_bounds(
     >>> small.order, small.margin <= 1
     (4, True)
     """
+    from robustid.guarantees import Band
+
     as_kind("identification", identification, Identification, "the result of identify()")
+    if band is not None:
+        as_kind("band", band, Band, "the result of band()")
     budget = Budget(time_limit, progress)
     image, plane = image_of(identification), identification.problem.plane
-    found = _Search(image, _integrators(image, rigid_body), budget).reduction()
+    found = _Search(image, _integrators(image, rigid_body), budget, band).reduction()
     kept = found.status is SearchStatus.UNREDUCED
     return dataclasses.replace(found, model=identification.model if kept else from_image(found.model, plane))
 
@@ -164,8 +173,8 @@ class _TimeIsOver(Exception):
 class _Search:
     """Orders tried, with the best model of each."""
 
-    def __init__(self, identification: Identification, integrators: int, budget: Budget):
-        self.identification, self.budget = identification, budget
+    def __init__(self, identification: Identification, integrators: int, budget: Budget, band: Any):
+        self.identification, self.budget, self.band = identification, budget, band
         self.models = BestModels(identification, integrators, budget)
 
     def reduction(self) -> Reduction:
@@ -276,6 +285,8 @@ class _Search:
 
     def _result(self, order: int) -> Reduction:
         identification = self.identification
+        if self.band is not None:
+            move_towards(self.models, order, self.band)
         whole = balanced_truncations(identification.model)(identification.order)
         tried = {k: found.judged for k, found in self.models.found.items()}
         if self.models.within(order):

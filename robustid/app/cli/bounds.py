@@ -81,7 +81,7 @@ def bounds(
     spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
     words = words_of(bounds, executor="--workers", identification="the identification")
     with step(console, "proving the error at every frequency"):
-        proved = proved_band(identification, identification.model, _box(identification.problem))
+        proved = proved_band(identification, _box(identification.problem), identification.model)
     if proved is not None:
         say(console, proved.summary())
     with in_words(words), _resumable(console, resume):

@@ -178,15 +178,17 @@ def finish(
     from robustid.report import render_report, render_summary
 
     reduction, diagnosis, page = None, "", ""
+    with step(console, "proving the error at every frequency"):
+        band = proved_band(result, box)
     if reduce:
         words = "searching for the smallest order"
         with shown(console, words) as show:
-            reduction = reduce_within_bounds(result, progress=counted(show, words))
+            reduction = reduce_within_bounds(result, band=band, progress=counted(show, words))
     if not result.consistent:
         with shown(console, _HELPS) as show:
             diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
-    with step(console, "proving the error at every frequency"):
-        band = proved_band(result, result.model if reduction is None else reduction.model, box)
+    if band is not None:
+        band = band.with_model(result.model if reduction is None else reduction.model)
     if report is not None:
         page = render_report(
             result, static=static, reduction=reduction, band=band, diagnosis=diagnosis or None, **shown_too
