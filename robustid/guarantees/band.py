@@ -245,9 +245,7 @@ class Band(Frozen, Drawable, Savable):
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        return dataclasses.replace(
-            self, problem=polygons.identification.problem, omega=omega, polygons=polygons
-        )
+        return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
 
     @functools.cached_property
     def circle(self) -> CircleBound:
@@ -348,22 +346,24 @@ class Band(Frozen, Drawable, Savable):
 
     @property
     def polygon_words(self) -> str:
-        """Sentence on what polygons add to the discs; empty where there are none."""
+        """What polygons add to the discs, in words; empty where there are none."""
         if self.polygons is None:
             return ""
         asked, count = int(np.isin(self.omega, self.polygons.omega).sum()), int(self.narrowed.sum())
         if not count:
-            return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: the sums stand."
+            return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: that of sums stands"
         part = self._narrowing[self.narrowed]
         least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
-        sizes = f"to {100 * np.median(part):.3g} % in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
-        text = (
+        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        return (
             f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
-            " band of sums stands."
+            " band of sums stands"
         )
-        if self.box is not None:
-            text += f" Where it does, amplitudes of modes are assumed to be at most {AMPLITUDE:g} times the identified model's."
-        return text
+
+    @property
+    def assumes_amplitudes(self) -> bool:
+        """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
+        return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
 
     @property
     def open_words(self) -> str:
@@ -438,6 +438,10 @@ class Band(Frozen, Drawable, Savable):
             )
         if self.polygons is not None:
             lines.append(f"refined    {self.polygon_words}")
+        if self.assumes_amplitudes:
+            lines.append(
+                f"           there amplitudes are assumed of at most {AMPLITUDE:g} times the identified model's"
+            )
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
         )

@@ -73,7 +73,7 @@ def identification_page(
     band: Band | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
-    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band)
+    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band, worst_case)
     if worst_case is not None:
         guaranteed += guarantee_section(identification, worst_case)
     if over_poles is not None:
