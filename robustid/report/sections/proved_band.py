@@ -23,15 +23,20 @@ _TINY = np.finfo(float).tiny
 _ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
 
 
-def proved_band_section(identification: Identification, band: Band, error: WorstCaseError | None = None) -> list[Block]:
-    """Build the section of what is proved at every frequency; `error` is the sweep of exact poles on the same page."""
+def proved_band_section(
+    identification: Identification, band: Band, error: WorstCaseError | None = None, holds: bool = True
+) -> list[Block]:
+    """Build the section of what is proved at every frequency.
+
+    `error` is the sweep of exact poles on the same page; `holds` says whether the polygons of the band, evaluated again, do.
+    """
     check_band(identification, band)
     words = stands_on(band, error)
     return [
         Heading("What is guaranteed at every frequency"),
         Text(sentence(identification, band), id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
-        verdict(band),
+        verdict(band, holds),
         Facts(rows(identification, band)),
         Drawing(band_chart(identification, band)),
     ]
@@ -102,11 +107,11 @@ def _size(band: Band) -> np.ndarray:
     return np.linalg.norm(band.nominal, 2, axis=(1, 2))
 
 
-def verdict(band: Band) -> Verdict:
-    """Verdict on the sums, which are evaluated again."""
+def verdict(band: Band, holds: bool) -> Verdict:
+    """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
     further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
-    if band.certified:
+    if holds and dataclasses.replace(band, polygons=None).certified:
         words = (
             f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page,"
             " without a solver."
