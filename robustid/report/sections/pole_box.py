@@ -191,7 +191,7 @@ def _entries(band: WorstCaseOverPoles) -> str:
     return "" if siso(band.identification) else f" in every entry{part}"
 
 
-def verdict(band: WorstCaseOverPoles, holds: bool | None) -> Verdict:
+def verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     """Verdict on the cells, which must cover the box, and on the certificates, which must support their bounds now."""
     if band.covered:
         return certificates(band.claim_count, band.verify() if holds is None else holds, "box-certificates")
