@@ -214,6 +214,17 @@ class Band(Frozen, Drawable, Savable):
             No system of the class fits the data.
         InputError
             An identification of another problem; a box that `worst_case_over_poles` can't take.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> omega = np.linspace(1.0, 30.0, 20)
+        >>> frf = rid.FrequencyResponse(omega, 1 / (2 - np.exp(-0.1j * omega)), bound=0.01, dt=0.1)
+        >>> result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.5)))
+        >>> plain = rid.band(result, omega=[5.0, 20.0])
+        >>> found = plain.refine(result, omega=[5.0])
+        >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
+        (True, True, True)
         """
         grid = self.omega if omega is None else as_frequencies(omega, self.problem)
         low, high = self.range
@@ -346,7 +357,7 @@ class Band(Frozen, Drawable, Savable):
 
     @property
     def polygon_words(self) -> str:
-        """What polygons add to the discs, in words; empty where there are none."""
+        """Words on what polygons add to the discs; empty where there are none."""
         if self.polygons is None:
             return ""
         asked, count = int(np.isin(self.omega, self.polygons.omega).sum()), int(self.narrowed.sum())

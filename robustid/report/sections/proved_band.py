@@ -209,7 +209,7 @@ def _sizes(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
-    """Where polygons narrow the band: the range of the magnitude, and dots of the error."""
+    """Layers where polygons narrow the band: ranges of the magnitude, and dots of the error."""
     here = band.narrowed & (band.omega > 0)  # a logarithmic axis has no 0
     if not here.any():
         return [], []
