@@ -17,7 +17,7 @@ from robustid.errors import InputError, Status
 from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
 from robustid.identification import Identification, Validation, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
-from robustid.report import at_most
+from robustid.report import at_most, stands_on
 
 _MOST_NAMED = 6
 EMPTY = (
@@ -65,8 +65,8 @@ def pole_words(identification: Identification, modes: Modes) -> str:
     return f"{FIXED_POLES}{OVER_POLES}."
 
 
-def band_words(band: Band) -> str:
-    """Sentence on the band that is proved at every frequency."""
+def band_words(band: Band, error: WorstCaseError | None) -> str:
+    """Sentences on the band that is proved at every frequency, and on what it stands, beside a sweep of exact poles."""
     upper = band.sigma_upper
     poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
     if band.box is not None:
@@ -79,7 +79,8 @@ def band_words(band: Band) -> str:
     return (
         f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
         f" order {band.model.nstates} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
-    )
+        f" {stands_on(band, error)}"
+    ).rstrip()
 
 
 def box_words(band: WorstCaseOverPoles) -> str:

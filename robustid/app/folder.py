@@ -138,6 +138,8 @@ class RunFolder:
             result.error.save(self.folder / "worst_case")
         if result.over_poles is not None:
             result.over_poles.save(self.folder / "over_poles")
+        if result.band is not None:
+            self.proved(result.band)  # refined
         save_model(result.model, self.folder / _MODEL)
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.guarantees import Band, band, has_box
+from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles, band, has_box
 from robustid.identification import Identification
 
 Box = tuple[Any, Any]
@@ -28,3 +28,13 @@ def proved_band(result: Identification, box: Box | None, model: Any = None) -> B
         return None
     basis = result.problem.parametric
     return band(result, model=model, box=box if box is not None and has_box(basis, len(box[0])) else None)
+
+
+def refined_band(
+    band: Band | None, error: WorstCaseError | None, over_poles: WorstCaseOverPoles | None = None
+) -> Band | None:
+    """The band with the polygons that bound what it does: at exact poles those of the sweep, over a box those over the same box."""
+    if band is None:
+        return None
+    polygons = error if band.box is None else over_poles
+    return band if polygons is None or not polygons.omega.size else band.with_polygons(polygons)

@@ -15,7 +15,7 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
-from robustid.app.proved import box_of_modes, proved_band
+from robustid.app.proved import box_of_modes, proved_band, refined_band
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import CHOSEN_MODES, RunFile
 from robustid.app.withheld import compared, looked_at, split_points
@@ -185,9 +185,11 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     if proved is not None:
         proved = proved.with_model(reduction.model)
         around.folder.proved(proved)
-        found.append(findings.band_words(proved))
-    if said is not None:
-        found.insert(0 if said.empty else len(found), said.summary())
+    if said is not None and said.empty:
+        found.insert(0, said.summary())
+    place = len(found)  # of what is said of the band, when it is refined
+    if said is not None and not said.empty:
+        found.append(said.summary())
     found.append(findings.sample_words(result, reduction.model, reduction.order))
     if worth is not None:
         found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
@@ -198,14 +200,18 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
         found.append(findings.EMPTY)
     elif result.consistent and run.worst_case.compute:
-        run, error, small = _bounded(run, result, reduction, left.withheld, around)
+        run, error, small = _bounded(run, result, reduction, left.withheld, proved, around)
+        proved = refined_band(proved, small)
         seen = compared(small if proved is None else proved, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
         if (run.modes.note or "").startswith(CHOSEN_MODES) and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.pole_words(result, run.modes))
     if result.consistent and run.worst_case.over_poles:
-        over_poles, words = _over_poles(run, result, reduction, around)
+        over_poles, words = _over_poles(run, result, reduction, proved, around)
+        proved = refined_band(proved, small, over_poles)
         found.append(words)
+    if proved is not None:
+        found.insert(place, findings.band_words(proved, small))
     if left.kind != "lines":  # whether the records that were used bound the others, whatever the class is
         found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
     if seen is not None:
@@ -282,6 +288,7 @@ def _bounded(
     result: Identification,
     reduction: Reduction,
     withheld: list[FrequencyResponse],
+    proved: Band | None,
     around: Surroundings,
 ) -> tuple[RunFile, WorstCaseError, WorstCaseError]:
     """Error of every consistent system around the identified and around the small model, for which it is made small."""
@@ -295,7 +302,7 @@ def _bounded(
     around.say(f"bounding the error at {omega.size} frequencies, at most {asked.time_limit:g} s")
     counted = around.counted("bounding the error at every frequency")
     how: dict[str, Any] = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")}
-    small = worst_case_error(result, model=reduction.model, omega=omega, **how, **counted)
+    small = worst_case_error(result, model=reduction.model, omega=omega, known=proved, **how, **counted)
     if asked.circle:
         small = small.completed(executor=around.executor)
         small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
@@ -303,7 +310,7 @@ def _bounded(
 
 
 def _over_poles(
-    run: RunFile, result: Identification, reduction: Reduction, around: Surroundings
+    run: RunFile, result: Identification, reduction: Reduction, proved: Band | None, around: Surroundings
 ) -> tuple[WorstCaseOverPoles | None, str]:
     """Error around the small model with the poles anywhere in the pole-uncertainty box, and what to say of it."""
     modes = run.modes
@@ -317,6 +324,7 @@ def _over_poles(
             delay=modes.delay or 0,
             model=reduction.model,
             time_limit=run.worst_case.time_limit,
+            known=proved,
             **around.counted("bounding the error over the pole-uncertainty box"),
         )
     except (InputError, InconsistentDataError) as error:

@@ -10,7 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, as_array, as_flag, freeze, one_thread
+from robustid.core import (
+    Budget,
+    Complex,
+    Frozen,
+    Progress,
+    Real,
+    Savable,
+    as_array,
+    as_flag,
+    as_kind,
+    freeze,
+    one_thread,
+)
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
@@ -21,7 +33,19 @@ from robustid.guarantees.linear.entry_band import EntryBand, entry_band
 from robustid.guarantees.linear.functions import Functions, fixed_functions, functions_over, pairs_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
+from robustid.guarantees.pole_cells import AMPLITUDE
+from robustid.guarantees.refinement import (
+    SAME,
+    Spent,
+    check_polygons,
+    narrowed,
+    narrowed_norm,
+    polygons_hold,
+    polygons_of,
+)
+from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
+from robustid.guarantees.sweep import Folder
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, MixedProblem
@@ -51,6 +75,8 @@ class Band(Frozen, Drawable, Savable):
         Pole-uncertainty box that is covered: ends of the natural frequencies in rad/s, and of the damping ratios.
     model : control.StateSpace or None
         The nominal that errors are measured from; None: the centres.
+    polygons : WorstCaseError, WorstCaseOverPoles or None
+        Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
     """
 
     problem: MixedProblem
@@ -58,11 +84,14 @@ class Band(Frozen, Drawable, Savable):
     bands: tuple[EntryBand, ...]
     box: Any = None
     model: Any = None
+    polygons: Any = None
 
     def __post_init__(self) -> None:
         self._set(omega=freeze(self.omega))
         if self.box is not None:
             self._set(box=tuple(freeze(ends) for ends in self.box))
+        if self.polygons is not None:
+            check_polygons(self.polygons, self.problem, self.box)
 
     @functools.cached_property
     def _by_entry(self) -> dict[tuple[int, int], EntryBand]:
@@ -89,8 +118,8 @@ class Band(Frozen, Drawable, Savable):
 
     @property
     def sigma_upper(self) -> Real:
-        """Proved bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
-        return freeze(norm_of_bounds(self.upper))
+        """Proved bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`, or that of polygons."""
+        return freeze(narrowed_norm(norm_of_bounds(self.upper), self.polygons, self.omega, self.model))
 
     @property
     def nominal(self) -> Complex:
@@ -128,17 +157,106 @@ class Band(Frozen, Drawable, Savable):
         return low, high
 
     def error_at(self, omega: Any, model: Any = None) -> Real:
-        """Proved bound of |F - model| at any frequencies, (F, ny, nu): distance from the centre, and the radius."""
+        """Proved bound of |F - model| at any frequencies, (F, ny, nu): distance from the centre, and the radius.
+
+        At the frequencies of `polygons` (there exactly) the distance of their farthest corner, if it is less.
+        """
+        return narrowed(*self._discs_about(model, omega))
+
+    def _discs_about(self, model: Any, omega: Any) -> tuple[Real, Any, Real, Complex]:
+        """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
+        omega = np.atleast_1d(as_array("omega", omega))
         centre, radius = self.at(omega)
         model = self.model if model is None else check_nominal(model, self.problem)
         if model is None:
-            return radius
-        nominal = self.problem.plane.values_at(model, np.atleast_1d(np.asarray(omega, dtype=float)))
-        return np.abs(centre - nominal) * (1 + 1e-15) + radius
+            return radius, self.polygons, omega, centre
+        nominal = self.problem.plane.values_at(model, omega)
+        return np.abs(centre - nominal) * (1 + 1e-15) + radius, self.polygons, omega, nominal
 
     def with_model(self, model: Any) -> Band:
         """Return the same band with errors measured from another nominal; nothing is searched."""
         return dataclasses.replace(self, model=check_nominal(model, self.problem))
+
+    def refine(
+        self,
+        identification: Identification | None = None,
+        *,
+        omega: Any = None,
+        time_limit: float | None = None,
+        progress: Progress | None = None,
+        executor: Spread = None,
+        resume: Folder | None = None,
+    ) -> Band:
+        """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
+
+        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`, which assume that
+        amplitudes of modes are at most twice those of the identified model. Frequencies come first at which the discs are estimated
+        to be twice as large as need be. Polygons that the band has are replaced.
+
+        Parameters
+        ----------
+        identification : Identification, optional
+            Of the problem of the band, where one is at hand. Default: `identify` of it.
+        omega : (F,) array, rad/s, optional
+            Default: those of the band.
+        time_limit : float, optional
+            Seconds; the discs stand at frequencies that are not finished then.
+        progress, executor, resume : optional
+            As in `worst_case_error`.
+
+        Returns
+        -------
+        Band
+
+        Raises
+        ------
+        InconsistentDataError
+            No system of the class fits the data.
+        InputError
+            An identification of another problem; a box that `worst_case_over_poles` can't take.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> omega = np.linspace(1.0, 30.0, 20)
+        >>> frf = rid.FrequencyResponse(omega, 1 / (2 - np.exp(-0.1j * omega)), bound=0.01, dt=0.1)
+        >>> result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.5)))
+        >>> plain = rid.band(result, omega=[5.0, 20.0])
+        >>> found = plain.refine(result, omega=[5.0])
+        >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
+        (True, True, True)
+        """
+        grid = self.omega if omega is None else as_frequencies(omega, self.problem)
+        low, high = self.range
+        grid = grid[(grid >= low) & (grid <= high)]
+        if not grid.size:
+            raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does")
+        budget = Budget(time_limit)
+        thing = self.problem
+        if identification is not None:
+            thing = as_kind("identification", identification, Identification, "an Identification")
+        means = Spent(executor, progress, resume, budget)
+        return self.with_polygons(polygons_of(thing, self.box, self.model, grid, self, means))
+
+    def with_polygons(self, polygons: Any) -> Band:
+        """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
+
+        Parameters
+        ----------
+        polygons : WorstCaseError or WorstCaseOverPoles
+            At exact poles the former, over the box of the band the latter; about any model.
+
+        Raises
+        ------
+        InputError
+            Polygons of another problem, of exact poles beside a box, over a box that does not hold that of the band.
+        """
+        check_polygons(polygons, self.problem, self.box)
+        low, high = self.range
+        added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
+        near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
+        omega = np.union1d(self.omega[~near.any(axis=1)], added)
+        return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
 
     @functools.cached_property
     def circle(self) -> CircleBound:
@@ -152,11 +270,20 @@ class Band(Frozen, Drawable, Savable):
         if self.model is None:
             raise InputError("`model` is missing: the whole axis is bounded about a model; use with_model(...)")
         with one_thread():
-            angles, entries = arc_bounds(self._by_entry, self.model, self.problem)
+            angles, entries = arc_bounds(self._by_entry, self.model, self.problem, self._corners)
         edges = np.where(angles < np.pi, self.problem.plane.omega(np.minimum(angles, 3.0)), self.problem.plane.top)
         inside = angles < np.pi
         edges[inside] = self.problem.plane.omega(angles[inside])
         return CircleBound(edges, norm_of_bounds(entries), 0.0, True, (), entries)
+
+    @property
+    def _corners(self) -> tuple[Real, Real] | None:
+        """Angles of the polygons, and the bounds of the error there; None without any."""
+        if self.polygons is None:
+            return None
+        low, high = self.range
+        omega = self.polygons.omega[(self.polygons.omega >= low) & (self.polygons.omega <= high)]
+        return self.problem.plane.angles(omega), self.error_at(omega)
 
     @property
     def hinf(self) -> float:
@@ -213,7 +340,41 @@ class Band(Frozen, Drawable, Savable):
     def bounded(self) -> NDArray[np.bool_]:
         """Mask of the frequencies `omega` at which something is said, (F,)."""
         inside = [(low <= self.omega) & (self.omega <= high) for low, high in self.open_ranges]
-        return np.isfinite(self.sigma_upper) & ~np.any([np.zeros(self.omega.size, bool), *inside], axis=0)
+        open_there = np.any([np.zeros(self.omega.size, bool), *inside], axis=0)
+        return np.isfinite(self.sigma_upper) & (~open_there | self.narrowed)
+
+    @functools.cached_property
+    def narrowed(self) -> NDArray[np.bool_]:
+        """Mask of the frequencies `omega` at which polygons bound the error by less than the discs do, (F,)."""
+        return self._narrowing < 1
+
+    @functools.cached_property
+    def _narrowing(self) -> Real:
+        """Bounds with polygons over those of the discs, at `omega`, (F,)."""
+        discs = norm_of_bounds(self._discs_about(None, self.omega)[0])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.nan_to_num(self.sigma_upper / discs, nan=1.0)
+
+    @property
+    def polygon_words(self) -> str:
+        """Words on what polygons add to the discs; empty where there are none."""
+        if self.polygons is None:
+            return ""
+        asked, count = int(np.isin(self.omega, self.polygons.omega).sum()), int(self.narrowed.sum())
+        if not count:
+            return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: that of sums stands"
+        part = self._narrowing[self.narrowed]
+        least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
+        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        return (
+            f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
+            " band of sums stands"
+        )
+
+    @property
+    def assumes_amplitudes(self) -> bool:
+        """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
+        return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
 
     @property
     def open_words(self) -> str:
@@ -242,9 +403,9 @@ class Band(Frozen, Drawable, Savable):
         return self.verify()
 
     def verify(self, exact: bool = False) -> bool:
-        """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone.
+        """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.
 
-        `exact` in ball arithmetic, at the knots, by code of its own (`robustid[exact]`).
+        `exact` in ball arithmetic, of discs at the knots, by code of its own (`robustid[exact]`).
         """
         from robustid.guarantees.linear.verification import holds_exactly
 
@@ -253,7 +414,8 @@ class Band(Frozen, Drawable, Savable):
         with one_thread():
             again = [dataclasses.replace(one) for one in self.bands]  # nothing that was computed before is taken over
             same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, self.bands, strict=True)]
-            return all(same) and (not exact or all(holds_exactly(one) for one in again))
+            discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
+        return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 
     def __repr__(self) -> str:
         poles = "poles as stated" if self.box is None else "poles anywhere in a box"
@@ -284,6 +446,12 @@ class Band(Frozen, Drawable, Savable):
             lines.append(
                 f"open       nothing is proved from {self.open_words}: the box of a mode there reaches the undamped ones; measure"
                 " frequency points there"
+            )
+        if self.polygons is not None:
+            lines.append(f"refined    {self.polygon_words}")
+        if self.assumes_amplitudes:
+            lines.append(
+                f"           there amplitudes are assumed of at most {AMPLITUDE:g} times the identified model's"
             )
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
@@ -380,6 +548,7 @@ def band_of_multipliers(
     omega: Real,
     model: Any,
     multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], dict[str, NDArray[Any]]]],
+    polygons: Any = None,
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them.
 
@@ -413,8 +582,11 @@ def band_of_multipliers(
         if np.any(np.isfinite(extraction.assumed) & ~wide_modes(samples)) or np.any(extraction.assumed < 0):
             raise ValueError("it assumes amplitudes of modes that can be proved")
         bands.append(EntryBand(samples, extraction, angles, points, d))
+    if polygons is not None and not polygons_hold(polygons):
+        raise ValueError("its polygons do not follow from their certificates")
     grid = as_frequencies(omega, problem)
-    return Band(problem=problem, omega=grid, bands=tuple(bands), box=box, model=model)
+    found = Band(problem=problem, omega=grid, bands=tuple(bands), box=box, model=model)
+    return found if polygons is None else found.with_polygons(polygons)
 
 
 def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:

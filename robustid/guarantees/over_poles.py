@@ -34,7 +34,7 @@ from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
 from robustid.guarantees.pole_sweep import affordable, bounded, default_frequencies, searched
 from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder
+from robustid.guarantees.sweep import Folder, Known
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.identification import Identification
 
@@ -302,6 +302,7 @@ def worst_case_over_poles(
     progress: Progress | None = None,
     resume: Folder | None = None,
     time_limit: float | None = None,
+    known: Known | None = None,
 ) -> WorstCaseOverPoles:
     """Guaranteed error of a model over all consistent systems whose poles lie in a pole-uncertainty box: the union over its cells.
 
@@ -320,7 +321,7 @@ def worst_case_over_poles(
         Ends per mode, rad/s and 1; `KautzSuggestion.omega_interval` and `.damping_interval`.
     delay : int, samples
         Of the pairs, in discrete time.
-    model, omega, directions, rtol, executor, progress, resume
+    model, omega, directions, rtol, executor, progress, resume, known
         As in `worst_case_error`. Default `omega`: 24 frequencies, and the modes.
     cells : int
         Cells at most.
@@ -376,7 +377,7 @@ def worst_case_over_poles(
             f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"
             " the bounds, the prior or the box"
         )
-    kept, grid = bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model)
+    kept, grid = bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model, known)
     upper, magnitude = _bounds(kept, model, grid, identification)
     return WorstCaseOverPoles(
         identification=identification,

@@ -14,7 +14,7 @@ from robustid.guarantees.consistent_set import ConsistentSet, set_of
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation
 from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.sweep import Folder, Known, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency
 from robustid.guarantees.widening import smallest_bounds
 from robustid.identification import MixedProblem, prove_margin
@@ -87,6 +87,7 @@ def bounded(
     means: tuple[Spread, Progress | None, Folder | None],
     budget: Budget,
     model: Any,
+    known: Known | None = None,
 ) -> tuple[tuple[KeptCell, ...], Real]:
     """The values of every cell, and the frequencies that are finished in all of them.
 
@@ -109,7 +110,7 @@ def bounded(
                 found.append((cell, None))
                 continue
             folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
-            mine = executor, counted, folder, budget.share(1 / left), model
+            mine = executor, counted, folder, budget.share(1 / left), model, known
             values = by_frequency(value_sets(consistent, grid, *settings, *mine))
             # Other frequencies are of no use any more: the union is over all cells.
             done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]

@@ -24,7 +24,7 @@ from robustid.identification import Identification, MarginCertificate, describe_
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
 _BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
 _MISSING, _MEMBER = "missing", "member/{}/"
-_ENTRY, _AMPLITUDES = "entry/{}/", "amplitudes/"
+_ENTRY, _AMPLITUDES, _POLYGONS = "entry/{}/", "amplitudes/", "polygons/"
 
 
 def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
@@ -172,17 +172,22 @@ def _pack_band(band: Band) -> tuple[Record, Arrays]:
             "assumed": found.assumed,
         }
         arrays |= under(_ENTRY.format(k), numbers | under(_AMPLITUDES, proof))
+    polygons: Record | None = None
+    if band.polygons is not None:
+        polygons, numbers = describe(band.polygons)
+        arrays |= under(_POLYGONS, numbers)
     record = {
         "problem": problem,
         "problem_digest": digest({"text": text_array(problem)}),
         "entries": len(band.bands),
+        "polygons": polygons,
         "summary": band.summary().splitlines(),
     }
     return record, arrays
 
 
 def _unpack_band(record: Record, arrays: Arrays) -> Band:
-    """The band of stored multipliers: radii are not stored, but follow from them anew."""
+    """The band of stored multipliers: radii are not stored, but follow from them anew; certificates of polygons are evaluated."""
     if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
         raise ValueError("the problem was edited (its digest differs)")
     problem, ends, model = read_problem(arrays, record["problem"]), part(arrays, _BOX), part(arrays, _MODEL)
@@ -194,7 +199,8 @@ def _unpack_band(record: Record, arrays: Arrays) -> Band:
     box = (ends["omega"], ends["damping"]) if ends else None
     parts = [part(arrays, _ENTRY.format(k)) for k in range(record["entries"])]
     multipliers = [(one["angles"], one["points"], one["multipliers"], part(one, _AMPLITUDES)) for one in parts]
-    return band_of_multipliers(problem, box, arrays["omega"], nominal, multipliers)
+    polygons = None if record.get("polygons") is None else rebuild(record["polygons"], part(arrays, _POLYGONS))
+    return band_of_multipliers(problem, box, arrays["omega"], nominal, multipliers, polygons)
 
 
 def _pack_family(family: Family) -> tuple[Record, Arrays]:

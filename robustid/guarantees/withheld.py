@@ -43,7 +43,8 @@ class ResponseDiscs(NamedTuple):
                 raise InputError("`band` is a response without a bound; use with_bound(...), or estimate_frf")
             return cls(thing.omega, thing.values, thing.bound.outer_radius, float(thing.dt or 0.0))
         if isinstance(thing, Band):
-            return cls(thing.omega, thing.centre, thing.radius, thing.problem.dt)
+            radius = dataclasses.replace(thing, model=None).upper  # about the centres, polygons included
+            return cls(thing.omega, thing.centre, radius, thing.problem.dt)
         if isinstance(thing, WorstCaseError | WorstCaseOverPoles | Family):
             model, omega = thing.model, thing.omega
             return cls(omega, plane_of(model.dt, omega).values_at(model, omega), thing.upper, float(model.dt))

@@ -18,7 +18,7 @@ from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.sweep import Folder, Known, value_sets
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
 
@@ -36,6 +36,7 @@ def worst_case_error(
     progress: Progress | None = None,
     resume: Folder | None = None,
     time_limit: float | None = None,
+    known: Known | None = None,
 ) -> WorstCaseError:
     """Guaranteed worst-case error of a model over all consistent systems, at every frequency.
 
@@ -72,6 +73,8 @@ def worst_case_error(
     time_limit : float, optional
         Seconds; then the result has the frequencies that are finished, those where the error may be largest and others spread over
         the range, and names the `missing` ones; parameters may be left without intervals. So it is on Ctrl-C without `resume`.
+    known : Band, optional
+        Discs that are known already: frequencies where they are estimated to be twice as large as need be come first.
 
     Returns
     -------
@@ -113,7 +116,7 @@ def worst_case_error(
     if identification.problem.entries.single:  # of matrices the sides follow the gap
         gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     budget = Budget(time_limit)
-    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model)
+    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model, known)
     intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor, budget)
     return WorstCaseError(
         identification=identification,

@@ -5,6 +5,7 @@ from robustid.report.document import Verdict
 from robustid.report.live import live_figure, live_words
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.sections.claims import same
+from robustid.report.sections.proved_band import stands_on
 from robustid.report.words import at_least, at_most
 from robustid.report.write import render_report, render_summary, verdict, write_report
 
@@ -20,6 +21,7 @@ __all__ = [
     "render_report",
     "render_summary",
     "same",
+    "stands_on",
     "verdict",
     "write_report",
 ]

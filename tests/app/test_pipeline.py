@@ -73,6 +73,11 @@ def test_the_steps_are_those_done_by_hand(folder):
     assert result.choices == ()  # nothing was left to the program
     assert not any("not for the box" in finding for finding in result.findings)
     assert max(r.ratio.max() for r in model_residuals(problem, result.model)) <= 1 + 1e-5
+    sums = dataclasses.replace(result.band, polygons=None).error_at(error.omega)
+    for found in (result.band, rid.load(folder / "out" / "band")):  # poles are stated: the sweep bounds the same
+        np.testing.assert_allclose(found.error_at(error.omega), np.minimum(sums, error.upper), rtol=1e-12)
+        assert found.certified
+    assert any(result.band.polygon_words in finding for finding in result.findings)
     assert rid.load("out/identification").margin == by_hand.margin
     assert rid.load("out/worst_case").upper.max() == error.upper.max()
 

@@ -41,6 +41,21 @@ def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response
     assert found.over_poles.certified
     assert any("With the poles anywhere in the pole-uncertainty box: within" in sentence for sentence in found.findings)
     assert "its poles anywhere in the box" in (tmp_path / "out" / "report.html").read_text()
+    assert found.band.polygons is found.over_poles
+    assert any("stand on exact poles and are not part of the curve" in sentence for sentence in found.findings)
+    np.testing.assert_array_equal(rid.load(tmp_path / "out" / "band").upper, found.band.upper)
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, response):
+    write(tmp_path / "frf.csv", response)
+    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\ngain_bound = 2.0\ndecay = 60.0\n[worst_case]\n'
+    (tmp_path / "run.toml").write_text(text + "at_hz = [6.37, 11.14]\ndirections = 16\n")
+    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    assert found.band.box is not None
+    assert found.band.polygons is None
+    assert np.any(found.error.upper < found.band.error_at(found.error.omega))  # it would have lowered it
+    assert "stand on exact poles and are not part of the curve" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsys, monkeypatch):

@@ -63,7 +63,7 @@ def bounds(
     program, 130 interrupted.
     """
     from robustid.app.files import load_result
-    from robustid.app.proved import proved_band
+    from robustid.app.proved import proved_band, refined_band
     from robustid.report import render_summary, write_report
 
     if omega and points:
@@ -85,7 +85,7 @@ def bounds(
     if proved is not None:
         say(console, proved.summary())
     with in_words(words), _resumable(console, resume):
-        error = _bounded(console, identification, asked, how, spread)
+        error = _bounded(console, identification, asked, how, spread, proved)
     certified, band = _certified(console, error), None
     error.save(output)
     say(console, error.summary(), *([circle_words(error)] if how.circle else []))
@@ -93,13 +93,15 @@ def bounds(
     for name, margin in margins.items():
         say(console, f"controller {name}:")
         console.print(render_summary(margin))
+    proved = refined_band(proved, error)
     if proved is not None:
+        _say_refined(console, proved)
         proved.save(_beside(output, "-band"))
         written = [*written, *outputs.result_files(_beside(output, "-band"))]
     terminal.say_written(console, *written)
     if how.over_poles:
         with in_words(words), _resumable(console, resume):
-            band = _over_poles(console, error, spread | {"time_limit": how.time_limit})
+            band = _over_poles(console, error, spread | {"time_limit": how.time_limit, "known": proved})
         if band is None:
             say(console, _GIVEN)
         else:
@@ -107,6 +109,10 @@ def bounds(
             band.save(_beside(output))
             say(console, "with every pole in the pole-uncertainty box that the data leave:", *_unfinished(error, band))
             say(console, band.summary())
+            proved = refined_band(proved, error, band)
+            if proved is not None:
+                _say_refined(console, proved)
+                proved.save(_beside(output, "-band"))
             terminal.say_written(console, *written_poles)
     if report is not None:
         with step(console, "drawing the report"):
@@ -147,14 +153,20 @@ def _resumable(console: Any, resume: Path | None) -> Iterator[None]:
         raise
 
 
-def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spread: dict[str, Any]) -> Any:
+def _say_refined(console: Any, band: Any) -> None:
+    """Say what semidefinite programs add to the band that was shown before."""
+    if band.polygons is not None:
+        say(console, f"band       {band.polygon_words}")
+
+
+def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spread: dict[str, Any], known: Any) -> Any:
     """The bounds at the frequencies, and between them where asked."""
     from robustid.guarantees import worst_case_error
 
     with shown(console, _BOUNDING) as show:
         asked = {name: getattr(how, name) for name in ("directions", "rtol", "time_limit")}
         asked["progress"] = counted(show, _BOUNDING)
-        error = worst_case_error(identification, omega=omega, **asked, **spread)
+        error = worst_case_error(identification, omega=omega, known=known, **asked, **spread)
     if how.circle:
         with shown(console, _BETWEEN) as show:
             error = error.completed(executor=spread["executor"])

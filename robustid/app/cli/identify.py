@@ -172,7 +172,7 @@ def finish(
 ) -> None:
     """Compute and render everything; only then write, and show what was found."""
     from robustid.advice import diagnose
-    from robustid.app.proved import proved_band
+    from robustid.app.proved import proved_band, refined_band
     from robustid.core import atomic_write
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_report, render_summary
@@ -189,6 +189,7 @@ def finish(
             diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
     if band is not None:
         band = band.with_model(result.model if reduction is None else reduction.model)
+        band = refined_band(band, shown_too.get("worst_case"))
     if report is not None:
         page = render_report(
             result, static=static, reduction=reduction, band=band, diagnosis=diagnosis or None, **shown_too

@@ -110,13 +110,14 @@ def _sum_failures(console: Any, band: Any, exact: bool) -> list[str]:
     say(console, "claimed    " + band.summary().removeprefix("guarantee  "))
     with step(console, "evaluating the sums"):
         holds = band.verify(exact)
-    count = sum(one.angles.size for one in band.bands)
+    count, polygons = sum(one.angles.size for one in band.bands), band.polygons
+    further = "" if polygons is None else f"; {polygons.claim_count} certificates of semidefinite programs"
     word = "verified" if holds else "FAILED"
     say(
         console,
-        f"{word:<11}{count} discs, each from the sums of its multipliers; radii are not stored, but follow from them",
+        f"{word:<11}{count} discs, each from the sums of its multipliers; radii are not stored, but follow from them{further}",
     )
-    return [] if holds else ["discs, from the sums of their multipliers"]
+    return [] if holds else ["discs, from the sums of their multipliers, or polygons, from their certificates"]
 
 
 def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:

@@ -19,16 +19,27 @@ _BEYOND = 64  # pieces of the arc from the last knot to infinity
 _ONE = 1 + 1e-9
 
 
-def arc_bounds(bands: dict[tuple[int, int], EntryBand], model: Any, problem: MixedProblem) -> tuple[Real, Real]:
+def arc_bounds(
+    bands: dict[tuple[int, int], EntryBand],
+    model: Any,
+    problem: MixedProblem,
+    corners: tuple[Real, Real] | None = None,
+) -> tuple[Real, Real]:
     r"""Edges (angles) and bounds (arcs, ny, nu) of |F - model|, of every entry of every consistent system.
 
     Along an arc the error of a consistent system, E = F - model, obeys |E| <= (1 - t) u_0 + t u_1 + B h^2/8: u the bounds at its
     ends, with the multipliers of the arc, B a bound of |E''|. Arcs are divided until the last term is small; nothing is searched.
+    `corners` are further angles and bounds (N, ny, nu) there: between two of them they are the u as well.
     """
     shape = model.D.shape
     knots = np.unique(np.concatenate([band.angles for band in bands.values()]))
     bend = Bends(problem, bands, model)
+    if corners is not None:
+        corners = np.clip(corners[0], knots[0], knots[-1]), corners[1]
+        knots = np.union1d(knots, corners[0])
     edges, found = _halved(knots, bands, bend, model, problem)
+    if corners is not None:
+        found = _below_chords(edges, found, *corners, bend)
     top = np.pi if knots[-1] < np.pi else None
     if top is not None:
         edges = np.append(edges, top)
@@ -58,6 +69,16 @@ def _halved(
     sharp = bend.of(edges[:-1][~coarse], edges[1:][~coarse]) * (widths[~coarse] ** 2 / 8)[:, None, None]
     again[~coarse] = np.minimum(again[~coarse], sharp)
     return edges, (np.maximum(at[:-1], at[1:]) + again) * _ONE
+
+
+def _below_chords(edges: Real, found: Real, angles: Real, bounds: Real, bend: Bends) -> Real:
+    """Bounds of arcs (A, ny, nu), or those of the arcs between neighbours of further angles, edges too, if smaller."""
+    low, high = angles[:-1], angles[1:]
+    further = np.maximum(bounds[:-1], bounds[1:]) + bend.of(low, high) * ((high - low) ** 2 / 8)[:, None, None]
+    of = np.searchsorted(angles, (edges[:-1] + edges[1:]) / 2) - 1
+    inside = (of >= 0) & (of < low.size)
+    found[inside] = np.fmin(found[inside], further[of[inside]] * _ONE)
+    return found
 
 
 def errors_at(bands: dict[tuple[int, int], EntryBand], model: Any, problem: MixedProblem, angles: Real) -> Real:

@@ -55,6 +55,8 @@ def glance(
         words = _sentence(identification, bound).removeprefix(about(identification))  # a warning says so
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
+    if isinstance(bound, Band) and words:
+        words = f"{words} {proved_band.stands_on(bound, worst_case)}".rstrip()
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),

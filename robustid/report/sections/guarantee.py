@@ -23,8 +23,8 @@ _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
 
 
-def guarantee_section(identification: Identification, error: WorstCaseError) -> list[Block]:
-    """Build the section of what is guaranteed of the response, with its certificates."""
+def guarantee_section(identification: Identification, error: WorstCaseError, holds: bool | None = None) -> list[Block]:
+    """Build the section of what is guaranteed of the response, with its certificates; `holds`: they were evaluated again."""
     checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
     alone, entries = siso(identification), worst_case_charts(error)
     blocks: list[Block] = [Heading("What is guaranteed")]
@@ -32,7 +32,7 @@ def guarantee_section(identification: Identification, error: WorstCaseError) -> 
         blocks.append(Text(error.unfinished))
     blocks += [
         Text(sentence(error), id="guarantee-sentence"),
-        certificates(error.claim_count, error.verify(), "certificates"),
+        certificates(error.claim_count, error.verify() if holds is None else holds, "certificates"),
         Facts(rows(error)),
         Heading("Worst frequencies", 3),
         worst_table(error),

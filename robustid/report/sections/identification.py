@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.errors import Status
+from robustid.guarantees import Band
 from robustid.identification import Identification
 from robustid.report import words
 from robustid.report.document import Block, Column, Document, Facts, Heading, Table, Text, Verdict
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Sensitivity
-    from robustid.guarantees import Band, Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
     from robustid.reduction import ModelWorth, Reduction
     from robustid.report.sections.stability import Margins
 
@@ -73,11 +74,14 @@ def identification_page(
     band: Band | None = None,
 ) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
-    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band)
+    polygons = band.polygons if isinstance(band, Band) else None
+    holds = polygons is None or polygons.verify()  # once for the page: they may be those of another section too
+    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band, worst_case, holds)
     if worst_case is not None:
-        guaranteed += guarantee_section(identification, worst_case)
+        guaranteed += guarantee_section(identification, worst_case, holds if worst_case is polygons else None)
     if over_poles is not None:
-        guaranteed += pole_box_section(identification, over_poles, worst_case)
+        known = holds if over_poles is polygons else None
+        guaranteed += pole_box_section(identification, over_poles, worst_case, known)
     if stability is not None:
         guaranteed += stability_section(identification, stability)
     if weights is not None:

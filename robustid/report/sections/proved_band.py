@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from robustid.core import describe
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import Band, norm_of_bounds
+from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
@@ -14,20 +16,27 @@ from robustid.report.identified import about, in_unit, shown_models, sigma_unit,
 from robustid.report.sections.assumptions import CAUTION
 from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import BAND, error_range
-from robustid.report.style import ALERT
+from robustid.report.style import ALERT, FINE
 from robustid.report.words import HZ, at_most, number
 
 _TINY = np.finfo(float).tiny
 _ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
 
 
-def proved_band_section(identification: Identification, band: Band) -> list[Block]:
-    """Build the section of what is proved at every frequency."""
+def proved_band_section(
+    identification: Identification, band: Band, error: WorstCaseError | None = None, holds: bool = True
+) -> list[Block]:
+    """Build the section of what is proved at every frequency.
+
+    `error` is the sweep of exact poles on the same page; `holds` says whether the polygons of the band, evaluated again, do.
+    """
     check_band(identification, band)
+    words = stands_on(band, error)
     return [
         Heading("What is guaranteed at every frequency"),
         Text(sentence(identification, band), id="band-sentence"),
-        verdict(band),
+        *([Text(words, id="band-stands-on")] if words else []),
+        verdict(band, holds),
         Facts(rows(identification, band)),
         Drawing(band_chart(identification, band)),
     ]
@@ -78,20 +87,37 @@ def sentence(identification: Identification, band: Band) -> str:
     )
 
 
+def stands_on(band: Band, error: WorstCaseError | None) -> str:
+    """Say in one sentence where the band stands on sums and where on semidefinite programs; empty where it has only sums.
+
+    A sweep of exact poles beside a band over a box is no part of it, and said to be none.
+    """
+    exact = error is not None and band.box is not None and error.omega.size > 0
+    if not exact:
+        return band.polygon_words and f"{band.polygon_words}."
+    words = band.polygon_words or "The band of sums stands at every frequency"
+    return (
+        f"{words}; the numbers of the sweep at {error.omega.size} frequencies stand on exact poles and are not part of"
+        " the curve."
+    )
+
+
 def _size(band: Band) -> np.ndarray:
     """Size of the response of the model, (F,)."""
     return np.linalg.norm(band.nominal, 2, axis=(1, 2))
 
 
-def verdict(band: Band) -> Verdict:
-    """Verdict on the sums, which are evaluated again."""
-    count = sum(one.angles.size for one in band.bands)
-    if band.certified:
+def verdict(band: Band, holds: bool) -> Verdict:
+    """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
+    count, polygons = sum(one.angles.size for one in band.bands), band.polygons
+    further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
+    if holds and dataclasses.replace(band, polygons=None).certified:
         words = (
-            f"{count} discs, each from two sums over the samples, were evaluated again for this page, without a solver."
+            f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page,"
+            " without a solver."
         )
         return Verdict("consistent", "Proved", words, id="band-certificates")
-    return Verdict("failed", "Not proved", "The sums do not give the stated discs.", id="band-certificates")
+    return Verdict("failed", "Not proved", "The proofs do not give what is stated.", id="band-certificates")
 
 
 def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
@@ -116,6 +142,14 @@ def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
                 "Amplitudes",
                 f"The boxes of the modes at {names} are so wide that the data do not bound their amplitudes: these are"
                 " assumed to be at most twice those of a fit. Frequency points around these modes would help.",
+            )
+        )
+    if band.assumes_amplitudes:
+        found.append(
+            (
+                "Refined",
+                f"Where semidefinite programs narrow the band, amplitudes of modes are assumed to be at most {AMPLITUDE:g} times"
+                " those of the identified model; the sums assume nothing of them.",
             )
         )
     found.append(
@@ -144,28 +178,46 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     low, high = band.problem.plane.omega(last) / HZ
     x = curve.x[(curve.x >= low) & (curve.x <= high * (1 - 1e-12)) & np.isfinite(curve.y)]
     y = curve.y[np.isin(curve.x, x)]
-    centre, radius = band.at(x * HZ)
-    if siso(identification):
-        middle, half = np.abs(centre[:, 0, 0]), radius[:, 0, 0]
-    else:
-        middle, half = np.linalg.norm(centre, 2, axis=(1, 2)), norm_of_bounds(radius)
+    sums = dataclasses.replace(band, polygons=None)  # at the frequencies of the curves; polygons stand at their own
+    middle, half = _sizes(*band.at(x * HZ))
     ends = np.maximum(middle - half, bottom), np.maximum(middle + half, bottom)
     ends = ends[0], np.minimum(ends[1], _ENDLESS * max(float(y.max(initial=0.0)), _TINY))
     area = Layer(name="proved range, at every frequency", x=x, y=y, colour=BAND, low=ends[0], high=ends[1], fill=True)
     top = (panel.y.range or (0.0, 1.0))[1]
     known = (middle + half)[np.isfinite(half) & ~np.isin(x, x[half > np.abs(y).max(initial=0.0)])]
     span = bottom, max(top, min(1.2 * float(known.max(initial=0.0)), _TALL * top))
-    error = norm_of_bounds(band.error_at(x * HZ))
+    error = norm_of_bounds(sums.error_at(x * HZ))
     error = np.where(np.isfinite(error), error, np.nan)
     hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, error, strict=True))
     line = Layer(name="proved error", x=x, y=error, colour=ALERT, dash="solid", hover=hover)
+    bars, dots = _refined(band, bottom)
     label = f"error |F − model| of\n{transfer(identification)}"
     if not siso(identification):
         label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
     errors = Panel(
         title="Error of the model: no consistent system is farther",
         x=panel.x,
-        y=Axis(label=label, log=True, range=error_range([line])),
-        layers=(line,),
+        y=Axis(label=label, log=True, range=error_range([line, *dots])),
+        layers=(line, *dots),
     )
-    return Chart(name="proved-band", panels=(behind(panel, [area], span), errors), linked=True)
+    return Chart(name="proved-band", panels=(behind(panel, [area, *bars], span), errors), linked=True)
+
+
+def _sizes(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Size of the responses at the centres of discs, (F,), and how far that of others in them is from it at most."""
+    return np.linalg.norm(centre, 2, axis=(1, 2)), norm_of_bounds(radius)
+
+
+def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
+    """Layers where polygons narrow the band: ranges of the magnitude, and dots of the error."""
+    here = band.narrowed & (band.omega > 0)  # a logarithmic axis has no 0
+    if not here.any():
+        return [], []
+    x, size, upper = band.omega[here] / HZ, _size(band)[here], band.sigma_upper[here]
+    middle, half = _sizes(*(part[here] for part in (band.centre, band.radius)))
+    hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, upper, strict=True))
+    words = f"narrowed by a semidefinite program ({x.size} frequencies)"
+    ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
+    ends = tuple(np.maximum(end, bottom) for end in ends)
+    bars = Layer(name=words, x=x, y=size, colour=ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
+    return [bars], [Layer(name=words, x=x, y=upper, colour=ALERT, marker="circle", hover=hover)]

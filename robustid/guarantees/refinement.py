@@ -1,0 +1,145 @@
+"""Semidefinite polygons beside the discs of a band: found where the discs are loose, checked, and the smaller bound of both."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.core import Budget, Complex, Progress, Real, digest, text_array, threads_for
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.consistent_set import independent_entries
+from robustid.guarantees.linear.functions import pairs_of
+from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
+from robustid.guarantees.pole_proofs import union_of
+from robustid.guarantees.spread import Spread
+from robustid.guarantees.sweep import Folder, Known
+from robustid.guarantees.value_set import by_frequency
+from robustid.guarantees.worst_case import worst_case_error
+from robustid.guarantees.worst_case_result import WorstCaseError
+from robustid.identification import Identification, MixedProblem, describe_problem, identify
+
+Polygons = WorstCaseError | WorstCaseOverPoles
+Box = tuple[Real, Real]
+
+SAME = 1e-9  # relative distance up to which two frequencies are one
+
+
+class Spent(NamedTuple):
+    """Workers, receiver of progress, folder of finished frequencies and time of a refinement."""
+
+    executor: Spread
+    progress: Progress | None
+    resume: Folder | None
+    budget: Budget
+
+
+def polygons_of(
+    thing: MixedProblem | Identification, box: Box | None, model: Any, omega: Real, known: Known, spent: Spent
+) -> Polygons:
+    """Polygons at frequencies, those first at which the known discs are loose; over the box where there is one."""
+    identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=spent.budget.seconds)
+    how: dict[str, Any] = {"executor": spent.executor, "progress": spent.progress, "resume": spent.resume}
+    how |= {"model": model, "omega": omega, "time_limit": spent.budget.seconds, "known": known}
+    if box is None:
+        return worst_case_error(identification, **how)
+    omega_interval, damping_interval, delay = _in_order(identification.problem, box)
+    return worst_case_over_poles(identification, omega_interval, damping_interval, delay=delay, **how)
+
+
+def _in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
+    """The box, which has the modes by rising frequency, in the order of the functions; and the delay of their pairs."""
+    if problem.parametric is None:
+        return *box, 0
+    poles = problem.parametric.in_s().poles
+    poles = poles[np.imag(poles) > 0]
+    sizes = np.abs(np.log(poles)) if problem.dt else np.abs(poles)
+    rank = np.argsort(np.argsort(sizes, kind="stable"), kind="stable")
+    if rank.size != len(box[0]):  # refused, with its sentence, by what is asked for polygons
+        rank = np.arange(len(box[0]))
+    delay = max((delay for _, delay in pairs_of(problem.parametric).values()), default=0)
+    return box[0][rank], box[1][rank], max(delay, 0)
+
+
+def check_polygons(polygons: Any, problem: MixedProblem, box: Box | None) -> None:
+    """Refuse polygons that do not bound what the discs bound: of another problem, at other poles, over another box."""
+    if not isinstance(polygons, WorstCaseError | WorstCaseOverPoles):
+        raise InputTypeError(
+            "`polygons` must be a WorstCaseError, or over a box a WorstCaseOverPoles; got " + type(polygons).__name__
+        )
+    other = polygons.identification.problem
+    if other is not problem and _identity(other) != _identity(problem):
+        raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
+    if isinstance(polygons, WorstCaseError):
+        if box is not None:
+            raise InputError(
+                "`polygons` stand on exact poles, and the band covers a box of them: of the other poles in it they prove nothing;"
+                " take those of worst_case_over_poles over the same box"
+            )
+        return
+    if box is None:
+        raise InputError("`polygons` cover a box of poles, and the band has none; take those of worst_case_error")
+    order = np.argsort(polygons.box.omega.mean(axis=1), kind="stable")
+    for name, ends in zip(("omega", "damping"), box, strict=True):
+        mine = getattr(polygons.box, name)[order]
+        if mine.shape != ends.shape or np.any(mine[:, 0] > ends[:, 0]) or np.any(mine[:, 1] < ends[:, 1]):
+            raise InputError(
+                f"`polygons` must cover the box of the band; their `{name}` is {mine.tolist()}, its {ends.tolist()}"
+            )
+
+
+def _identity(problem: MixedProblem) -> str:
+    arrays, text = describe_problem(problem)
+    return digest(arrays | {"text": text_array(text)})
+
+
+def polygons_hold(polygons: Polygons, exact: bool = False) -> bool:
+    """Evaluate every certificate of polygons again, and say whether they are of all entries at rising frequencies."""
+    omega = polygons.omega
+    if not omega.size or np.any(np.diff(omega) <= 0):
+        return False
+    if isinstance(polygons, WorstCaseOverPoles):
+        return polygons.verify(exact)
+    problem = polygons.identification.problem
+    wanted = independent_entries(problem.entries)
+    if any([one.entry for one in sets] != wanted for sets in by_frequency(polygons.values).values()):
+        return False
+    with threads_for(problem.coefficients):
+        return all(claim.verify(exact) for claim in polygons.claims())
+
+
+def bounds_of(polygons: Polygons, nominal: Complex) -> Real:
+    """Bounds of |F - nominal| at the frequencies of the polygons, (F, ny, nu): the farthest corner; over poles that of any cell."""
+    if isinstance(polygons, WorstCaseOverPoles):
+        return union_of(polygons.kept, nominal, polygons.omega)[0]
+    found = np.empty(nominal.shape)
+    for place in np.ndindex(*nominal.shape[1:]):
+        pairs = zip(polygons.of_entry(*place), nominal[:, *place].tolist(), strict=True)
+        found[:, *place] = [one.farthest(value)[0] for one, value in pairs]
+    return found
+
+
+def narrowed(found: Real, polygons: Polygons | None, omega: Real, nominal: Complex) -> Real:
+    """Bounds (F, ny, nu) of the errors of nominal values, or those of the polygons at exactly their frequencies, if smaller."""
+    if polygons is None:
+        return found
+    here = np.isin(omega, polygons.omega)
+    if not here.any():
+        return found
+    at = np.searchsorted(polygons.omega, omega[here])
+    values = np.zeros((polygons.omega.size, *nominal.shape[1:]), complex)
+    values[at] = nominal[here]
+    found = np.array(found)
+    found[here] = np.minimum(found[here], bounds_of(polygons, values)[at])
+    return found
+
+
+def narrowed_norm(found: Real, polygons: Polygons | None, omega: Real, model: Any) -> Real:
+    """Bounds (F,) of the largest singular value of F - model, or those that polygons of matrices have of it, if smaller."""
+    if not isinstance(polygons, WorstCaseError) or model is None or polygons.identification.problem.entries.single:
+        return found
+    here = np.isin(omega, polygons.omega)
+    own = polygons.with_model(model).sigma_upper
+    found = np.array(found)
+    found[here] = np.minimum(found[here], own[np.searchsorted(polygons.omega, omega[here])])
+    return found

@@ -1,0 +1,280 @@
+"""Polygons beside the discs of a band: the smaller bound of both, plants at the edge inside, nothing that a file alone lowers."""
+
+import dataclasses
+import functools
+import json
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.proved import refined_band
+from robustid.errors import FileFormatError, InputTypeError
+from support.edge_bands import edge_plant
+from support.forging import forge
+
+OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
+AT = OMEGA[[1, 2, 4]]
+
+
+def truth(omega):
+    """A mode beside 1/(2 - x)."""
+    x, a = np.exp(-0.1j * np.asarray(omega)), np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
+    return (0.3 * x / (1 - a * x) + 0.3 * x / (1 - a.conj() * x) + 1 / (2 - x))[:, None, None]
+
+
+@functools.cache
+def identified(bound=0.03):
+    lines = np.linspace(1.0, 25.0, 12)
+    values = truth(lines) + 0.9 * bound * np.exp(2j * np.pi * np.random.default_rng(0).random((12, 1, 1)))
+    frf = rid.FrequencyResponse(lines, values, bound=bound, dt=0.1)
+    prior = rid.Prior(gain_bound=2.0, decay_rate=1.5)
+    pair = rid.kautz(10.0, 0.05, dt=0.1, delay=1)
+    return rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=pair))
+
+
+@functools.cache
+def plain():
+    return rid.band(identified(), omega=OMEGA)
+
+
+@functools.cache
+def refined():
+    return plain().refine(identified(), omega=AT)
+
+
+BOX = np.array([[9.99, 10.01]]), np.array([[0.049, 0.051]])
+
+
+@functools.cache
+def over_box():
+    plain = rid.band(identified(), omega=OMEGA, box=BOX)
+    return plain, plain.refine(identified(), omega=AT[:2])
+
+
+def arrays_of(path):
+    with np.load(path.with_suffix(".npz")) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def supports(path):
+    return [name for name in arrays_of(path) if name.startswith("polygons/") and name.endswith("support")]
+
+
+def other_model():
+    return control.ss(control.tf([0.5, 0.3], [1.0, -0.4], 0.1))
+
+
+def farthest(value_set, nominal):
+    """Largest distance of the points of a polygon from a value, by walking from a point inside to the first side."""
+    inside, turns = np.mean(value_set.points), np.exp(2j * np.pi * np.arange(20000) / 20000)
+    normals = np.exp(1j * value_set.directions)
+    room = value_set.support - np.real(np.conj(normals) * inside)
+    speed = np.real(np.conj(normals) * turns[:, None])
+    steps = np.where(speed > 1e-12, room / np.where(speed > 1e-12, speed, 1.0), np.inf).min(axis=1)
+    return np.abs(inside + steps * turns - nominal).max()
+
+
+def test_the_smaller_bound_of_both_holds_at_the_frequencies_of_the_polygons():
+    np.testing.assert_array_equal(refined().omega, OMEGA)
+    at = np.isin(OMEGA, AT)
+    smaller = np.minimum(plain().upper[at], refined().polygons.upper)
+    np.testing.assert_allclose(refined().upper[at], smaller, rtol=1e-13)
+    np.testing.assert_array_equal(refined().upper[~at], plain().upper[~at])
+    assert refined().narrowed[at].any()
+    assert not refined().narrowed[~at].any()
+    np.testing.assert_array_equal(refined().narrowed, (refined().upper < plain().upper)[:, 0, 0])
+    np.testing.assert_array_equal(refined().sigma_upper, refined().upper[:, 0, 0])
+
+
+def test_beside_the_frequencies_of_the_polygons_the_discs_stand():
+    for near in (AT * (1 + 1e-9), AT - 0.01):
+        np.testing.assert_array_equal(refined().error_at(near), plain().error_at(near))
+    np.testing.assert_array_equal(refined().error_at(AT[::-1]), refined().error_at(AT)[::-1])
+
+
+def test_polygons_bound_the_error_of_any_model_and_of_the_centres():
+    centred = dataclasses.replace(refined(), model=None)
+    for found, nominal in [
+        (refined(), None),
+        (refined().with_model(other_model()), None),
+        (centred, plain().at(AT)[0][:, 0, 0]),
+    ]:
+        values = found.problem.plane.values_at(found.model, AT)[:, 0, 0] if nominal is None else nominal
+        judged = [farthest(*pair) for pair in zip(found.polygons.values, values, strict=True)]
+        discs = dataclasses.replace(found, polygons=None).error_at(AT)[:, 0, 0]
+        upper = found.error_at(AT)[:, 0, 0]
+        assert np.all(upper >= np.minimum(judged, discs))
+        np.testing.assert_allclose(upper, np.minimum(judged, discs), rtol=1e-4)
+
+
+# Plants of which the data are consistent: with exact poles, and with those of a problem whose true poles are elsewhere in a box.
+EDGES = {
+    "discrete": ([11, 12, 16, 21], [2, 10, 22, 31]),
+    "continuous": ([10, 15, 19, 29, 30], [1, 5, 13, 17]),
+    "roll-off": ([0, 2, 5, 14, 18], [1, 3, 4, 15]),
+    "free record": ([18, 31], []),
+    "periodic record": ([0, 28], []),
+    "record of two inputs": ([4, 7, 10, 15, 21], []),
+    "symmetric": ([2, 23, 31, 35, 36], []),
+}
+QUICK = [("discrete", 11), ("periodic record", 0), ("continuous", 10), ("discrete", 2)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        pytest.param(kind, seed, marks=() if (kind, seed) in QUICK else pytest.mark.slow)
+        for kind, seeds in EDGES.items()
+        for seed in (*seeds[0], *seeds[1])
+    ],
+)
+def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
+    plant = edge_plant(kind, seed)
+    result = rid.identify(plant.problem)
+    band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4))
+    found = band.refine(result)
+    error = np.abs(plant.truth(found.omega) - plant.problem.plane.values_at(found.model, found.omega))
+    assert (plant.box is None) == (seed in EDGES[kind][0])
+    assert np.isin(found.polygons.omega, found.omega).any()
+    assert np.all(error <= found.upper)
+    assert np.all(np.linalg.norm(error, 2, axis=(1, 2)) <= found.sigma_upper)
+    assert found.verify()
+
+
+def test_the_whole_axis_follows_polygons_that_stand_close_to_each_other():
+    peak = plain().omega[int(np.argmax(plain().sigma_upper))]
+    close = np.linspace(max(peak - 0.6, 0.1), peak + 0.6, 13)
+    found = plain().refine(identified(), omega=close)
+    inside = np.random.default_rng(0).uniform(close[0], close[-1], 200)
+    arcs = [np.searchsorted(one.circle.edges, inside) - 1 for one in (plain(), found)]
+    before, after = plain().circle.bound[arcs[0]], found.circle.bound[arcs[1]]
+    assert np.median(after / before) < 0.95
+    error = np.abs(truth(inside) - found.problem.plane.values_at(found.model, inside))[:, 0, 0]
+    assert np.all(error <= after)
+    assert np.all(found.circle.bound[arcs[1]] <= before * (1 + 1e-6))
+    assert found.hinf <= plain().hinf * (1 + 1e-6)
+    assert found.weight(order=2).order >= 0
+
+
+def test_polygons_at_exact_poles_never_narrow_a_band_over_a_box(tmp_path):
+    exact, (band, _) = refined().polygons, over_box()
+    for call in (lambda: band.with_polygons(exact), lambda: dataclasses.replace(band, polygons=exact)):
+        with pytest.raises(rid.InputError, match="stand on exact poles, and the band covers a box"):
+            call()
+    assert refined_band(band, exact) is band
+    assert refined_band(plain(), exact).narrowed.any()
+    assert refined_band(None, exact) is None
+    for name, one in (("exact", refined()), ("band", band)):
+        one.save(tmp_path / name)
+    forge(tmp_path / "band", lambda _: {n: a for n, a in arrays_of(tmp_path / "exact").items() if "polygons/" in n})
+    mine, other = ((tmp_path / name).with_suffix(".json") for name in ("band", "exact"))
+    mine.write_text(json.dumps(json.loads(mine.read_text()) | {"polygons": json.loads(other.read_text())["polygons"]}))
+    with pytest.raises(FileFormatError, match="stand on exact poles"):
+        rid.load(tmp_path / "band")
+
+
+def test_a_band_over_a_box_is_refined_over_the_same_box():
+    band, found = over_box()
+    at = np.isin(OMEGA, AT[:2])
+    assert isinstance(found.polygons, rid.guarantees.WorstCaseOverPoles)
+    np.testing.assert_allclose(found.upper[at], np.minimum(band.upper[at], found.polygons.upper), rtol=1e-12)
+    np.testing.assert_array_equal(found.upper[~at], band.upper[~at])
+    error = np.abs(truth(OMEGA) - found.nominal)
+    assert np.all(error <= found.upper)
+    assert found.verify()
+    assert ("amplitudes are assumed" in found.summary()) == found.narrowed.any()
+    wider = rid.band(identified(), omega=OMEGA, box=(BOX[0] + [[-0.01, 0.01]], BOX[1]))
+    with pytest.raises(rid.InputError, match="`polygons` must cover the box of the band; their `omega` is"):
+        wider.with_polygons(found.polygons)
+    with pytest.raises(rid.InputError, match="`polygons` cover a box of poles, and the band has none"):
+        plain().with_polygons(found.polygons)
+
+
+def test_polygons_of_another_problem_or_kind_are_refused():
+    other = rid.worst_case_error(identified(0.05), omega=[3.0], directions=4)
+    with pytest.raises(rid.InputError, match="`polygons` are about another problem"):
+        plain().with_polygons(other)
+    with pytest.raises(rid.InputError, match="`polygons` are about another problem"):
+        plain().refine(identified(0.05), omega=[3.0])
+    with pytest.raises(InputTypeError, match="`polygons` must be a WorstCaseError"):
+        plain().with_polygons(3.0)
+    with pytest.raises(InputTypeError, match="`identification` must be an Identification"):
+        plain().refine(plain())
+
+
+@pytest.mark.parametrize("over", ["exact poles", "a box"])
+def test_a_refined_band_comes_back_from_its_files(tmp_path, over):
+    found = refined() if over == "exact poles" else over_box()[1]
+    found.save(tmp_path / "band")
+    again = rid.load(tmp_path / "band")
+    np.testing.assert_array_equal(again.omega, found.omega)
+    np.testing.assert_array_equal(again.upper, found.upper)
+    assert again.certified
+    assert again.summary() == found.summary()
+    plain().save(tmp_path / "plain")
+    assert rid.load(tmp_path / "plain").polygons is None
+
+
+@pytest.mark.parametrize("over", ["exact poles", "a box"])
+def test_sides_that_no_certificate_supports_are_not_loaded(tmp_path, over):
+    found, path = refined() if over == "exact poles" else over_box()[1], tmp_path / "band"
+    found.save(path)
+    assert supports(path)
+    for name in supports(path)[:1]:
+        forge(path, lambda a, name=name: {name: a[name] - 1e-3 * np.abs(a[name]).max()})
+    with pytest.raises(FileFormatError, match="polygons do not follow from their certificates"):
+        rid.load(path)
+
+
+def test_sides_that_are_farther_out_than_proved_lower_nothing(tmp_path):
+    refined().save(tmp_path / "band")
+    forge(tmp_path / "band", lambda a: {n: a[n] + 0.1 for n in supports(tmp_path / "band")})
+    again = rid.load(tmp_path / "band")
+    assert np.all(again.upper >= refined().upper)
+    assert np.all(again.upper <= plain().upper)
+
+
+def test_multipliers_of_a_side_that_are_others_prove_nothing(tmp_path):
+    refined().save(tmp_path / "band")
+    forge(
+        tmp_path / "band", lambda a: {n: 0.5 * a[n] for n in a if n.startswith("polygons/values/") and "samples" in n}
+    )
+    with pytest.raises(FileFormatError, match="polygons do not follow from their certificates"):
+        rid.load(tmp_path / "band")
+
+
+def test_without_time_the_discs_stand_but_where_they_are_loosest():
+    """The first frequency is finished whatever the limit is: that at which a known disc is said to be the loosest."""
+    found = plain().refine(identified(), time_limit=1e-6)
+    assert found.polygons.omega.size == 1
+
+    class Loose:
+        range = (0.0, 31.0)
+
+        def at(self, omega):
+            return plain().at(omega)[0], np.where(omega == OMEGA[3], 1e3, 1e-9)[:, None, None]
+
+    error = rid.worst_case_error(identified(), omega=OMEGA, directions=4, known=Loose(), time_limit=1e-6)
+    np.testing.assert_array_equal(error.omega, OMEGA[3:4])
+    assert plain().refine(omega=AT[:1], time_limit=30.0).polygons.omega.size == 1  # identified on the way
+
+
+def test_a_frequency_that_differs_by_rounding_is_not_there_twice():
+    error = rid.worst_case_error(identified(), omega=np.nextafter(OMEGA[1:3], 0), directions=4)
+    found = plain().with_polygons(error)
+    np.testing.assert_allclose(found.omega, OMEGA, rtol=1e-12)
+    assert np.isin(error.omega, found.omega).all()
+
+
+def test_the_summary_says_where_the_band_stands_on_what():
+    count = int(refined().narrowed.sum())
+    assert f"At {count} of 5 frequencies a semidefinite program narrows the band" in refined().summary()
+    assert "everywhere else the band of sums stands" in refined().summary()
+    assert "semidefinite" not in plain().summary()
+    loose = rid.worst_case_error(identified(), omega=AT, directions=3, rtol=5.0).values
+    wide = tuple(dataclasses.replace(one, support=one.support + 1.0) for one in loose)
+    nothing = plain().with_polygons(dataclasses.replace(refined().polygons, values=wide))
+    assert "at 3 of 5 frequencies narrow the band nowhere" in nothing.summary()
+    np.testing.assert_array_equal(nothing.upper, plain().upper)

@@ -1,0 +1,101 @@
+"""The band of a page with polygons in it: one curve with dots, one sentence on what stands on what, one check of the proofs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.findings import band_words
+from robustid.guarantees import WorstCaseOverPoles
+from robustid.report import render_report, stands_on
+from robustid.report.sections.proved_band import band_chart
+from support.report_pages import Page, identified, named
+
+pytestmark = pytest.mark.quick
+
+HZ = np.array([4.0, 8.0, 17.6, 30.0, 48.0])
+MODES = rid.flexible_structure().modes
+BOX = MODES[:, :1] * [0.9999, 1.0001], MODES[:, 1:] * [0.99, 1.01]
+
+
+@pytest.fixture(scope="module")
+def result() -> rid.Identification:
+    return identified()
+
+
+@pytest.fixture(scope="module")
+def error(result: rid.Identification) -> rid.WorstCaseError:
+    return rid.worst_case_error(result, omega=2 * np.pi * HZ[[0, 2, 4]], directions=12)
+
+
+@pytest.fixture(scope="module")
+def plain(result: rid.Identification) -> rid.Band:
+    return rid.band(result, omega=2 * np.pi * HZ)
+
+
+@pytest.fixture(scope="module")
+def refined(plain: rid.Band, error: rid.WorstCaseError) -> rid.Band:
+    found = plain.with_polygons(error)
+    assert 0 < found.narrowed.sum() < 5
+    return found
+
+
+def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined: rid.Band, plain: rid.Band) -> None:
+    count = int(refined.narrowed.sum())
+    words = f"narrowed by a semidefinite program ({count} frequencies)"
+    magnitude, errors = band_chart(refined.polygons.identification, refined).panels
+    dots, bars, line = named(errors, words), named(magnitude, words), named(errors, "proved error")
+    np.testing.assert_allclose(dots.x * 2 * np.pi, refined.omega[refined.narrowed])
+    np.testing.assert_array_equal(dots.y, refined.sigma_upper[refined.narrowed])
+    assert dots.marker
+    np.testing.assert_allclose(line.y, plain.error_at(line.x * 2 * np.pi)[:, 0, 0], rtol=1e-9)
+    centre, radius = plain.at(dots.x * 2 * np.pi)
+    size = np.abs(refined.nominal[refined.narrowed, 0, 0])
+    high = np.minimum(size + dots.y, np.abs(centre[:, 0, 0]) + radius[:, 0, 0])
+    np.testing.assert_allclose(bars.high, high, rtol=1e-9)
+    assert words not in [layer.name for layer in band_chart(refined.polygons.identification, plain).panels[1].layers]
+
+
+def test_one_sentence_says_what_stands_on_what(refined: rid.Band, plain: rid.Band, error: rid.WorstCaseError) -> None:
+    words = stands_on(refined, error)
+    assert words.startswith(
+        f"At {int(refined.narrowed.sum())} of 5 frequencies a semidefinite program narrows the band (to "
+    )
+    assert words.endswith("everywhere else the band of sums stands.")
+    assert stands_on(plain, error) == ""
+    page = Page(render_report(error.identification, band=refined, worst_case=error))
+    assert page.text.count(words) == 2  # on the first screen, and in the section
+    assert f"{error.claim_count} certificates of semidefinite programs were evaluated again" in page.text
+    assert words in band_words(refined, error)
+    assert "semidefinite" not in band_words(plain, None)
+
+
+def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(
+    result: rid.Identification, error: rid.WorstCaseError
+) -> None:
+    band = rid.band(result, omega=2 * np.pi * HZ, box=BOX)
+    exact = "the numbers of the sweep at 3 frequencies stand on exact poles and are not part of the curve."
+    assert stands_on(band, error) == f"The band of sums stands at every frequency; {exact}"
+    page = Page(render_report(result, band=band, worst_case=error))
+    assert page.text.count(exact) == 2
+    over = rid.worst_case_over_poles(result, *BOX, omega=2 * np.pi * HZ[[0, 4]], directions=12, cells=1)
+    found = band.with_polygons(over)
+    assert isinstance(found.polygons, WorstCaseOverPoles)
+    assert found.narrowed.any()
+    assert stands_on(found, error).endswith(f"everywhere else the band of sums stands; {exact}")
+    text = Page(render_report(result, band=found, worst_case=error, over_poles=over)).text
+    assert "amplitudes of modes are assumed to be at most 2 times" in text
+
+
+def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(
+    refined: rid.Band, error: rid.WorstCaseError
+) -> None:
+    values = tuple(dataclasses.replace(one, support=one.support - 1e-3) for one in error.values)
+    false = dataclasses.replace(error, values=values)
+    for polygons, key in ((error, "consistent"), (false, "failed")):
+        page = Page(render_report(error.identification, band=refined.with_polygons(polygons), worst_case=polygons))
+        for name in ("band-certificates", "certificates"):
+            assert ("section", {"class": f"verdict {key}", "id": name}) in page.tags
