@@ -8,6 +8,7 @@ Run: python proved_band.py --out folder (some seconds)
 """
 
 import argparse
+import dataclasses
 import importlib.util
 import tempfile
 import time
@@ -97,6 +98,9 @@ def main(argv=None):
     print(f"   natural frequency: fitted {hz:.3f} Hz, the data leave {low:.3f} to {high:.3f} Hz; true {HZ[0]:g} Hz")
     damping, (low, high) = found.damping[light][0], box[1][0]
     print(f"   damping ratio: fitted {damping:.5f}, the data leave {low:.5f} to {high:.5f}; true {DAMPING[0]:g}")
+
+    other = dataclasses.replace(problem, prior=rid.Prior(gain_bound=0.3, decay_rate=1.15))
+    print(f"   with a gain bound of 0.3: {rid.contradiction(other).summary()}")
 
     omega, exact = 2 * np.pi * SHOWN_HZ, response(plant, 2 * np.pi * SHOWN_HZ * DT)
     peak = int(np.argmax(np.abs(exact)))

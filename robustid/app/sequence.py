@@ -24,8 +24,10 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
     Band,
+    Contradiction,
     WorstCaseError,
     WorstCaseOverPoles,
+    contradiction,
     default_grid,
     worst_case_error,
     worst_case_over_poles,
@@ -171,13 +173,13 @@ class Untouched(NamedTuple):
 
 def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
-    result = _identified(run, problem, around)
+    refuted, result = _refuted(problem, around), _identified(run, problem, around)
     for _ in range(_LARGER):
         if (larger := choices.with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
-        result = _identified(run, problem, around)
+        refuted, result = _refuted(problem, around), _identified(run, problem, around)
     reduction, worth, doubtful = _small_model(run, result, left, around)
     found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
     said = content(result) if result.consistent and problem.frequency else None
@@ -207,6 +209,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
     if seen is not None:
         found = [*seen.sentences, *found] if seen.contradicted else [*found, *seen.sentences]
+    if refuted is not None and not result.consistent:
+        found.insert(0, refuted.summary())
     return IdentifiedReduced(
         withheld=seen,
         identification=result,
@@ -254,6 +258,16 @@ def _small_model(
         margin = largest_ratio(result.problem, model)
         reduction = dataclasses.replace(reduction, model=model, order=model.nstates, margin=margin, bound=np.inf)
     return reduction, worth, doubtful
+
+
+def _refuted(problem: MixedProblem, around: Surroundings) -> Contradiction | None:
+    """A contradiction between the data and the class that sums show, said at once; None where they show none."""
+    if problem.prior.positive_real:
+        return None
+    found = contradiction(problem)
+    if found is not None:
+        around.say(found.summary())
+    return found
 
 
 def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Identification:

@@ -5,6 +5,7 @@ from robustid.guarantees.band import Band, band, has_box
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees.contradictions import Contradiction, contradiction
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
 from robustid.guarantees.growing import growing_error
@@ -38,6 +39,7 @@ __all__ = [
     "MOST",
     "Band",
     "CircleBound",
+    "Contradiction",
     "ControlPair",
     "Coverage",
     "Diameter",
@@ -65,6 +67,7 @@ __all__ = [
     "box_of",
     "chance_of_order",
     "consistent_set",
+    "contradiction",
     "coverage",
     "default_grid",
     "diameter",

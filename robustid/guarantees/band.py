@@ -19,7 +19,7 @@ from robustid.guarantees.linear.amplitudes import Extraction, wide_modes
 from robustid.guarantees.linear.arcs import arc_bounds, centre_and_radius
 from robustid.guarantees.linear.entry_band import EntryBand, entry_band
 from robustid.guarantees.linear.functions import Functions, fixed_functions, functions_over, pairs_of
-from robustid.guarantees.linear.samples import samples_of, seen_in
+from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.value_set import norm_of_bounds
@@ -350,7 +350,7 @@ def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None) -
     (True, True)
     """
     problem, model = _statement(thing, model)
-    functions = _functions(problem, box)
+    functions = functions_of(problem, box)
     low, high = _range(problem)
     grid = default_grid(problem) if omega is None else as_frequencies(omega, problem)
     if not problem.dt:
@@ -365,7 +365,7 @@ def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None) -
             entry_band(samples_of(problem, functions, entry, seen), wanted, ends[0], ends[1])
             for entry in independent_entries(problem.entries)
         ]
-    stated = None if box is None else _ends(box)
+    stated = None if box is None else ends_of(box)
     return Band(problem=problem, omega=grid, bands=tuple(bands), box=stated, model=model)
 
 
@@ -390,7 +390,7 @@ def band_of_multipliers(
     ValueError
         Arrays that do not belong to the problem.
     """
-    functions, seen = _functions(problem, box), seen_in(problem)
+    functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)
     if len(places) != len(multipliers):
         raise ValueError("its entries are not those of the problem")
@@ -398,23 +398,40 @@ def band_of_multipliers(
     for place, (angles, points, d, proof) in zip(places, multipliers, strict=True):
         samples = samples_of(problem, functions, place, seen)
         extraction = Extraction(samples, **proof)
-        count, rows, g = samples.angles.size, samples.rows, samples.amplitudes
-        own = [(points, d, angles.size), (extraction.points, extraction.multipliers, g)]
-        fits = all(
-            p.shape[:1] == (n,) == m.shape[:1]
-            and m.shape[1] == p.shape[1] + rows
-            and (not p.size or (p.min() >= 0 and p.max() < count))
-            and np.all(np.isfinite(m))
-            for p, m, n in own
-        )
+        fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
         ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
-        if not (fits and ordered and extraction.assumed.shape == (g,) == extraction.about.shape):
+        if not (fits and ordered):
             raise ValueError("its multipliers do not belong to the samples of the problem")
-        if np.any(np.isfinite(extraction.assumed) & ~wide_modes(samples)) or np.any(extraction.assumed < 0):
-            raise ValueError("it assumes amplitudes of modes that can be proved")
         bands.append(EntryBand(samples, extraction, angles, points, d))
     grid = as_frequencies(omega, problem)
     return Band(problem=problem, omega=grid, bands=tuple(bands), box=box, model=model)
+
+
+def multipliers_fit(samples: Samples, points: NDArray[Any], d: NDArray[Any], count: int) -> bool:
+    """Return whether so many rows of points and multipliers belong to the samples."""
+    return bool(
+        points.shape[:1] == (count,) == d.shape[:1]
+        and d.shape[1] == points.shape[1] + samples.rows
+        and (not points.size or (points.min() >= 0 and points.max() < samples.angles.size))
+        and np.all(np.isfinite(d))
+    )
+
+
+def extraction_fits(found: Extraction) -> bool:
+    """Return whether what bounds the amplitudes belongs to the samples.
+
+    Raises
+    ------
+    ValueError
+        It assumes amplitudes that could be proved.
+    """
+    samples = found.samples
+    g = samples.amplitudes
+    if not (found.assumed.shape == (g,) == found.about.shape):
+        return False
+    if np.any(np.isfinite(found.assumed) & ~wide_modes(samples)) or np.any(found.assumed < 0):
+        raise ValueError("it assumes amplitudes of modes that can be proved")
+    return multipliers_fit(samples, found.points, found.multipliers, g)
 
 
 def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:
@@ -433,7 +450,7 @@ def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:
     return problem, None if model is None else check_nominal(model, problem)
 
 
-def _ends(box: Any) -> tuple[Real, Real]:
+def ends_of(box: Any) -> tuple[Real, Real]:
     """The intervals of a box."""
     omega, damping = getattr(box, "omega_interval", None), getattr(box, "damping_interval", None)
     if omega is None or damping is None:
@@ -458,11 +475,11 @@ def _ends(box: Any) -> tuple[Real, Real]:
     return omega, damping
 
 
-def _functions(problem: MixedProblem, box: Any) -> Functions:
+def functions_of(problem: MixedProblem, box: Any) -> Functions:
     """The parametric part, with its poles in the box."""
     if box is None:
         return fixed_functions(problem.parametric)
-    omega, damping = _ends(box)
+    omega, damping = ends_of(box)
     return functions_over(problem.parametric, problem.plane, omega, damping, _peaks(problem, omega, damping))
 
 

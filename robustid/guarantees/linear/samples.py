@@ -29,6 +29,8 @@ class RecordRows(Frozen):
 
     Attributes
     ----------
+    output : int
+    time : (T,) array, s
     y, bound : (T,) arrays
     blocks : dict of int to (T, N) array
         For every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
@@ -37,6 +39,8 @@ class RecordRows(Frozen):
     left_out : (T, amplitudes) array
     """
 
+    output: int
+    time: Real
     y: Real
     bound: Real
     blocks: dict[int, Real]
@@ -388,4 +392,5 @@ def _rows(
         columns[:, c * m : (c + 1) * m] = functions.responses(u[:, j])[used]
         rest[:, c * g : (c + 1) * g] = functions.left_out_in_time(u[:, j])[used]
     free, widen = initial_state(problem, record, used, output)
-    return RecordRows(record.y[used, output], record.bound.radius[used, output] + widen, blocks, columns, rest), free
+    y, bound = record.y[used, output], record.bound.radius[used, output] + widen
+    return RecordRows(output, record.time[used], y, bound, blocks, columns, rest), free
