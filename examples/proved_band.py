@@ -121,6 +121,10 @@ def main(argv=None):
             f" evaluated again: {'all discs hold' if band.certified else 'NOT ALL DISCS HOLD'}"
         )
     wide = bands["any pole of the box"]
+    gain, peak_step = (float(one.item()) for one in (wide.static_gain[0], wide.peak_step()))
+    print(
+        f"   static gain {gain:.3f} ± {wide.static_gain[1].item():.3f}; no step response exceeds {peak_step:.3f}, ever"
+    )
     if importlib.util.find_spec("flint"):
         exactly = wide.verify(exact=True)
         print(

@@ -1,8 +1,9 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
 from robustid.guarantees import storage as storage  # registers the results that can be saved
-from robustid.guarantees.band import Band, band, has_box
+from robustid.guarantees.band import Band, band
 from robustid.guarantees.bilinear import ControlPair
+from robustid.guarantees.box_functions import has_box
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction

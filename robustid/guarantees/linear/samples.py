@@ -217,15 +217,15 @@ class Samples(Frozen):
 
     def target_values(self, angles: Real) -> Complex:
         """Functions of the entry at angles, zeros for those of the others, (B, m)."""
-        own = self.functions.values(angles)
-        found = np.zeros((angles.size, self.amplitude_of.size), complex)
-        found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own
-        return found
+        return self.of_target(self.functions.values(angles), self.amplitude_of.size)
 
     def target_left_out(self, angles: Real) -> Real:
         """Most that the series leave out of the entry, (B, amplitudes)."""
-        own = self.functions.left_out(angles)
-        found = np.zeros((angles.size, self.amplitudes))
+        return self.of_target(self.functions.left_out(angles), self.amplitudes).real
+
+    def of_target(self, own: NDArray[Any], columns: int) -> Complex:
+        """Columns of the entry among so many of all components and transients, zeros elsewhere."""
+        found = np.zeros((len(own), columns), complex)
         found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own
         return found
 

@@ -102,7 +102,7 @@ def reweighted(
         total = np.where(
             np.isfinite(total), total, (size * bound).sum(axis=1)
         )  # infinite where a series does not converge
-        square = np.abs(targets.weight) ** 2 - 2 * (d * chosen.cross).sum(axis=1).real
+        square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
         square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
         missed = np.abs(np.einsum("bsm,bs->bm", soft, d) - wanted)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
