@@ -8,6 +8,7 @@ Run: python proved_band.py --out folder (some seconds)
 """
 
 import argparse
+import dataclasses
 import importlib.util
 import tempfile
 import time
@@ -98,6 +99,9 @@ def main(argv=None):
     damping, (low, high) = found.damping[light][0], box[1][0]
     print(f"   damping ratio: fitted {damping:.5f}, the data leave {low:.5f} to {high:.5f}; true {DAMPING[0]:g}")
 
+    other = dataclasses.replace(problem, prior=rid.Prior(gain_bound=0.3, decay_rate=1.15))
+    print(f"   with a gain bound of 0.3: {rid.contradiction(other).summary()}")
+
     omega, exact = 2 * np.pi * SHOWN_HZ, response(plant, 2 * np.pi * SHOWN_HZ * DT)
     peak = int(np.argmax(np.abs(exact)))
     bands = {}
@@ -117,6 +121,10 @@ def main(argv=None):
             f" evaluated again: {'all discs hold' if band.certified else 'NOT ALL DISCS HOLD'}"
         )
     wide = bands["any pole of the box"]
+    gain, peak_step = (float(one.item()) for one in (wide.static_gain[0], wide.peak_step()))
+    print(
+        f"   static gain {gain:.3f} ± {wide.static_gain[1].item():.3f}; no step response exceeds {peak_step:.3f}, ever"
+    )
     if importlib.util.find_spec("flint"):
         exactly = wide.verify(exact=True)
         print(

@@ -5,7 +5,7 @@ Read and measure:     look, load, save, FrequencyResponse, TimeRecord, Bound, es
 Ask:                  kautz, Prior, MixedProblem, identify; PositiveReal, NegativeImaginary, BoundedReal for passive plants
 Choose:               suggest_kautz, suggest_prior, suggest_class; diagnose where data contradict the class
 What is guaranteed:   band, worst_case_error, worst_case_over_poles, response_tube, coverage, family, robust_stability_margin,
-                      uncertainty_weight, structured_weights, refute
+                      uncertainty_weight, structured_weights, contradiction, refute
 Fit:                  fit_mfd, suggest_order, RigidBody, Modal, mode_table, fit_covariance, fit_records
 Small models:         reduce_within_bounds, balanced_truncation, make_passive, to_continuous
 See and keep:         plot, write_report, save; run and identify_reduced for the whole way in one call

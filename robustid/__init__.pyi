@@ -57,10 +57,12 @@ from .errors import Status as Status
 
 # What holds for every consistent system
 from .guarantees import Band as Band
+from .guarantees import Contradiction as Contradiction
 from .guarantees import Family as Family
 from .guarantees import Member as Member
 from .guarantees import WorstCaseError as WorstCaseError
 from .guarantees import band as band
+from .guarantees import contradiction as contradiction
 from .guarantees import coverage as coverage
 from .guarantees import diameter as diameter
 from .guarantees import family as family

@@ -24,8 +24,10 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
     Band,
+    Contradiction,
     WorstCaseError,
     WorstCaseOverPoles,
+    contradiction,
     default_grid,
     worst_case_error,
     worst_case_over_poles,
@@ -42,6 +44,7 @@ from robustid.reduction import (
     without_doubtful_modes,
 )
 
+_PREDICTED = 2000  # samples that are compared with what the others leave, before the margin
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 
@@ -171,13 +174,13 @@ class Untouched(NamedTuple):
 
 def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
-    result = _identified(run, problem, around)
+    refuted, result = _refuted(problem, around), _identified(run, problem, around)
     for _ in range(_LARGER):
         if (larger := choices.with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
-        result = _identified(run, problem, around)
+        refuted, result = _refuted(problem, around), _identified(run, problem, around)
     proved = _proved(run, result, around) if result.consistent and run.worst_case.compute else None
     reduction, worth, doubtful = _small_model(run, result, proved, left, around)
     found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
@@ -216,6 +219,8 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
     if seen is not None:
         found = [*seen.sentences, *found] if seen.contradicted else [*found, *seen.sentences]
+    if refuted is not None and not result.consistent:
+        found.insert(0, refuted.summary())
     return IdentifiedReduced(
         withheld=seen,
         identification=result,
@@ -264,6 +269,19 @@ def _small_model(
         margin = largest_ratio(result.problem, model)
         reduction = dataclasses.replace(reduction, model=model, order=model.nstates, margin=margin, bound=np.inf)
     return reduction, worth, doubtful
+
+
+def _refuted(problem: MixedProblem, around: Surroundings) -> Contradiction | None:
+    """A contradiction between the data and the class that sums show, said at once; None where they show none.
+
+    Of very many samples they take as long as the margin, and are left to it.
+    """
+    if problem.prior.positive_real or problem.samples > _PREDICTED:
+        return None
+    found = contradiction(problem)
+    if found is not None:
+        around.say(found.summary())
+    return found
 
 
 def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Identification:

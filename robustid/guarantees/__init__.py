@@ -1,10 +1,12 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
 from robustid.guarantees import storage as storage  # registers the results that can be saved
-from robustid.guarantees.band import Band, band, has_box
+from robustid.guarantees.band import Band, band
 from robustid.guarantees.bilinear import ControlPair
+from robustid.guarantees.box_functions import has_box
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees.contradictions import Contradiction, contradiction
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
 from robustid.guarantees.growing import growing_error
@@ -38,6 +40,7 @@ __all__ = [
     "MOST",
     "Band",
     "CircleBound",
+    "Contradiction",
     "ControlPair",
     "Coverage",
     "Diameter",
@@ -65,6 +68,7 @@ __all__ = [
     "box_of",
     "chance_of_order",
     "consistent_set",
+    "contradiction",
     "coverage",
     "default_grid",
     "diameter",

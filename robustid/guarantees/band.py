@@ -18,6 +18,7 @@ from robustid.core import (
     Real,
     Savable,
     as_array,
+    as_count,
     as_flag,
     as_kind,
     freeze,
@@ -25,12 +26,12 @@ from robustid.core import (
 )
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
+from robustid.guarantees.box_functions import ends_of, functions_of
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.linear.amplitudes import Extraction, wide_modes
 from robustid.guarantees.linear.arcs import arc_bounds, centre_and_radius
 from robustid.guarantees.linear.entry_band import EntryBand, entry_band
-from robustid.guarantees.linear.functions import Functions, fixed_functions, functions_over, pairs_of
+from robustid.guarantees.linear.in_time import response_discs, step_tails
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.pole_cells import AMPLITUDE
@@ -51,8 +52,9 @@ from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, MixedProblem
 
 _BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
-_NEAR = 3.0  # half-widths around a mode in which its resonance is looked for
 _COARSE = 64  # knots of the uniform grid from end to end
+_MOST_SAMPLES = 512  # of a step response whose peak is bounded
+_LITTLE = 0.01  # of the static gain: what a step response leaves when its samples end
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -303,9 +305,102 @@ class Band(Frozen, Drawable, Savable):
         return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
     @property
-    def amplitudes(self) -> Any:
-        """Proved discs of the amplitudes of the parametric part: of every entry its centres and radii."""
-        return tuple((one.extraction.known.centre, one.extraction.known.radius) for one in self.bands)
+    def amplitudes(self) -> tuple[tuple[Complex, Real], ...]:
+        r"""Proved discs of the amplitudes of the parametric part: of every entry, as in `bands`, centres and radii, (g,) each.
+
+        Without a box they are intervals of the real coefficients of the parametric functions, in their order. With one come the
+        functions that the box does not hold, then for every mode c n(x)/(1 - a x) + conj., x the delay, the complex
+        c (1 - \|a_1\|^2)/(1 - a_1* a), by rising frequency: a is the pole anywhere in the box, a_1 its middle
+        (``bands[0].samples.functions.modes.middle``). Infinite where the data do not tell them apart; of `assumed_modes` assumed.
+        """
+        found: list[tuple[Complex, Real]] = []
+        for one in self.bands:
+            count, target = one.samples.functions.amplitudes, one.samples.target
+            own = slice(target * count, (target + 1) * count)
+            found.append((freeze(one.extraction.known.centre[own]), freeze(one.extraction.known.radius[own])))
+        return tuple(found)
+
+    @property
+    def static_gain(self) -> tuple[Real, Real]:
+        """Centres and radii of the intervals that hold the static gain of every consistent system, (ny, nu) each.
+
+        Raises
+        ------
+        InputError
+            The plant has an integrator.
+        """
+        self._without_integrator()
+        centre, radius = self.at([0.0])
+        return freeze(centre[0].real), freeze(radius[0])
+
+    def impulse_response(self, count: int) -> tuple[Real, Real]:
+        """Centres and radii of the first samples of the response to a unit pulse at t = 0, (count, ny, nu) each.
+
+        Every consistent system is within the radii; each is at most what the class and the amplitudes say, K rho^-t of the
+        non-parametric part. From zero initial conditions.
+
+        Raises
+        ------
+        InputError
+            A count below 1, or continuous time.
+        """
+        return self._response(np.eye(1, as_count("count", count, least=1))[0])
+
+    def step_response(self, count: int) -> tuple[Real, Real]:
+        """Centres and radii of the first samples of the response to a unit step, (count, ny, nu) each; as `impulse_response`."""
+        return self._response(np.ones(as_count("count", count, least=1)))
+
+    def _response(self, u: Real) -> tuple[Real, Real]:
+        self._sampled()
+        with one_thread():
+            discs = [response_discs(one.extraction, u) for one in self.bands]
+        centre, radius = (self._of_entries([disc[k] for disc in discs]) for k in range(2))
+        return freeze(centre), freeze(radius)
+
+    def peak_step(self, count: int | None = None) -> Real:
+        """Proved bound of the largest |step response| of every consistent system over all t >= 0, (ny, nu).
+
+        The first `count` samples are bounded one by one; from there on, |static gain| and what class and modes still leave.
+        Default: as many samples as leave little, 512 at most.
+
+        Raises
+        ------
+        InputError
+            A count below 1, continuous time, or a plant with an integrator, whose step response has no bound.
+        """
+        self._sampled()
+        self._without_integrator()
+        most = _MOST_SAMPLES if count is None else as_count("count", count, least=1)
+        static, off = self.static_gain
+        end = np.abs(static) + off
+        with one_thread():
+            later = end + self._of_entries([step_tails(one.extraction, most) for one in self.bands])
+        if count is None:
+            little = np.all(later <= (1 + _LITTLE) * end, axis=(1, 2))
+            most = max(int(np.argmax(little)), 1) if little.any() else most
+        centre, radius = self.step_response(most)
+        first = np.minimum(np.abs(centre) + radius, later[:most])
+        return freeze(np.maximum(first.max(axis=0), later[most]))
+
+    def _of_entries(self, values: Sequence[Real]) -> Real:
+        """Values (T,) of the entries in `bands`, as matrices (T, ny, nu)."""
+        places = list(self._by_entry)
+        found = np.empty((len(values[0]), *self.problem.entries.shape))
+        for place in np.ndindex(*found.shape[1:]):
+            own = (min(place), max(place)) if self.problem.entries.symmetric else place
+            found[:, *place] = values[places.index(own)]
+        return found
+
+    def _sampled(self) -> None:
+        if not self.problem.dt:
+            raise InputError(
+                "`problem` is of continuous time, whose responses have no samples: take at(...), or static_gain"
+            )
+
+    def _without_integrator(self) -> None:
+        basis = self.problem.parametric
+        if basis is not None and basis.has_integrator:
+            raise InputError("`problem` has an integrator, so that nothing bounds its static gain: take at(...)")
 
     @functools.cached_property
     def open_ranges(self) -> tuple[tuple[float, float], ...]:
@@ -518,7 +613,7 @@ def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None) -
     (True, True)
     """
     problem, model = _statement(thing, model)
-    functions = _functions(problem, box)
+    functions = functions_of(problem, box)
     low, high = _range(problem)
     grid = default_grid(problem) if omega is None else as_frequencies(omega, problem)
     if not problem.dt:
@@ -533,60 +628,8 @@ def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None) -
             entry_band(samples_of(problem, functions, entry, seen), wanted, ends[0], ends[1])
             for entry in independent_entries(problem.entries)
         ]
-    stated = None if box is None else _ends(box)
+    stated = None if box is None else ends_of(box)
     return Band(problem=problem, omega=grid, bands=tuple(bands), box=stated, model=model)
-
-
-def has_box(basis: Any, modes: int) -> bool:
-    """Return whether functions are single pairs of so many modes, besides others: a pole-uncertainty box can hold these."""
-    return basis is not None and len(pairs_of(basis)) == modes
-
-
-def band_of_multipliers(
-    problem: MixedProblem,
-    box: tuple[Real, Real] | None,
-    omega: Real,
-    model: Any,
-    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], dict[str, NDArray[Any]]]],
-    polygons: Any = None,
-) -> Band:
-    """Make the band of known multipliers; all that it claims follows from them.
-
-    Of every entry angles, points and multipliers of the knots, and the fields of an `Extraction` but for its samples.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not belong to the problem.
-    """
-    functions, seen = _functions(problem, box), seen_in(problem)
-    places = independent_entries(problem.entries)
-    if len(places) != len(multipliers):
-        raise ValueError("its entries are not those of the problem")
-    bands: list[EntryBand] = []
-    for place, (angles, points, d, proof) in zip(places, multipliers, strict=True):
-        samples = samples_of(problem, functions, place, seen)
-        extraction = Extraction(samples, **proof)
-        count, rows, g = samples.angles.size, samples.rows, samples.amplitudes
-        own = [(points, d, angles.size), (extraction.points, extraction.multipliers, g)]
-        fits = all(
-            p.shape[:1] == (n,) == m.shape[:1]
-            and m.shape[1] == p.shape[1] + rows
-            and (not p.size or (p.min() >= 0 and p.max() < count))
-            and np.all(np.isfinite(m))
-            for p, m, n in own
-        )
-        ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
-        if not (fits and ordered and extraction.assumed.shape == (g,) == extraction.about.shape):
-            raise ValueError("its multipliers do not belong to the samples of the problem")
-        if np.any(np.isfinite(extraction.assumed) & ~wide_modes(samples)) or np.any(extraction.assumed < 0):
-            raise ValueError("it assumes amplitudes of modes that can be proved")
-        bands.append(EntryBand(samples, extraction, angles, points, d))
-    if polygons is not None and not polygons_hold(polygons):
-        raise ValueError("its polygons do not follow from their certificates")
-    grid = as_frequencies(omega, problem)
-    found = Band(problem=problem, omega=grid, bands=tuple(bands), box=box, model=model)
-    return found if polygons is None else found.with_polygons(polygons)
 
 
 def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:
@@ -603,55 +646,6 @@ def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:
             f"`thing` is of a {problem.prior.passive} class, which has no gain bound: its band comes from worst_case_error"
         )
     return problem, None if model is None else check_nominal(model, problem)
-
-
-def _ends(box: Any) -> tuple[Real, Real]:
-    """The intervals of a box."""
-    omega, damping = getattr(box, "omega_interval", None), getattr(box, "damping_interval", None)
-    if omega is None or damping is None:
-        try:
-            omega, damping = box
-        except (TypeError, ValueError):
-            raise InputTypeError(
-                "`box` must be a KautzSuggestion or a pair of (M, 2) arrays: natural frequencies in rad/s, damping ratios;"
-                f" got {type(box).__name__}"
-            ) from None
-    omega, damping = as_array("box", omega, ndim=2), as_array("box", damping, ndim=2)
-    for name, ends in (("frequencies", omega), ("damping ratios", damping)):
-        if ends.shape[1:] != (2,) or np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
-            raise InputError(f"`box` must hold positive ends (low, high) of the {name}; got {ends.tolist()}")
-    if omega.shape != damping.shape:
-        raise InputError(
-            f"`box` must have one row (low, high) a mode in both parts; got {omega.shape} for the frequencies and"
-            f" {damping.shape} for the damping ratios"
-        )
-    if np.any(damping >= 1):
-        raise InputError(f"`box` must hold damping ratios below 1; got {damping.max():g}")
-    return omega, damping
-
-
-def _functions(problem: MixedProblem, box: Any) -> Functions:
-    """The parametric part, with its poles in the box."""
-    if box is None:
-        return fixed_functions(problem.parametric)
-    omega, damping = _ends(box)
-    return functions_over(problem.parametric, problem.plane, omega, damping, _peaks(problem, omega, damping))
-
-
-def _peaks(problem: MixedProblem, omega: Real, damping: Real) -> Real:
-    """Largest samples around every mode, in units of their bounds, (M,): so exactly its series must be."""
-    found = np.zeros(len(omega))
-    for points in problem.frequency:
-        size = np.abs(np.where(points.bound.used, points.values, 0)) / points.bound.outer_radius
-        size = size.max(axis=(1, 2))
-        for k, ((low, high), (_, most)) in enumerate(zip(omega.tolist(), damping.tolist(), strict=True)):
-            near = np.abs(points.omega - (low + high) / 2) <= (high - low) / 2 + _NEAR * most * high
-            near[np.argmin(np.abs(points.omega - (low + high) / 2))] = True
-            found[k] = max(found[k], float(size[near].max()))
-    for record in problem.time:
-        size = np.abs(np.where(record.bound.used, record.y, 0)) / record.bound.radius
-        found = np.maximum(found, float(size.max()))
-    return found
 
 
 def _range(problem: MixedProblem) -> tuple[float, float]:

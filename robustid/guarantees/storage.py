@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Arrays, Record, as_count, describe, digest, keep, part, rebuild, text_array, under
-from robustid.guarantees.band import Band, band_of_multipliers
+from robustid.guarantees.band import Band
 from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.families import Family
+from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.member import Member, as_members
+from robustid.guarantees.multipliers import band_of_multipliers
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
@@ -24,7 +27,7 @@ from robustid.identification import Identification, MarginCertificate, describe_
 _PARAMETERS, _VALUES, _CIRCLE, _MODEL = "parameters/", "values/", "circle/", "nominal/"
 _BAND, _BOX, _KEPT, _REFUTED = "band/", "box/", "kept/{}/", "refuted/{}/"
 _MISSING, _MEMBER = "missing", "member/{}/"
-_ENTRY, _AMPLITUDES, _POLYGONS = "entry/{}/", "amplitudes/", "polygons/"
+_ENTRY, _AMPLITUDES, _POLYGONS, _CLASH = "entry/{}/", "amplitudes/", "polygons/", "clash/"
 
 
 def _pack_error(error: WorstCaseError) -> tuple[Record, Arrays]:
@@ -163,15 +166,8 @@ def _pack_band(band: Band) -> tuple[Record, Arrays]:
     if band.model is not None:
         arrays |= _matrices(band.model)
     for k, one in enumerate(band.bands):
-        found = one.extraction
         numbers = {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
-        proof = {
-            "about": found.about,
-            "points": found.points,
-            "multipliers": found.multipliers,
-            "assumed": found.assumed,
-        }
-        arrays |= under(_ENTRY.format(k), numbers | under(_AMPLITUDES, proof))
+        arrays |= under(_ENTRY.format(k), numbers | _pack_amplitudes(one.extraction))
     polygons: Record | None = None
     if band.polygons is not None:
         polygons, numbers = describe(band.polygons)
@@ -201,6 +197,40 @@ def _unpack_band(record: Record, arrays: Arrays) -> Band:
     multipliers = [(one["angles"], one["points"], one["multipliers"], part(one, _AMPLITUDES)) for one in parts]
     polygons = None if record.get("polygons") is None else rebuild(record["polygons"], part(arrays, _POLYGONS))
     return band_of_multipliers(problem, box, arrays["omega"], nominal, multipliers, polygons)
+
+
+def _pack_amplitudes(found: Extraction) -> Arrays:
+    return under(_AMPLITUDES, {name: getattr(found, name) for name in ("about", "points", "multipliers", "assumed")})
+
+
+def _pack_contradiction(found: Contradiction) -> tuple[Record, Arrays]:
+    arrays, problem = describe_problem(found.problem)
+    clash = found.clash
+    if found.box is not None:
+        arrays |= under(_BOX, {"omega": found.box[0], "damping": found.box[1]})
+    numbers = {"base": np.array(clash.base), "points": clash.points, "multipliers": clash.multipliers}
+    arrays |= under(_CLASH, numbers | _pack_amplitudes(clash.extraction))
+    record = {
+        "problem": problem,
+        "problem_digest": digest({"text": text_array(problem)}),
+        "entry": list(clash.samples.entry),
+        "sample": clash.sample,
+        "summary": found.summary().splitlines(),
+    }
+    return record, arrays
+
+
+def _unpack_contradiction(record: Record, arrays: Arrays) -> Contradiction:
+    """The contradiction of stored multipliers, which are evaluated anew."""
+    if record["problem_digest"] != digest({"text": text_array(record["problem"])}):
+        raise ValueError("the problem was edited (its digest differs)")
+    problem, ends, numbers = read_problem(arrays, record["problem"]), part(arrays, _BOX), part(arrays, _CLASH)
+    box = (ends["omega"], ends["damping"]) if ends else None
+    proof = {"base": complex(numbers["base"]), "points": numbers["points"], "multipliers": numbers["multipliers"]}
+    first, second = record["entry"]
+    return contradiction_of_multipliers(
+        problem, box, (int(first), int(second)), proof | {"sample": int(record["sample"])}, part(numbers, _AMPLITUDES)
+    )
 
 
 def _pack_family(family: Family) -> tuple[Record, Arrays]:
@@ -254,3 +284,4 @@ keep(
 )
 keep(Band, "band", words="proved band", pack=_pack_band, unpack=_unpack_band)
 keep(Family, "family", words="family of plants", pack=_pack_family, unpack=_unpack_family)
+keep(Contradiction, "contradiction", pack=_pack_contradiction, unpack=_unpack_contradiction)

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from robustid.core import Complex, Real, responses
 from robustid.data import FrequencyResponse
-from robustid.identification import largest_ratio
+from robustid.identification import MixedProblem, largest_ratio
 from robustid.reduction import starts
 from robustid.reduction.best_models import REFINED, BestModels, Found
 from robustid.reduction.guard import resonances
@@ -26,12 +26,26 @@ from robustid.reduction.refinement import (
 )
 from robustid.reduction.sample_map import with_lines
 
-if TYPE_CHECKING:
-    from robustid.guarantees import Band
-
 _STEPS = 15  # of least squares
 _HALVINGS = 12  # of the way to a bound
 _EVEN = 48  # frequencies beside those of the band, evenly up to its end
+
+
+@runtime_checkable
+class Known(Protocol):
+    """Discs that are known to hold the response at every frequency, a `Band` for instance."""
+
+    problem: MixedProblem
+    omega: Real
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Frequencies between which they are known, rad/s."""
+        ...
+
+    def at(self, omega: Any) -> tuple[Complex, Real]:
+        """Centres and radii, (F, ny, nu) each."""
+        ...
 
 
 class Discs(NamedTuple):
@@ -46,11 +60,11 @@ class Discs(NamedTuple):
         return float(np.mean(np.abs(responses(model, self.angles) - self.centre) / self.radius)) + 1
 
 
-def discs_of(band: Band, model: Any) -> Discs:
+def discs_of(band: Known, model: Any) -> Discs:
     """The discs at the frequencies of a band, evenly up to its end, and around the poles of a model of the image."""
     plane = band.problem.plane
-    low, high = band.bands[0].angles[[0, -1]].tolist()
-    own: list[Real] = [plane.angles(band.omega[band.bounded]), np.linspace(low, high, _EVEN), resonances(model)]
+    low, high = plane.angles(np.array(band.range)).tolist()
+    own: list[Real] = [plane.angles(band.omega), np.linspace(low, high, _EVEN), resonances(model)]
     angles = np.unique(np.concatenate(own))
     angles = angles[(angles >= low) & (angles <= high) & (angles < np.pi)]
     centre, radius = band.at(plane.omega(angles))
@@ -58,7 +72,7 @@ def discs_of(band: Band, model: Any) -> Discs:
     return Discs(angles[known], centre[known], radius[known])
 
 
-def move_towards(models: BestModels, order: int, band: Band) -> None:
+def move_towards(models: BestModels, order: int, band: Known) -> None:
     r"""Replace the best model of an order by one whose guaranteed error is smaller, if one is found.
 
     Least squares of (F - centre)/radius over all its parameters, from the model that is there; where that leaves a bound of a

@@ -17,7 +17,7 @@ from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels
-from robustid.reduction.towards_band import move_towards
+from robustid.reduction.towards_band import Known, move_towards
 
 _log = logging.getLogger("robustid")
 
@@ -117,11 +117,9 @@ def reduce_within_bounds(
     >>> small.order, small.margin <= 1
     (4, True)
     """
-    from robustid.guarantees import Band
-
     as_kind("identification", identification, Identification, "the result of identify()")
     if band is not None:
-        as_kind("band", band, Band, "the result of band()")
+        as_kind("band", band, Known, "the result of band()")
     budget = Budget(time_limit, progress)
     image, plane = image_of(identification), identification.problem.plane
     found = _Search(image, _integrators(image, rigid_body), budget, band).reduction()

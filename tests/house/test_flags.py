@@ -23,6 +23,7 @@ PROBLEM = rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, parametric=PA
 # name, flags, what takes the flag
 CALLS = [
     ("Band.verify", "exact", lambda **flag: rid.Band.verify(None, **flag)),
+    ("Contradiction.verify", "exact", lambda **flag: rid.Contradiction.verify(None, **flag)),
     ("MixedProblem", "symmetric", lambda **flag: rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, **flag)),
     ("Modal", "symmetric", rid.Modal),
     ("WorstCaseError.on_circle", "everywhere", lambda **flag: rid.WorstCaseError.on_circle(None, **flag)),

@@ -42,7 +42,7 @@ class Amplitudes(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Targets(Frozen):
-    """Functionals that are to be bounded: values of the entry at angles, or coefficients.
+    """Functionals that are to be bounded: values of the entry at angles, or coefficients, or samples of a response.
 
     Attributes
     ----------
@@ -53,12 +53,24 @@ class Targets(Frozen):
     values : (B, m) complex array
         The functional of every function.
     left_out : (B, g) array
+    later : (B, N) array, optional
+        What it is on the Taylor coefficients from number 1 on; `base` is 0 then, and `weight` what it is on number 0.
     """
 
     base: Complex
     weight: Complex
     values: Complex
     left_out: Real
+    later: Real = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.later.size:
+            self._set(later=np.zeros((self.base.size, 0)))
+
+    @property
+    def square(self) -> Real:
+        """Squared norms, (B,)."""
+        return np.abs(self.weight) ** 2 + (self.later**2).sum(axis=1)
 
     def __getitem__(self, index: slice) -> Targets:
         return Targets(*(getattr(self, field.name)[index] for field in dataclasses.fields(self)))
@@ -113,17 +125,22 @@ def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chos
     weights = samples.weights[points]  # (B, n, C)
     turned = (1 - base.conj() * z)[:, :, None] * weights
     gram = (turned @ turned.conj().swapaxes(1, 2)) / (scale * (1 - z[:, :, None] * z.conj()[:, None, :]))
+    later, own = targets.later, samples.weights[:, samples.target]
+    powers = samples.nodes[:, None] ** np.arange(1, int(later.shape[1]) + 1)
     cross = weights[:, :, samples.target] * targets.weight.conj()[:, None]
+    cross = cross + np.take_along_axis(later @ (own[:, None] * powers).T, points, axis=1)
     if rows:
-        plain, shift, later = samples.shifted
-        own = (
-            plain + np.abs(base)[:, :, None] ** 2 * later - base.conj()[:, :, None] * shift - base[:, :, None] * shift.T
+        plain, shift, lower = samples.shifted
+        inner = (
+            plain + np.abs(base)[:, :, None] ** 2 * lower - base.conj()[:, :, None] * shift - base[:, :, None] * shift.T
         )
         first, second = (part.T[points].swapaxes(1, 2) for part in samples.mixed)  # (B, T, n)
         mixed = (first - base.conj()[:, :, None] * second) * (1 - base * z.conj())[:, None, :] / scale
-        gram = np.block([[gram, mixed.conj().swapaxes(1, 2)], [mixed, own / scale]])
-        start = samples.blocks[samples.target][:, 0]
-        cross = np.concatenate([cross, start * targets.weight.conj()[:, None]], axis=1)
+        gram = np.block([[gram, mixed.conj().swapaxes(1, 2)], [mixed, inner / scale]])
+        U = samples.blocks[samples.target]
+        common = min(U.shape[1] - 1, later.shape[1])
+        onto = U[:, 0] * targets.weight.conj()[:, None] + later[:, :common] @ U[:, 1 : common + 1].T
+        cross = np.concatenate([cross, onto], axis=1)
 
     def joined(at_points: NDArray[np.generic], of_rows: NDArray[np.generic]) -> NDArray[np.generic]:
         below = np.broadcast_to(of_rows, (len(points), *of_rows.shape))
@@ -147,10 +164,10 @@ def mismatch(chosen: Chosen, targets: Targets, d: Complex) -> Complex:
 
 def class_radius(samples: Samples, chosen: Chosen, targets: Targets, d: Complex) -> Real:
     """Norm of the target less the combination, times K: the largest value over the class, rounding included, (B,)."""
-    square = np.abs(targets.weight) ** 2 - 2 * (d * chosen.cross).sum(axis=1).real
+    square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
     square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
     # |<f, g>| <= ||f|| ||g||: no term of the sums is larger than those of the square of this one.
-    sizes = np.abs(targets.weight) + (np.abs(d) * np.sqrt(np.einsum("bss->bs", chosen.gram).real)).sum(axis=1)
+    sizes = np.sqrt(targets.square) + (np.abs(d) * np.sqrt(np.einsum("bss->bs", chosen.gram).real)).sum(axis=1)
     return np.sqrt(np.maximum(square, 0.0) + rounding(samples, d.shape[1]) * sizes**2)
 
 

@@ -29,6 +29,8 @@ class RecordRows(Frozen):
 
     Attributes
     ----------
+    output : int
+    time : (T,) array, s
     y, bound : (T,) arrays
     blocks : dict of int to (T, N) array
         For every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
@@ -37,6 +39,8 @@ class RecordRows(Frozen):
     left_out : (T, amplitudes) array
     """
 
+    output: int
+    time: Real
     y: Real
     bound: Real
     blocks: dict[int, Real]
@@ -213,15 +217,15 @@ class Samples(Frozen):
 
     def target_values(self, angles: Real) -> Complex:
         """Functions of the entry at angles, zeros for those of the others, (B, m)."""
-        own = self.functions.values(angles)
-        found = np.zeros((angles.size, self.amplitude_of.size), complex)
-        found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own
-        return found
+        return self.of_target(self.functions.values(angles), self.amplitude_of.size)
 
     def target_left_out(self, angles: Real) -> Real:
         """Most that the series leave out of the entry, (B, amplitudes)."""
-        own = self.functions.left_out(angles)
-        found = np.zeros((angles.size, self.amplitudes))
+        return self.of_target(self.functions.left_out(angles), self.amplitudes).real
+
+    def of_target(self, own: NDArray[Any], columns: int) -> Complex:
+        """Columns of the entry among so many of all components and transients, zeros elsewhere."""
+        found = np.zeros((len(own), columns), complex)
         found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own
         return found
 
@@ -388,4 +392,5 @@ def _rows(
         columns[:, c * m : (c + 1) * m] = functions.responses(u[:, j])[used]
         rest[:, c * g : (c + 1) * g] = functions.left_out_in_time(u[:, j])[used]
     free, widen = initial_state(problem, record, used, output)
-    return RecordRows(record.y[used, output], record.bound.radius[used, output] + widen, blocks, columns, rest), free
+    y, bound = record.y[used, output], record.bound.radius[used, output] + widen
+    return RecordRows(output, record.time[used], y, bound, blocks, columns, rest), free

@@ -61,14 +61,23 @@ def search(
         part = slice(first, first + stack)
         chosen = choose(samples, targets[part], chosen_points[part])
         before = None if start is None else start[1][part]
-        found[part] = _reweighted(samples, chosen, targets[part], known, steps, before)
+        found[part] = reweighted(samples, chosen, targets[part], known, steps=steps, start=before)
     return chosen_points, found
 
 
-def _reweighted(
-    samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes, steps: int, start: Complex | None
+def reweighted(
+    samples: Samples,
+    chosen: Chosen,
+    targets: Targets,
+    known: Amplitudes,
+    *,
+    steps: int = _STEPS,
+    start: Complex | None = None,
+    one: Complex | None = None,
 ) -> Complex:
     r"""Multipliers of the smallest radius along the way; functions whose coefficients are unbounded are matched exactly.
+
+    So are the numbers `one` (B, S), if given: their combination is 1.
 
     A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
     that go `_FARTHER` than that, in their logarithms, take half of the steps.
@@ -79,6 +88,8 @@ def _reweighted(
     bound = chosen.bound + chosen.left_out @ finite.largest
     soft, hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
     wanted, matched = targets.values[:, ~free], targets.values[:, free]
+    if one is not None:
+        hard, matched = np.concatenate([hard, one[:, :, None]], axis=2), np.insert(matched, matched.shape[1], 1, axis=1)
     radius = radius[~free]
     L, adjoint = soft.swapaxes(1, 2), soft.conj()  # (B, m, S), (B, S, m)
     gram, at = chosen.gram.swapaxes(1, 2), np.arange(int(bound.shape[1]))
@@ -92,7 +103,7 @@ def _reweighted(
         total = np.where(
             np.isfinite(total), total, (size * bound).sum(axis=1)
         )  # infinite where a series does not converge
-        square = np.abs(targets.weight) ** 2 - 2 * (d * chosen.cross).sum(axis=1).real
+        square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
         square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
         missed = np.abs(np.einsum("bsm,bs->bm", soft, d) - wanted)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
@@ -126,7 +137,7 @@ def _reweighted(
             return best
         new = weights(d)
         if step or start is not None:
-            new = [before * np.clip(one / before, *_CHANGE) ** _FARTHER for before, one in zip(used, new, strict=True)]
+            new = [old * np.clip(now / old, *_CHANGE) ** _FARTHER for old, now in zip(used, new, strict=True)]
             largest = np.abs(d).max(axis=1, keepdims=True)
             new[0] = np.minimum(new[0], bound / (_FLOOR * largest + 1e-300))
         used = new

@@ -13,6 +13,7 @@ import numpy as np
 from robustid.core import Real
 from robustid.guarantees.linear.amplitudes import amplitude_targets
 from robustid.guarantees.linear.certificate import Targets, targets_at
+from robustid.guarantees.linear.clash import Clash, nothing
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.samples import Samples
 from robustid.identification import ball_arithmetic
@@ -34,6 +35,18 @@ def holds_exactly(band: EntryBand) -> bool:
             if not radius + away <= float(stated[k]) and np.isfinite(stated[k]):
                 return False
     return True
+
+
+def clashes_exactly(clash: Clash) -> bool:
+    """Say whether the discs of the amplitudes are proved, and zero is outside of that of a combination, all rounding enclosed."""
+    samples, extraction = clash.samples, clash.extraction
+    known, targets = extraction.known, nothing(samples, np.array([clash.base]))
+    with ball_arithmetic() as flint:
+        sums = Sums(flint, samples)
+        if samples.amplitudes and not sums.amplitudes_proved(extraction, known):
+            return False
+        numbers = targets, 0, clash.points, clash.multipliers, known
+        return bool(sums.distance(sums.centre(*numbers), 0j) > sums.radius(*numbers))
 
 
 class Sums:

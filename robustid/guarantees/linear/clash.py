@@ -1,0 +1,220 @@
+"""Combinations of samples that no system of the class leaves so large: the linear certificate of the number zero."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Frozen, Real, freeze
+from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.certificate import Chosen, Targets, centres, choose, radii
+from robustid.guarantees.linear.samples import Samples
+from robustid.guarantees.linear.search import POINTS, nearest_points, reweighted
+
+_STACK = 3e6  # complex numbers in the matrices of a stack
+_ROWS = 24  # samples of the records of an entry that are predicted by the others
+_MOST = 4 * POINTS  # points of a combination of all samples together
+_STEPS = 30
+_TRIED = 5  # predictions from which such combinations start
+_INSIDE = 1.0, 0.9  # times the zeta of these: from farther inside more of the circle counts
+_BELOW = 1 - 1e-9  # the factor on the bounds: what is proved, just below where the combination is as large as allowed
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Clash(Frozen):
+    """Multipliers d of samples, -1 for one of them: what the others say of that one.
+
+    A sum of functionals, d_k f_k, is bounded for all systems by its norm and what it sees of the functions; the sum of the samples
+    is no farther from it than sum |d_k| bound_k.
+
+    Attributes
+    ----------
+    extraction : Extraction
+        Of the samples, with the discs of the amplitudes.
+    base : complex
+        Zeta from which the harmonic measure is seen.
+    points : (n,) int array
+    multipliers : (n + T,) complex array
+    sample : int
+        Number among the multipliers of the sample that the others predict.
+    """
+
+    extraction: Extraction
+    base: complex
+    points: NDArray[np.intp]
+    multipliers: Complex
+    sample: int
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("points", "multipliers")})
+
+    @property
+    def samples(self) -> Samples:
+        """All samples of the entry."""
+        return self.extraction.samples
+
+    @functools.cached_property
+    def own(self) -> tuple[Complex, Real]:
+        """The sample that is predicted, and its bound with what the series leave out."""
+        chosen = choose(self.samples, nothing(self.samples, np.array([self.base])), self.points[None])
+        bound = chosen.bound + chosen.left_out @ self.extraction.known.largest
+        return chosen.y[0, self.sample], bound[0, self.sample]
+
+    @functools.cached_property
+    def disc(self) -> tuple[Complex, Real]:
+        """Centre and radius of the disc that holds zero, if any system keeps all bounds."""
+        clash = of_zero(self.extraction, np.array([self.base]), self.points[None], self.multipliers[None])
+        return clash[0][0], clash[1][0]
+
+    @property
+    def excess(self) -> float:
+        """Distance of zero from the centre over the radius: above 1 no system keeps the bounds."""
+        centre, radius = self.disc
+        return float(np.abs(centre) / radius)
+
+    def at_bounds(self, factor: float) -> Clash:
+        """The same multipliers with every bound times a factor."""
+        samples = self.samples
+        records = tuple(dataclasses.replace(one, bound=factor * one.bound) for one in samples.records)
+        wider = dataclasses.replace(samples, bound=factor * samples.bound, records=records)
+        return dataclasses.replace(self, extraction=dataclasses.replace(self.extraction, samples=wider))
+
+    @functools.cached_property
+    def factor(self) -> float:
+        """Factor on all bounds up to which a combination with an excess above 1 refutes: radii are affine in it, as those of
+        the amplitudes are.
+        """
+        size, radius = abs(complex(self.disc[0])), float(self.disc[1])
+        slope = float(self.at_bounds(2.0).disc[1]) - radius
+        if not slope > 0:
+            return np.inf  # all bounds are zero
+        found = max(_BELOW * (1 + (size - radius) / slope), 1.0)
+        return found if self.at_bounds(found).excess > 1 else 1.0
+
+
+def nothing(samples: Samples, base: Complex) -> Targets:
+    """The functional that is zero, seen from some zeta, (B,)."""
+    zero = np.zeros((base.size, samples.amplitude_of.size), complex)
+    return Targets(base, np.zeros(base.size, complex), zero, np.zeros((base.size, samples.amplitudes)))
+
+
+def of_zero(extraction: Extraction, base: Complex, points: NDArray[np.intp], d: Complex) -> tuple[Complex, Real]:
+    """Discs that hold zero if any system keeps the bounds, (B,) each."""
+    samples, known = extraction.samples, extraction.known
+    targets = nothing(samples, base)
+    chosen = choose(samples, targets, points)
+    return centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
+
+
+def clash_of(extraction: Extraction) -> Clash | None:
+    """The combination that is largest against what systems and bounds allow; None where nothing is known of the amplitudes.
+
+    At first every line, and some samples of the records, as the others predict it; then all samples together, from the worst ones
+    on.
+    """
+    samples = extraction.samples
+    assumed = bool(np.isfinite(extraction.assumed).any())
+    if assumed or not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
+        return None
+    found = sorted(predicted(extraction), key=lambda one: -one.excess)[:_TRIED]
+    found += [together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
+    return max(found, key=lambda one: one.excess, default=None)
+
+
+def predicted(extraction: Extraction) -> list[Clash]:
+    """Every line that sees the entry before all others, and some samples of records, as all others predict it."""
+    samples = extraction.samples
+    half = samples.angles.size // 2
+    lines = np.flatnonzero(np.argmax(samples.v[:half] != 0, axis=1) == samples.target)
+    real = np.abs(samples.nodes[lines] - samples.nodes[lines + half]) == 0  # they see the same as their conjugates
+    found: list[Clash] = []
+    for twins in (False, True):
+        mine = lines[real == twins]
+        if mine.size:
+            found += _lines(extraction, mine, twins)
+    return found + _rows(extraction)
+
+
+def _lines(extraction: Extraction, lines: NDArray[np.intp], twins: bool) -> list[Clash]:
+    samples = extraction.samples
+    total, base = samples.angles.size, samples.nodes[lines]
+    count = min(POINTS + min(int(samples.first.sum()), POINTS), total - 1 - twins)
+    near = nearest_points(samples, base, count + 1 + twins)
+    points = np.empty((lines.size, count + 1), int)
+    points[:, 0] = lines
+    for row, (k, every) in enumerate(zip(lines.tolist(), near, strict=True)):
+        out = (k, k + total // 2) if twins else (k,)
+        points[row, 1:] = every[~np.isin(every, out)][:count]
+    return _found(extraction, base, points, np.zeros(lines.size, int))
+
+
+def _rows(extraction: Extraction) -> list[Clash]:
+    samples = extraction.samples
+    if not samples.rows:
+        return []
+    rows = np.unique(np.linspace(0, samples.rows - 1, _ROWS).round().astype(int))
+    base = np.zeros(rows.size, complex)
+    points = nearest_points(samples, base, POINTS)
+    return _found(extraction, base, points, points.shape[1] + rows)
+
+
+def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp]) -> list[Clash]:
+    """Search what predicts the samples number `own` (B,) among the points (B, n) and the rows, stack by stack."""
+    samples = extraction.samples
+    size = points.shape[1] + samples.rows
+    stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
+    found: list[Clash] = []
+    for first in range(0, base.size, stack):
+        part = slice(first, first + stack)
+        chosen = choose(samples, nothing(samples, base[part]), points[part])
+        rest, targets, others = without(chosen, base[part], own[part])
+        d: Complex = np.full(chosen.bound.shape, -1, complex)
+        np.put_along_axis(d, others, reweighted(samples, rest, targets, extraction.known), axis=1)
+        found += [
+            Clash(extraction, complex(z), mine, numbers, int(k))
+            for z, mine, numbers, k in zip(base[part].tolist(), points[part], d, own[part].tolist(), strict=True)
+        ]
+    return found
+
+
+def without(chosen: Chosen, base: Complex, own: NDArray[np.intp]) -> tuple[Chosen, Targets, NDArray[np.intp]]:
+    """The arrays without one sample of every target, that sample as the target, and the numbers (B, S - 1) of the others."""
+    count, size = len(chosen.bound), int(chosen.bound.shape[1])
+    number, row = np.arange(size - 1), np.arange(count)
+    others = number + (number >= own[:, None])
+    weight = np.sqrt(chosen.gram[row, own, own].real).astype(complex)
+    targets = Targets(base, weight, chosen.values[row, own], chosen.left_out[row, own])
+    rows = row[:, None]
+    gram = chosen.gram[rows[:, :, None], others[:, :, None], others[:, None, :]]
+    rest = [getattr(chosen, name)[rows, others] for name in ("values", "y", "bound", "left_out")]
+    return Chosen(chosen.points, gram, chosen.gram[rows, others, own[:, None]], *rest), targets, others
+
+
+def together(start: Clash) -> Clash:
+    """Search the combination of all samples that is 1 and of the smallest radius, from a prediction on."""
+    extraction, samples = start.extraction, start.samples
+    count = start.points.size
+    far = nearest_points(samples, np.array([start.base]), _MOST)[0]
+    points = np.concatenate([start.points, far[~np.isin(far, start.points)]])
+    added = points.size - count
+    d = np.concatenate([start.multipliers[:count], np.zeros(added, complex), start.multipliers[count:]])
+    base = np.array([start.base])
+    targets = nothing(samples, base)
+    chosen = choose(samples, targets, points[None])
+    middle, _ = extraction.known.coefficients(samples)
+    seen = chosen.y - chosen.values @ middle
+    size = complex(seen[0] @ d)
+    if size == 0:
+        return start
+    d = reweighted(samples, chosen, targets, extraction.known, steps=_STEPS, start=d[None] / size, one=seen)[0]
+    sample = int(np.argmax(np.abs(d) * chosen.bound[0]))
+    if d[sample] == 0:
+        return start
+    d = -d / d[sample]
+    d[sample] = -1
+    return Clash(extraction, start.base, points, d, sample)
