@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from robustid.guarantees import Band, band, has_box
-from robustid.identification import Identification
+from robustid.identification import Identification, MixedProblem
 
 Box = tuple[Any, Any]
+
+_KNOTS = 400  # of a band at once
 
 
 def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any) -> Box | None:
@@ -26,5 +28,14 @@ def proved_band(result: Identification, model: Any, box: Box | None) -> Band | N
     """The band around a model; at the poles as they stand where a box does not go with them, None of classes without a gain."""
     if not result.consistent or result.prior.positive_real:
         return None
-    basis = result.problem.parametric
-    return band(result, model=model, box=box if box is not None and has_box(basis, len(box[0])) else None)
+    return band(result, model=model, box=_held(box, result.problem))
+
+
+def band_at_once(problem: MixedProblem, box: Box | None) -> Band:
+    """The band around its centres with few knots, for whoever waits for it; of a class with a gain."""
+    return band(problem, box=_held(box, problem), knots=_KNOTS)
+
+
+def _held(box: Box | None, problem: MixedProblem) -> Box | None:
+    """The box, where it goes with the poles."""
+    return box if box is not None and has_box(problem.parametric, len(box[0])) else None

@@ -2,7 +2,7 @@
 
 from robustid.report import plot
 from robustid.report.document import Verdict
-from robustid.report.live import live_figure, live_words
+from robustid.report.live import live_figure, live_words, look_figure, look_words
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.sections.claims import same
 from robustid.report.words import at_least, at_most
@@ -15,6 +15,8 @@ __all__ = [
     "at_most",
     "live_figure",
     "live_words",
+    "look_figure",
+    "look_words",
     "plot",
     "pole_table",
     "render_report",

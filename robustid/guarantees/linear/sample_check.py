@@ -25,6 +25,7 @@ class SampleCheck(Frozen):
 
     Attributes
     ----------
+    problem : MixedProblem
     omega : (F,) array, rad/s
         Of the samples, ascending.
     values : (F,) complex array
@@ -33,6 +34,7 @@ class SampleCheck(Frozen):
     radius : (F,) array
     """
 
+    problem: MixedProblem
     omega: Real
     values: Complex
     bound: Real
@@ -40,7 +42,8 @@ class SampleCheck(Frozen):
     radius: Real
 
     def __post_init__(self) -> None:
-        self._set(**{one.name: freeze(np.asarray(getattr(self, one.name))) for one in dataclasses.fields(self)})
+        names = ("omega", "values", "bound", "centre", "radius")
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in names})
 
     @property
     def ratio(self) -> Real:
@@ -54,6 +57,11 @@ class SampleCheck(Frozen):
         With all bounds times s >= 1 every radius grows at most by s.
         """
         return float(self.ratio.max(initial=0.0))
+
+    @property
+    def worst(self) -> float:
+        """Frequency of the sample with the largest ratio, rad/s."""
+        return float(self.omega[np.argmax(self.ratio)])
 
     @property
     def contradicts(self) -> bool:
@@ -84,7 +92,7 @@ def check_samples(problem: MixedProblem) -> SampleCheck:
         chosen = choose(samples, targets, points)
         centre, radius = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
     omega = problem.plane.omega(samples.angles[own])
-    return SampleCheck(omega, samples.y[own], samples.bound[own], centre, radius)
+    return SampleCheck(problem, omega, samples.y[own], samples.bound[own], centre, radius)
 
 
 def _checked(samples: Samples) -> NDArray[np.intp]:
