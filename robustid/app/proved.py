@@ -11,7 +11,10 @@ from robustid.identification import Identification, MixedProblem
 
 Box = tuple[Any, Any]
 
-_KNOTS = 400  # of a band at once
+_KNOTS, _KNOTS_OF_BOX = (
+    400,
+    300,
+)  # of a band at once; over a box each takes longer, and the band is wider than between them
 
 
 def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any) -> Box | None:
@@ -33,7 +36,8 @@ def proved_band(result: Identification, model: Any, box: Box | None) -> Band | N
 
 def band_at_once(problem: MixedProblem, box: Box | None) -> Band:
     """The band around its centres with few knots, for whoever waits for it; of a class with a gain."""
-    return band(problem, box=_held(box, problem), knots=_KNOTS)
+    held = _held(box, problem)
+    return band(problem, box=held, knots=_KNOTS if held is None else _KNOTS_OF_BOX)
 
 
 def _held(box: Box | None, problem: MixedProblem) -> Box | None:

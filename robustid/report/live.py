@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,7 +50,9 @@ def live_figure(
     if error is not None:
         panels = _at_frequencies(error, *panels)
     panels = _with_active(identification, *panels)
-    return _figure(identification, panels if band is None else _with_band(band, *panels), left_out, withheld)
+    if band is not None:
+        panels = _with_band(band, *panels)
+    return _figure(identification, panels, left_out, withheld)
 
 
 def look_figure(
@@ -64,7 +67,7 @@ def look_figure(
     """
     name, omega, values = "response as the other samples prove it", check.omega, check.centre
     if band is not None:
-        name, (omega, values, _) = "centre of the proved band", _drawn(band)
+        name, (omega, values, *_) = "centre of the proved band", _drawn(band)
     above = omega > 0  # a logarithmic axis has no 0
     shown = Shown(name, None, NOMINAL if band is not None else ALERT, "dot", "")
     panels = entry_chart(check, (0, 0), [shown], omega[above], [values[above]], shown_band(check)).panels
@@ -105,6 +108,11 @@ def _labelled(panel: Panel, label: str) -> Panel:
     return dataclasses.replace(panel, y=dataclasses.replace(panel.y, label=label))
 
 
+@functools.lru_cache(maxsize=2)
+def _band_words(about: Identification | Band, band: Band) -> str:
+    return band_sentence(about, band)
+
+
 def live_words(
     identification: Identification, error: WorstCaseError | None = None, band: Band | None = None
 ) -> tuple[str, str, str]:
@@ -118,7 +126,7 @@ def live_words(
         ]
         return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
     if band is not None:
-        return said.key, words, band_sentence(identification, band)
+        return said.key, words, _band_words(identification, band)
     return said.key, words, "" if error is None else sentence(error)
 
 
@@ -126,7 +134,7 @@ def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, 
     """The same before the margin is known."""
     if not check.contradicts:
         words = "No sample contradicts the others; whether all of them agree is being computed."
-        return "", words, "" if band is None else band_sentence(band, band)
+        return "", words, "" if band is None else _band_words(band, band)
     words = (
         f"Inconsistent, margin at least {number(check.margin)} (proved). The sample at {number(check.worst / HZ, 5)} Hz lies where"
         " the other samples and the assumptions leave no room for it."
@@ -141,22 +149,23 @@ def _sample(kind: str, index: int, at: float) -> str:
     )
 
 
-def _drawn(band: Band) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres and radii there."""
+@functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
+def _drawn(band: Band) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
     knots = band.bands[0].angles
     angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
-    low, high = band.range
-    omega = np.clip(band.problem.plane.omega(angles), low, high)
+    omega = np.clip(band.problem.plane.omega(angles), *band.range)
     centre, radius = band.at(omega)
-    return omega, centre[:, 0, 0], radius[:, 0, 0]
+    error = radius if band.model is None else band.error_at(omega)
+    return omega, centre[:, 0, 0], radius[:, 0, 0], error[:, 0, 0]
 
 
 def _with_band(band: Band, magnitude: Panel, phase: Panel, below: Panel | None = None) -> tuple[Panel, ...]:
     """The panels with the proved band behind them, and the proved error of its model, or the radius."""
-    omega, centre, radius = _drawn(band)
     left, right = magnitude.x.range or (0.0, np.inf)
-    seen = (omega >= left * HZ) & (omega <= right * HZ)
-    omega, centre, radius = omega[seen], centre[seen], radius[seen]
+    drawn = _drawn(band)
+    seen = (drawn[0] >= left * HZ) & (drawn[0] <= right * HZ)
+    omega, centre, radius, error = (one[seen] for one in drawn)
     bottom, top = magnitude.y.range or (0.0, 1.0)
     ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
     poles = _poles(band)
@@ -164,7 +173,6 @@ def _with_band(band: Band, magnitude: Panel, phase: Panel, below: Panel | None =
     area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
     high = ends[1][np.isfinite(radius)].max(initial=0.0)
     first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
-    error = band.error_at(omega)[:, 0, 0]
     about = "proved error" if band.model is not None else "radius of the band"
     line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
     layers = (line, *(() if below is None else below.layers))

@@ -109,6 +109,9 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
         Input("tick", "n_intervals"),
         State("shown", "data"),
         prevent_initial_call=True,
+        running=[
+            (Output("tick", "disabled"), True, False)
+        ],  # an answer that comes after the next question would be lost
     )
     def looked(_: Any, shown: list[int]) -> Any:
         found = worker.found

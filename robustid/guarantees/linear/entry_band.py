@@ -14,11 +14,12 @@ from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
 from robustid.guarantees.linear.samples import Samples
-from robustid.guarantees.linear.search import FEW, POINTS, search
+from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
 
 _LOOSE = 1.05  # of the radius between knots over that of a search there: above, the arc is halved
 _ROUNDS, _MOST = 6, 1200  # of halving arcs, and knots
 _STEPS_BETWEEN = 5
+_FEW_STEPS = 6
 _APART = 1e-9  # of the range: knots that are nearer to each other are one
 _LINES = 200  # of the data, at most, that are knots at first
 _SHARE = 0.25  # of few knots that are lines
@@ -157,7 +158,7 @@ def quick_band(samples: Samples, low: float, high: float, most: int) -> EntryBan
     extraction, least = extract(samples), 4 * _APART * (high - low)
     angles = apart(first_knots(samples, low, high, int(_SHARE * most)), least)
     count = FEW + min(int(samples.first.sum()), FEW)
-    band = EntryBand(samples, extraction, angles, *_found(samples, extraction, angles, count))
+    band = EntryBand(samples, extraction, angles, *_found(samples, extraction, angles, count, steps=_FEW_STEPS))
     radius, arcs, wider = band.radius, np.arange(angles.size - 1), np.zeros(angles.size - 1)
     while True:
         _, middle = band.between(arcs, np.full(arcs.size, 0.5))
@@ -194,10 +195,11 @@ def _found(
     angles: Real,
     count: int,
     start: tuple[NDArray[np.intp], Complex] | None = None,
+    steps: int = STEPS,
 ) -> tuple[NDArray[np.intp], NDArray[np.complex64]]:
     targets, known = targets_at(samples, angles), extraction.known
     if start is None:
-        points, d = search(samples, targets, known, points=count)
+        points, d = search(samples, targets, known, points=count, steps=steps)
     else:
         points, d = search(samples, targets, known, steps=_STEPS_BETWEEN, start=start)
     return points, d.astype(np.complex64)

@@ -14,7 +14,7 @@ from robustid.guarantees.linear.samples import Samples
 POINTS = 44  # of the samples at frequencies, for a target
 FEW = 24  # where it has to be quick: between the lines as good, beyond the data wider
 _NEAR = 0.3  # of them the nearest ones; the others ever farther apart
-_STEPS = 10
+STEPS = 10
 _CHANGE = 1e-20, 1e20  # of a weight, in a step
 _FARTHER = 1.8  # times the change of the logarithm of a weight
 _STACK = 4e6  # complex numbers in the matrices of a stack: memory, and what a cache holds
@@ -47,7 +47,7 @@ def search(
     known: Amplitudes,
     *,
     points: int | NDArray[np.intp] = POINTS,
-    steps: int = _STEPS,
+    steps: int = STEPS,
     start: tuple[NDArray[np.intp], Complex] | None = None,
 ) -> tuple[NDArray[np.intp], Complex]:
     """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given.

@@ -33,20 +33,26 @@ window.dash_clientside.explore = (() => {
   }
 
   // The line of a mode while it is dragged: a picture that is drawn anew has another one in its place, which follows it.
-  let dragged = null, told = 0;
+  let dragged = null, told = 0, later = 0;
   const drawn = (picture, number) =>
     [...picture.querySelectorAll(`.shapelayer [data-index="${number}"] path`)].find((one) => !one.closest("[drag-helper]"));
   function follow() {
+    clearTimeout(later);
+    if (!dragged) return;
     const { picture, line, number } = dragged, x = parseFloat(line.getAttribute("d").slice(1)), now = performance.now();
     const other = drawn(picture, number), axis = picture._fullLayout.xaxis;
     if (other && other !== line) other.setAttribute("d", other.getAttribute("d").replace(/([ML])[^,]+/g, "$1" + x));
-    if (now - told < STEP || x === dragged.x) return;
+    if (x === dragged.x) return;
+    if (now - told < STEP) {
+      later = setTimeout(follow, STEP);
+      return;
+    }
     [told, dragged.x] = [now, x];
     move(number, axis.p2d(x - axis._offset));
   }
 
   // A picture that is drawn anew would take away a range that is being chosen in it.
-  const hold = (held) => window.dash_clientside.set_props("tick", { disabled: held });
+  const hold = (held) => window.dash_clientside.set_props("tick", { max_intervals: held ? 0 : -1 });
   document.addEventListener("pointerdown", (event) => {
     const picture = event.target.closest("#picture .js-plotly-plot");
     if (!picture) return;
@@ -57,7 +63,7 @@ window.dash_clientside.explore = (() => {
     picture.followed = true;
   }, true);
   // Plotly hears of a pointer by the mouse events, which come after.
-  document.addEventListener("mousemove", () => { if (dragged) setTimeout(() => { if (dragged) follow(); }); }, true);
+  document.addEventListener("mousemove", () => { if (dragged) setTimeout(follow); }, true);
   ["pointerup", "pointercancel"].forEach((name) => document.addEventListener(name, () => { dragged = null; hold(false); }, true));
 
   return { together };
