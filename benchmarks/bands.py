@@ -7,6 +7,7 @@ times and sweep take names of cases; all seconds are of the processor, of one pr
 import argparse
 import dataclasses
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -123,7 +124,86 @@ TIMES = {
 }
 
 
+STEP = 0.5  # CPU s of a step of explore
+
+
+def session_of(problem, box, folder):
+    """The page of one entry: its lines, its modes with the box of their poles, its class."""
+    from robustid.app.explore.session import Session
+    from robustid.app.options import Modes, Withheld
+    from robustid.app.prior_options import PriorChoice
+    from robustid.app.run_file import RunFile
+    from robustid.app.sources import ResponseSource
+
+    rid.save(Path(folder) / "frf.npz", problem.frequency[0])
+    poles = np.log(problem.parametric.poles) / problem.dt
+    poles = poles[poles.imag > 0]
+    poles = poles[np.argsort(abs(poles))]
+    modes = Modes(
+        hz=tuple((abs(poles) / TWO_PI).tolist()),
+        damping=tuple((-poles.real / abs(poles)).tolist()),
+        delay=1,
+        hz_interval=tuple(map(tuple, (box[0] / TWO_PI).tolist())),
+        damping_interval=tuple(map(tuple, box[1].tolist())),
+    )
+    prior = PriorChoice(gain_bound=problem.prior.gain_bound, decay_rate=problem.prior.decay_rate)
+    run = RunFile(frequency=(ResponseSource(file="frf.npz"),), modes=modes, prior=prior, withheld=Withheld(every=0))
+    return Session.of(run, Path(folder), lambda *_: None)
+
+
+def measured_entry(name, lines):
+    """Lines of a measured entry, the modes that they suggest, and a box of a tenth around these."""
+    frf = MEASURED[name]()[0]
+    frf = frf.select(np.unique(np.linspace(0, frf.omega.size - 1, lines).astype(int)))
+    problem = class_of(frf)[0]
+    poles = np.log(problem.parametric.poles) / problem.dt
+    poles = poles[poles.imag > 0]
+    poles = poles[np.argsort(abs(poles))]
+    return problem, around(abs(poles) / TWO_PI, -poles.real / abs(poles))
+
+
+EXPLORED = {
+    "60 lines": lambda: one_entry(60, [77.0], [0.017]),
+    "400 lines": lambda: one_entry(400, [77.0, 205.0, 480.0], [0.017, 0.01, 0.012], 800.0),
+    "motor, 240 lines": lambda: measured_entry("motor torsion", 240),
+    "beam, 60 lines": lambda: measured_entry("beam (1, 1)", 60),
+    "beam, 155 lines": lambda: measured_entry("beam (1, 1)", 155),
+    "mirror, 60 lines": lambda: measured_entry("mirror (1, 1)", 60),
+    "mirror, 400 lines": lambda: measured_entry("mirror (1, 1)", 400),
+}
+
+
+def explore_steps():
+    """A step of explore: problem, samples against the others, band, picture; the first mode a little aside, and far away."""
+    from robustid.app.explore.worker import look
+    from robustid.report import look_figure
+
+    def step(session, choice):
+        found = look(session, choice)
+        look_figure(found.check, found.band)
+        return found
+
+    print("\nexplore: a step with its band, CPU s (margin: at least, by samples against the others)")
+    for name, make in EXPLORED.items():
+        with tempfile.TemporaryDirectory() as folder, one_thread():
+            session = session_of(*make(), folder)
+            start, parts = session.start, []
+            for words, factor in (("box", 1.0), ("moved", 1.0001), ("far", 1.05)):
+                choice = dataclasses.replace(start, hz=(start.hz[0] * factor, *start.hz[1:]))
+                found, seconds = min((clocked(step, session, choice) for _ in range(3)), key=lambda one: one[1])
+                knots = "no band" if found.band is None else f"{found.band.bands[0].angles.size} knots"
+                missed = "" if seconds < STEP else " MISSED"
+                parts.append(f"{words} {seconds:.2f} ({knots}, {found.check.margin:.2g}){missed}")
+            lines = found.check.problem.frequency[0].omega.size
+            print(f"{name:18}{lines:5d} lines, {len(start.hz)} modes: {', '.join(parts)}; bar {STEP} s", flush=True)
+
+
 def times(arguments):
+    if "explore" in arguments.cases:
+        arguments.cases.remove("explore")
+        explore_steps()
+        if not arguments.cases:
+            return
     print(
         "poles anywhere in their box, the whole axis; CPU s\n"
         + " " * 12
@@ -156,6 +236,8 @@ def times(arguments):
     )
     exact, seconds = clocked(band.verify, exact=True)
     print(f"verified in ball arithmetic: {exact}, {seconds:.1f} s")
+    if not arguments.cases:
+        explore_steps()
 
 
 def assumed(band):
@@ -602,7 +684,11 @@ def edges(arguments):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(required=True)
-    for name, work, cases in (("times", times, TIMES), ("sweep", sweep, SWEEPS), ("measured", measured, MEASURED)):
+    for name, work, cases in (
+        ("times", times, [*TIMES, "explore"]),
+        ("sweep", sweep, SWEEPS),
+        ("measured", measured, MEASURED),
+    ):
         one = commands.add_parser(name)
         one.add_argument("cases", nargs="*", help=", ".join(cases))
         one.add_argument("--time-limit", type=float, default=120.0, help="seconds of one sweep")

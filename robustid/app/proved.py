@@ -7,9 +7,14 @@ from typing import Any
 import numpy as np
 
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles, band, has_box
-from robustid.identification import Identification
+from robustid.identification import Identification, MixedProblem
 
 Box = tuple[Any, Any]
+
+_KNOTS, _KNOTS_OF_BOX = (
+    400,
+    300,
+)  # of a band at once; over a box each takes longer, and the band is wider than between them
 
 
 def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any) -> Box | None:
@@ -26,8 +31,7 @@ def proved_band(result: Identification, box: Box | None, model: Any = None) -> B
     """The band; at the poles as they stand where a box does not go with them, None of classes without a gain."""
     if not result.consistent or result.prior.positive_real:
         return None
-    basis = result.problem.parametric
-    return band(result, model=model, box=box if box is not None and has_box(basis, len(box[0])) else None)
+    return band(result, model=model, box=_held(box, result.problem))
 
 
 def refined_band(
@@ -38,3 +42,14 @@ def refined_band(
         return None
     polygons = error if band.box is None else over_poles
     return band if polygons is None or not polygons.omega.size else band.with_polygons(polygons)
+
+
+def band_at_once(problem: MixedProblem, box: Box | None) -> Band:
+    """The band around its centres with few knots, for whoever waits for it; of a class with a gain."""
+    held = _held(box, problem)
+    return band(problem, box=held, knots=_KNOTS if held is None else _KNOTS_OF_BOX)
+
+
+def _held(box: Box | None, problem: MixedProblem) -> Box | None:
+    """The box, where it goes with the poles."""
+    return box if box is not None and has_box(problem.parametric, len(box[0])) else None

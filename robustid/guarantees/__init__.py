@@ -11,6 +11,7 @@ from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.families import Driver, Family
 from robustid.guarantees.growing import growing_error
 from robustid.guarantees.horizon import output_errors
+from robustid.guarantees.linear.sample_check import SampleCheck, check_samples
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
@@ -55,6 +56,7 @@ __all__ = [
     "ResponseDiscs",
     "ResponseTube",
     "RobustStabilityMargin",
+    "SampleCheck",
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
@@ -67,6 +69,7 @@ __all__ = [
     "bounds_of_entries",
     "box_of",
     "chance_of_order",
+    "check_samples",
     "consistent_set",
     "contradiction",
     "coverage",

@@ -2,7 +2,7 @@
 
 from robustid.report import plot
 from robustid.report.document import Verdict
-from robustid.report.live import live_figure, live_words
+from robustid.report.live import live_figure, live_words, look_figure, look_words
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.sections.claims import same
 from robustid.report.sections.proved_band import stands_on
@@ -16,6 +16,8 @@ __all__ = [
     "at_most",
     "live_figure",
     "live_words",
+    "look_figure",
+    "look_words",
     "plot",
     "pole_table",
     "render_report",

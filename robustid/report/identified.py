@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from robustid.core import Complex
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import Identification, Residual, check_model
+from robustid.identification import Identification, MixedProblem, Residual, check_model
 from robustid.report.charts import Axis
 from robustid.report.curves import resolved
 from robustid.report.style import NOMINAL, further
@@ -26,23 +26,32 @@ _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
 _NOWHERE = np.zeros(0)
 
 
-def siso(identification: Identification) -> bool:
+class Posed(Protocol):
+    """Result about a problem: an identification, or what was found without one."""
+
+    @property
+    def problem(self) -> MixedProblem:
+        """The problem."""
+        ...
+
+
+def siso(identification: Posed) -> bool:
     """Return whether there is one input and one output."""
     return len(identification.problem.outputs) == len(identification.problem.inputs) == 1
 
 
-def unit(identification: Identification) -> str:
+def unit(identification: Posed) -> str:
     """Unit of the transfer function, "mm/N"; empty where neither signal has one, or entries have different ones."""
     found = units(identification.problem.outputs, identification.problem.inputs)
     return found.pop() if len(found) == 1 else ""
 
 
-def in_unit(text: str, identification: Identification) -> str:
+def in_unit(text: str, identification: Posed) -> str:
     """A number with the unit of the transfer function."""
     return f"{text} {unit(identification)}".rstrip()
 
 
-def about(identification: Identification) -> str:
+def about(identification: Posed) -> str:
     """Sentence on what the bounds hold for: mean or next record, one excitation or several; empty where it isn't stated."""
     return "".join(f"{sentence} " for sentence in identification.problem.about)
 
@@ -57,7 +66,7 @@ def sigma_unit(identification: Identification) -> str:
     return matrix_unit_label(identification.problem.outputs, identification.problem.inputs)
 
 
-def transfer(identification: Identification, output: int = 0, input_: int = 0) -> str:
+def transfer(identification: Posed, output: int = 0, input_: int = 0) -> str:
     """Name of an entry of the transfer function, "displacement [mm] / force [N]"."""
     problem = identification.problem
     return f"{problem.outputs[output]} / {problem.inputs[input_]}"
@@ -166,7 +175,7 @@ def band(problem: Any) -> tuple[float, float]:
     return min([*starts, high / 4]) / 2, high
 
 
-def shown_band(identification: Identification, omega: np.ndarray = _NOWHERE) -> tuple[float, float]:
+def shown_band(identification: Posed, omega: np.ndarray = _NOWHERE) -> tuple[float, float]:
     """The `band` of the data, down to the lowest of further frequencies, rad/s."""
     low, high = band(identification.problem)
     return min([low, *omega[omega > 0].tolist()]), high

@@ -1,8 +1,9 @@
-"""The picture and the words of a page that follows every choice: an identification, and its error as far as it is bounded."""
+"""The picture and the words of a page that follows every choice: a first look, then an identification and its error."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,52 +11,84 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.errors import Status
-from robustid.guarantees import WorstCaseError
+from robustid.guarantees import Band, SampleCheck, WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import Layer, Panel, named
-from robustid.report.identified import sample_words, shown_models, unit
-from robustid.report.sections.frequency import frequency_charts
+from robustid.report.charts import Axis, Layer, Panel, behind
+from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
+from robustid.report.sections.frequency import entry_chart, frequency_charts
 from robustid.report.sections.guarantee import sentence
-from robustid.report.sections.guarantee_charts import BAND, band_around, worst_case_charts
+from robustid.report.sections.guarantee_charts import BAND, error_range, worst_case_charts
 from robustid.report.sections.identification import identification_verdict, margin_interval
-from robustid.report.style import ALERT, FAINT
+from robustid.report.sections.proved_band import sentence as band_sentence
+from robustid.report.style import ALERT, FAINT, FURTHER, NOMINAL
 from robustid.report.with_plotly import plotly_figure
 from robustid.report.words import HZ, number, percent
 
 LEFT_OUT = "left out"
 _WITHHELD = "withheld, to test the result"
-_ESTIMATE = "estimate, not proved"
 _ACTIVE = "active constraints"
+_CONTRADICTED = "contradicted by the others"
 _SHARE, _MOST = 0.05, 5  # of the proof, and of the samples that are named
 _HEIGHT = 760  # pixels
 _DOMAINS = {2: ([0.3, 1.0], [0.0, 0.25]), 3: ([0.48, 1.0], [0.26, 0.44], [0.0, 0.22])}  # of the panels, by their number
-
-Estimate = tuple[np.ndarray, np.ndarray]  # frequencies in rad/s and errors
+_TALL = 30.0  # times the range of the magnitude: where an area ends that has no end
 
 
 def live_figure(
     identification: Identification,
     error: WorstCaseError | None = None,
-    estimate: Estimate | None = None,
+    band: Band | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
-    *,
-    complete: bool = True,
 ) -> dict[str, Any]:
     """Magnitude, phase and error of a SISO identification as plotly draws them: data and layout.
 
     The points of the data that are used or `left_out` carry their frequency in Hz as `customdata`. The error is that of the
-    nominal model, as far as it is bounded; until that is `complete`, nothing is drawn between the frequencies.
+    nominal model, as far as it is bounded; nothing of it is drawn between the frequencies, where the band is.
     """
-    chart = (frequency_charts(identification) if error is None else worst_case_charts(error))[0]
-    panels = chart.panels
-    if error is not None and not complete:
+    panels = (frequency_charts(identification) if error is None else worst_case_charts(error))[0].panels
+    if error is not None:
         panels = _at_frequencies(error, *panels)
-    if estimate is not None:
-        panels = _with_estimate(identification, estimate, *panels)
+    panels = _with_active(identification, *panels)
+    if band is not None:
+        panels = _with_band(band, *panels)
+    return _figure(identification, panels, left_out, withheld)
+
+
+def look_figure(
+    check: SampleCheck,
+    band: Band | None = None,
+    left_out: Sequence[FrequencyResponse] = (),
+    withheld: Sequence[FrequencyResponse] = (),
+) -> dict[str, Any]:
+    """Magnitude and phase before there is a model, as `live_figure` draws them: the band around its centre.
+
+    Where there is none: the sample that the others contradict, and the response that they prove.
+    """
+    name, omega, values = "response as the other samples prove it", check.omega, check.centre
+    if band is not None:
+        name, (omega, values, *_) = "centre of the proved band", _drawn(band)
+    above = omega > 0  # a logarithmic axis has no 0
+    shown = Shown(name, None, NOMINAL if band is not None else ALERT, "dot", "")
+    panels = entry_chart(check, (0, 0), [shown], omega[above], [values[above]], shown_band(check)).panels
+    if band is not None:
+        return _figure(check, _with_band(band, *panels), left_out, withheld)
+    worst = int(np.argmax(check.ratio))
+    ring = _ring(_CONTRADICTED, check.omega[[worst]], check.values[[worst]])
+    first = dataclasses.replace(panels[0], layers=(*panels[0].layers, ring))
+    return _figure(check, (first, *panels[1:]), left_out, withheld)
+
+
+def _figure(
+    about: Posed,
+    panels: Sequence[Panel],
+    left_out: Sequence[FrequencyResponse],
+    withheld: Sequence[FrequencyResponse],
+) -> dict[str, Any]:
+    """Panels with the points that are not used, as plotly draws them."""
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
-    first = dataclasses.replace(panels[0], layers=(*under, *panels[0].layers, *over, *_active(identification)))
-    labels = f"magnitude{_in(identification)}", "phase [°]", f"error{_in(identification)}"
+    first = dataclasses.replace(panels[0], layers=(*under, *panels[0].layers, *over))
+    labels = f"magnitude{_in(about)}", "phase [°]", f"error{_in(about)}"
     drawn = [_labelled(*one) for one in zip((first, *panels[1:]), labels, strict=False)]
     figure = plotly_figure(tuple(drawn), _HEIGHT)
     figure["layout"]["legend"]["font"] = {"size": 12}
@@ -67,27 +100,46 @@ def live_figure(
     return figure
 
 
-def _in(identification: Identification) -> str:
-    return f" [{unit(identification)}]" if unit(identification) else ""
+def _in(about: Posed) -> str:
+    return f" [{unit(about)}]" if unit(about) else ""
 
 
 def _labelled(panel: Panel, label: str) -> Panel:
     return dataclasses.replace(panel, y=dataclasses.replace(panel.y, label=label))
 
 
-def live_words(identification: Identification, error: WorstCaseError | None = None) -> tuple[str, str, str]:
+@functools.lru_cache(maxsize=2)
+def _band_words(about: Identification | Band, band: Band) -> str:
+    return band_sentence(about, band)
+
+
+def live_words(
+    identification: Identification, error: WorstCaseError | None = None, band: Band | None = None
+) -> tuple[str, str, str]:
     """Key of the verdict, the verdict with its margin, and what is guaranteed or what contradicts the class."""
     said = identification_verdict(identification)
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
-    if error is not None:
-        return said.key, words, sentence(error)
     if identification.status is Status.INCONSISTENT:
         parts = [
             f"{sample_words(identification, _sample(*one[:3]))} ({percent(one[3])})"
             for one in identification.conflicting_samples(_SHARE)[:_MOST]
         ]
         return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
-    return said.key, words, ""
+    if band is not None:
+        return said.key, words, _band_words(identification, band)
+    return said.key, words, "" if error is None else sentence(error)
+
+
+def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, str]:
+    """The same before the margin is known."""
+    if not check.contradicts:
+        words = "No sample contradicts the others; whether all of them agree is being computed."
+        return "", words, "" if band is None else _band_words(band, band)
+    words = (
+        f"Inconsistent, margin at least {number(check.margin)} (proved). The sample at {number(check.worst / HZ, 5)} Hz lies where"
+        " the other samples and the assumptions leave no room for it."
+    )
+    return "inconsistent", words, "No band is drawn: there is no system that it could hold."
 
 
 def _sample(kind: str, index: int, at: float) -> str:
@@ -95,6 +147,45 @@ def _sample(kind: str, index: int, at: float) -> str:
     return (
         f"{kind} {index + 1} at {number(at / HZ, 5)} Hz" if kind == "frequency" else f"time {index + 1} at {at:.5g} s"
     )
+
+
+@functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
+def _drawn(band: Band) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
+    knots = band.bands[0].angles
+    angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
+    omega = np.clip(band.problem.plane.omega(angles), *band.range)
+    centre, radius = band.at(omega)
+    error = radius if band.model is None else band.error_at(omega)
+    return omega, centre[:, 0, 0], radius[:, 0, 0], error[:, 0, 0]
+
+
+def _with_band(band: Band, magnitude: Panel, phase: Panel, below: Panel | None = None) -> tuple[Panel, ...]:
+    """The panels with the proved band behind them, and the proved error of its model, or the radius."""
+    left, right = magnitude.x.range or (0.0, np.inf)
+    drawn = _drawn(band)
+    seen = (drawn[0] >= left * HZ) & (drawn[0] <= right * HZ)
+    omega, centre, radius, error = (one[seen] for one in drawn)
+    bottom, top = magnitude.y.range or (0.0, 1.0)
+    ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
+    poles = _poles(band)
+    name, x = f"proved band{poles}", omega / HZ
+    area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
+    high = ends[1][np.isfinite(radius)].max(initial=0.0)
+    first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
+    about = "proved error" if band.model is not None else "radius of the band"
+    line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
+    layers = (line, *(() if below is None else below.layers))
+    axis = Axis(label="", log=True, range=error_range(list(layers)))
+    title = "Error: no consistent system is farther" if below is None else below.title
+    return first, phase, Panel(title=title, x=magnitude.x, y=axis, layers=layers)
+
+
+def _poles(band: Band) -> str:
+    """Words on the poles, for a legend."""
+    if band.problem.parametric is None:
+        return ""
+    return ", poles as stated" if band.box is None else ", poles anywhere in their box"
 
 
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:
@@ -105,31 +196,13 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
     ]
     proved = error.omega > 0  # a logarithmic axis has no 0
     low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
-    name = f"guaranteed range ({error.omega.size} frequencies)"
+    name = f"guaranteed range ({error.omega.size} frequencies, poles as stated)"
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
-    bars = Layer(name=name, x=at, y=middle, colour=BAND, marker="line-ew-open", low=low, high=high, size=2.0)
+    bars = Layer(name=name, x=at, y=middle, colour=FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
     points = tuple(dataclasses.replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
     first = dataclasses.replace(plain[0], layers=(bars, *plain[0].layers))
     return first, plain[1], dataclasses.replace(below, layers=points)
-
-
-def _with_estimate(
-    identification: Identification, estimate: Estimate, magnitude: Panel, phase: Panel, below: Panel | None = None
-) -> tuple[Panel, ...]:
-    """The panels of magnitude and error with an estimate, which is drawn apart from what is proved."""
-    omega, width = estimate
-    curve = named(magnitude, shown_models(identification)[0].name)
-    bottom = (magnitude.y.range or (0.0, 1.0))[0]
-    areas = band_around(_ESTIMATE, curve, omega / HZ, width[:, None] * np.array([-1.0, 1.0]), bottom)
-    areas = [dataclasses.replace(area, colour=FAINT) for area in areas]
-    magnitude = dataclasses.replace(magnitude, layers=(*areas, *magnitude.layers))
-    if below is None:
-        return magnitude, phase
-    line = Layer(name=_ESTIMATE, x=omega / HZ, y=width, colour=FAINT, dash="dot")
-    low, high = below.y.range or (np.inf, 0.0)
-    axis = dataclasses.replace(below.y, range=(min(low, 0.8 * float(width.min())), max(high, 1.2 * float(width.max()))))
-    return magnitude, phase, dataclasses.replace(below, layers=(line, *below.layers), y=axis)
 
 
 def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:
@@ -140,8 +213,8 @@ def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size
     ]
 
 
-def _active(identification: Identification) -> list[Layer]:
-    """Rings around the frequency points that carry the proof of the margin."""
+def _with_active(identification: Identification, first: Panel, *others: Panel) -> tuple[Panel, ...]:
+    """The panels with rings around the frequency points that carry the proof of the margin."""
     found: dict[int, list[float]] = {}
     for kind, index, at, _ in identification.conflicting_samples(_SHARE):
         if kind == "frequency":
@@ -152,6 +225,9 @@ def _active(identification: Identification) -> list[Layer]:
         if not isinstance(frf, FrequencyResponse):
             continue
         kept = frf.select(np.isin(frf.omega, places))
-        size = np.abs(kept.values[:, 0, 0])
-        layers.append(Layer(name=_ACTIVE, x=kept.freq_hz, y=size, colour=ALERT, marker="circle-open", size=2.2))
-    return layers
+        layers.append(_ring(_ACTIVE, kept.omega, kept.values[:, 0, 0]))
+    return dataclasses.replace(first, layers=(*first.layers, *layers)), *others
+
+
+def _ring(name: str, omega: np.ndarray, values: np.ndarray) -> Layer:
+    return Layer(name=name, x=omega / HZ, y=np.abs(values), colour=ALERT, marker="circle-open", size=2.2)

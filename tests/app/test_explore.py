@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import urllib.error
 import urllib.request
 
@@ -15,11 +16,11 @@ import robustid as rid
 from robustid.app.explore.callbacks import write_run_file
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import Session
-from robustid.app.explore.worker import Worker
+from robustid.app.explore.worker import Worker, look
 from robustid.app.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.guarantees import growing_error
-from robustid.report import live_figure, live_words
+from robustid.report import live_figure, live_words, look_figure, look_words
 from support.explored import run_file, served, session, until
 
 pytest.importorskip("dash")
@@ -116,10 +117,113 @@ def test_the_error_of_a_watched_computation_is_the_guaranteed_one(explored):
     whole = rid.worst_case_error(result, omega=omega, directions=4)
     assert np.allclose(found[-1].upper, whole.upper, rtol=1e-6)
     assert found[-1].certified
-    # Until all are bounded nothing is drawn between those that are.
-    parts = [live_figure(result, one, complete=one is found[-1])["data"] for one in found]
-    assert [any(trace.get("fill") == "toself" for trace in part) for part in parts] == [False, False, True]
+    # Nothing is drawn between them: that is what the band is for.
+    parts = [live_figure(result, one)["data"] for one in found]
+    assert not any(trace.get("fill") for part in parts for trace in part)
     assert live_words(result, found[0])[2].startswith("Every plant that agrees")
+
+
+def with_box(folder):
+    """The page of modes with the intervals that data left of them."""
+    path = run_file(folder)
+    boxes = "hz_interval = [[8.9, 9.1], [17.6, 17.7]]\ndamping_interval = [[0.09, 0.11], [0.003, 0.005]]\n"
+    path.write_text(path.read_text().replace("[prior]", boxes + "[prior]"))
+    return Session.of(read_run_file(path), folder, lambda *_: None)
+
+
+def test_a_look_proves_a_band_over_the_box_until_a_mode_is_moved(tmp_path):
+    one = with_box(tmp_path)
+    moved = dataclasses.replace(one.start, hz=(9.05, 17.67))
+    stiffer = dataclasses.replace(one.start, gain_bound=0.25)  # no mode is moved
+    for choice, words in (
+        (one.start, "anywhere in their box"),
+        (stiffer, "anywhere in their box"),
+        (moved, "as stated"),
+    ):
+        found = look(one, choice)
+        assert (found.band.box is None) == (choice == moved)
+        assert found.band.certified
+        omega, truth = np.linspace(0.5, 300.0, 200), true_response()
+        centre, radius = found.band.at(omega)
+        if choice != moved:
+            assert np.all(np.abs(truth(omega) - centre[:, 0, 0]) <= radius[:, 0, 0])
+        whole = rid.band(found.check.problem, box=found.band.box, omega=[1.0])
+        ratio = radius / whole.at(omega)[1]
+        assert np.median(ratio) < 1.1
+        assert ratio.max() < 1.6
+        assert f"proved band, poles {words}" in names(look_figure(found.check, found.band))
+
+
+def true_response():
+    """The plant that the data are of."""
+    model = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8]).truth
+    return lambda omega: model(np.exp(1j * omega * model.dt))
+
+
+def names(figure):
+    return [trace["name"] for trace in figure["data"]]
+
+
+def test_a_look_at_a_contradiction_draws_no_band_and_says_why(explored):
+    far = look(explored, dataclasses.replace(explored.start, hz=(6.0, 17.67)))
+    assert far.band is None
+    margin = rid.identify(far.check.problem).margin
+    assert 1 < far.check.margin <= margin
+    key, verdict, guarantee = look_words(far.check)
+    assert key == "inconsistent"
+    assert verdict.startswith("Inconsistent, margin at least")
+    assert guarantee.startswith("No band is drawn")
+    figure = look_figure(far.check)
+    assert "contradicted by the others" in names(figure)
+    assert not any(trace.get("fill") for trace in figure["data"])
+
+
+def test_the_state_of_the_page_holds_the_band_before_and_after_the_margin(explored):
+    worker, near = Worker(explored), dataclasses.replace(explored.start, hz=(9.05, 17.67))
+    try:
+        worker.ask(near)
+        until(lambda: worker.found.look is not None and worker.found.look.choice == near)
+        first = look_figure(worker.found.look.check, worker.found.look.band)
+        until(lambda: worker.found.band is not None)
+        found = worker.found
+        assert found.band.model is found.identification.model
+        own = rid.band(found.look.check.problem, knots=400)
+        omega = np.linspace(0.5, 300.0, 50)
+        assert np.array_equal(found.band.at(omega), own.at(omega))
+        second = live_figure(found.identification, None, found.band)
+        for figure, error in ((first, "radius of the band"), (second, "proved error")):
+            assert {"proved band, poles as stated", f"{error}, poles as stated"} <= set(names(figure))
+        assert live_words(found.identification, None, found.band)[2].startswith("Proved at every frequency")
+        worker.ask(dataclasses.replace(near, hz=(6.0, 17.67)))
+        until(lambda: not worker.found.doing)
+        assert worker.found.band is None
+    finally:
+        worker.close()
+
+
+def test_while_a_mode_is_dragged_every_look_that_was_begun_is_shown(explored, monkeypatch):
+    begun, may_end = threading.Event(), threading.Event()
+
+    def slow(session, choice):
+        begun.set()
+        assert may_end.wait(30)
+        return look(session, choice)
+
+    monkeypatch.setattr("robustid.app.explore.worker.look", slow)
+    worker = Worker(explored)
+    first, second = (dataclasses.replace(explored.start, hz=(hz, 17.67)) for hz in (9.05, 9.1))
+    looks = []
+    try:
+        worker.ask(first)
+        assert begun.wait(30)
+        worker.ask(second)
+        may_end.set()
+        until(lambda: looks.append(worker.found) or worker.found.identification is not None)
+        seen = [one.look.choice for one in looks if one.look is not None]
+        assert set(seen) == {first, second}
+        assert all(one.choice == second for one in looks)
+    finally:
+        worker.close()
 
 
 def test_the_newest_choice_is_computed_and_can_be_cancelled(explored):

@@ -17,6 +17,10 @@ PIXEL = """(() => {{ const one = document.querySelector('#picture .js-plotly-plo
   return [one.getBoundingClientRect().x + axis._offset + axis.l2p(Math.log10({hz})), line.y + line.height * {part}]; }})()"""
 
 
+LEGEND = "[...document.querySelectorAll('#picture .legendtext')].map((one) => one.textContent)"
+DRAWN = "(({x, width}) => x + width / 2)(document.querySelector('#picture .shapelayer path').getBoundingClientRect())"
+
+
 def field(name):
     return f"document.querySelector('#{name}').value"
 
@@ -35,7 +39,11 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.open(server.address)
         browser.wait(f"{VERDICT}.startsWith('Inconsistent, margin')")
         browser.wait("document.querySelector('#picture .shapelayer path')")
-        browser.drag(place(browser, 7, 0.7), place(browser, 9, 0.7))
+        browser.drag(place(browser, 7, 0.7), place(browser, 9, 0.7), release=False)
+        browser.wait(f"{LEGEND}.includes('proved band, poles as stated')")  # while the line is held
+        # The picture is a new one, and the line is still held.
+        browser.wait(f"Math.abs({DRAWN} - {place(browser, 9, 0.7)[0]}) < 3")
+        browser.release(place(browser, 9, 0.7))
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         assert abs(float(browser.value(field("hz-0"))) - 9) < 0.1
         browser.drag(place(browser, 15, 0.5), place(browser, 16.9, 0.6))  # over the point at 16 Hz

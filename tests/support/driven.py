@@ -108,13 +108,20 @@ class Browser:
             time.sleep(0.05)
         raise AssertionError(f"never true: {script}; last: {found}")
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> None:
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float], steps: int = 8, *, release: bool = True
+    ) -> None:
         """Press the mouse at a place, move it to another one, and let go."""
         self._mouse("mouseMoved", *start)
         self._mouse("mousePressed", *start)
         for k in range(1, steps + 1):
             self._mouse("mouseMoved", *(a + (b - a) * k / steps for a, b in zip(start, end, strict=True)))
-        self._mouse("mouseReleased", *end)
+        if release:
+            self.release(end)
+
+    def release(self, place: tuple[float, float]) -> None:
+        """Let the mouse go."""
+        self._mouse("mouseReleased", *place)
 
     def _mouse(self, kind: str, x: float, y: float) -> None:
         button = "none" if kind == "mouseMoved" else "left"

@@ -10,8 +10,9 @@ from robustid.app.explore.session import Choice, Session, toggled
 from robustid.app.explore.worker import BAND, Found, Worker
 from robustid.core import atomic_write
 from robustid.errors import InputError, RobustIdError
-from robustid.report import live_figure, live_words
+from robustid.report import live_figure, live_words, look_figure, look_words
 
+_WAITING = "This choice is being looked at; what is drawn is of the one before."
 _MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
 
 
@@ -108,48 +109,50 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
         Input("tick", "n_intervals"),
         State("shown", "data"),
         prevent_initial_call=True,
+        running=[
+            (Output("tick", "disabled"), True, False)
+        ],  # an answer that comes after the next question would be lost
     )
     def looked(_: Any, shown: list[int]) -> Any:
         found = worker.found
-        state = [found.number, found.done]
+        state = [found.number, found.done, 0 if found.look is None else found.look.number]
         if shown == state:
             raise PreventUpdate
-        seen = _seen(session, found) if found.number != shown[0] else [no_update] * 5
+        seen = _seen(session, found, shown[2]) if found.number != shown[0] else [no_update] * 5
         share = found.done / found.count if found.count else 0
         work = "" if found.doing or found.cancelled else "idle"
         button = "Cancel" if found.doing else "Compute again"
         return *seen, _doing(found), str(share), work, button, found.trouble.replace("`", ""), state
 
 
-def _seen(session: Session, found: Found) -> list[Any]:
-    """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one."""
+def _seen(session: Session, found: Found, looked: int) -> list[Any]:
+    """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one.
+
+    `looked` is the number of the look that is drawn already.
+    """
     from dash import no_update
 
-    if found.identification is None or found.choice is None:
-        words = (
-            "The margin of this choice is being computed; what is drawn is of the one before." if found.doing else ""
-        )
-        return [no_update, words, "", "", no_update]
-    figure = live_figure(
-        found.identification,
-        found.error,
-        found.estimate,
-        session.left_out(found.choice),
-        found.withheld,
-        complete=found.complete,
-    )
+    look, identification = found.look, found.identification
+    if look is None or (identification is None and look.number == looked):
+        return [no_update, _WAITING if found.doing else "", "", "", no_update]
+    left_out = session.left_out(look.choice)
+    if identification is None:
+        figure = look_figure(look.check, look.band, left_out, look.withheld)
+        key, verdict, guarantee = look_words(look.check, look.band)
+        numbers = no_update
+    else:
+        figure = live_figure(identification, found.error, found.band, left_out, look.withheld)
+        key, verdict, guarantee = live_words(identification, found.error, found.band)
+        numbers = identification.summary()
     figure["layout"] |= {
         "uirevision": "kept",  # zoom
         "selectionrevision": found.number,
         "dragmode": "select",
         "selectdirection": "h",
         "autosize": True,
-        "shapes": [_line(hz, k) for k, hz in enumerate(found.choice.hz, start=1)],
+        "shapes": [_line(hz, k) for k, hz in enumerate(look.choice.hz, start=1)],
     }
-    key, verdict, guarantee = live_words(found.identification, found.error)
-    if found.identification.consistent and found.error is None:
-        guarantee = "The guaranteed range of the response is being computed." if found.doing else ""
-    return [figure, verdict, key, guarantee, found.identification.summary()]
+    return [figure, verdict, key, guarantee, numbers]
 
 
 def _line(hz: float, number: int) -> dict[str, Any]:

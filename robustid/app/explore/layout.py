@@ -12,7 +12,7 @@ _POLL = 100  # milliseconds
 _BUTTONS = ["select2d", "zoom2d", "pan2d", "resetScale2d", "toImage"]
 _HEIGHT = "760px"
 _PICTURE = (
-    "Magnitude, phase and error over frequency: the data with their bounds, the nominal model, its guaranteed range and error, and"
+    "Magnitude, phase and error over frequency: the data with their bounds, the proved band, the nominal model and its error, and"
     " the modes as vertical lines. All that can be done in the picture can be done in the fields too."
 )
 _BRUSH = (
@@ -20,9 +20,10 @@ _BRUSH = (
     " left out are frequencies in Hz with commas between them, and LOW:HIGH for all points between two frequencies."
 )
 _PROVED = (
-    "Proved: the verdict, the margin, and the range of the response at the marked frequencies, coarser than robustid run gives it"
-    " (polygons of four sides). When all are bounded, the picture is interpolated between them for the eye; until then it shows a"
-    " grey estimate, which is not proved. Everything holds for the modes, K and decay that are stated here."
+    "Proved: the verdict, the margin, and the band at every frequency, which follows while a mode is dragged. It holds for poles"
+    " anywhere in the box that the data left where modes are not moved by hand, and for poles exactly as stated where they are: the"
+    " legend says which. At the marked frequencies the range is sharper (polygons of four sides, poles as stated), and coarser than"
+    " robustid run gives it. Everything holds for the modes, K and decay that are stated here."
 )
 
 
@@ -35,7 +36,7 @@ def layout(session: Session, title: str) -> Any:
             html.Header(html.H1(title)),
             html.Main([html.Div([_verdict(), _picture(), _numbers()], id="seen"), _fields(session)]),
             dcc.Interval(id="tick", interval=_POLL),
-            dcc.Store(id="shown", data=[-1, 0]),
+            dcc.Store(id="shown", data=[-1, 0, 0]),
         ]
     )
 

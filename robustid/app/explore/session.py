@@ -12,6 +12,7 @@ import numpy as np
 
 from robustid.app.measurements import Measured, Say, measured, without_points
 from robustid.app.options import Fit
+from robustid.app.proved import Box, box_of_modes
 from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, posed
 from robustid.core import Frozen
@@ -142,6 +143,11 @@ class Session(Frozen):
         data = without_points(self.data, choice.left_out_hz)
         _, problem, left = posed(self.stated(choice), data, Surroundings(_silent))
         return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
+
+    def box(self, choice: Choice) -> Box | None:
+        """The pole-uncertainty box of the modes, where they are those that the data gave; None where they are moved by hand."""
+        modes = self.stated(choice).modes
+        return box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
 
     def left_out(self, choice: Choice) -> list[FrequencyResponse]:
         """The frequency points that a choice leaves out."""

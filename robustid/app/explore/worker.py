@@ -1,36 +1,70 @@
-"""One thread that computes the newest choice: margin first, then the guaranteed error at more and more frequencies."""
+"""One thread that computes the newest choice: a look at once, the margin, then the guaranteed error frequency by frequency."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from robustid.app.explore.session import Choice, Session
+from robustid.app.proved import band_at_once
 from robustid.core import Real, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
-from robustid.guarantees import WorstCaseError, consistent_set, default_grid, growing_error
+from robustid.guarantees import Band, SampleCheck, WorstCaseError, check_samples, default_grid, growing_error
 from robustid.identification import Identification, identify
 
 _log = logging.getLogger("robustid")
 
 _DIRECTIONS, _GAP = 4, 0.1  # coarse: what a person sees
 _THIN = 3  # of so many frequencies of the usual grid one is bounded, and those of the modes
-_ESTIMATED, _SMALL = (
-    12,
-    130,
-)  # frequencies of the estimate, and coefficients up to which it takes no longer than a blink
 MARGIN = "margin and model"
 BAND = "guaranteed error"
 
 
 class Superseded(BaseException):
     """Raised in a computation that nobody waits for any more; no error of it, which others might catch."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Look:
+    """The first look at a choice, in a fraction of a second, before its margin is known.
+
+    Attributes
+    ----------
+    choice : Choice
+    check : SampleCheck
+        Of samples against what the others prove.
+    band : Band, optional
+        Proved at every frequency; None where the check finds a contradiction, so that it would say nothing.
+    withheld : tuple of FrequencyResponse
+    number : int
+        Of the state that it came with.
+    """
+
+    choice: Choice
+    check: SampleCheck
+    band: Band | None
+    withheld: tuple[FrequencyResponse, ...] = ()
+    number: int = 0
+
+
+def look(session: Session, choice: Choice) -> Look:
+    """Look at a choice: over the pole-uncertainty box where the data gave the modes, at the poles as stated where they are moved.
+
+    Raises
+    ------
+    InputError
+        Numbers that make no class.
+    """
+    problem, withheld = session.problem(choice)
+    check = check_samples(problem)
+    band = None if check.contradicts else band_at_once(problem, session.box(choice))
+    return Look(choice, check, band, tuple(withheld))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,12 +81,10 @@ class Found:
         The step at hand; empty where there is none.
     done, count : int
         Of it.
-    identification, error, withheld
-        As far as they are known.
-    spread : (omega, half-widths), optional
-        Of an ellipsoid inside of the set of consistent systems, at some frequencies of the band.
-    scale : (omega, logarithms), optional
-        The guaranteed errors in units of those half-widths, for this choice or the one before.
+    look : Look, optional
+        The newest one, of this choice or of one before.
+    identification, band, error
+        As far as they are known; the band is around the nominal model.
     trouble : str
         The sentence of an error.
     cancelled : bool
@@ -63,26 +95,12 @@ class Found:
     doing: str = ""
     done: int = 0
     count: int = 0
+    look: Look | None = None
     identification: Identification | None = None
+    band: Band | None = None
     error: WorstCaseError | None = None
-    spread: tuple[Real, Real] | None = None
-    scale: tuple[Real, Real] | None = None
-    withheld: tuple[FrequencyResponse, ...] = ()
     trouble: str = ""
     cancelled: bool = False
-
-    @property
-    def complete(self) -> bool:
-        """Say whether all frequencies of the band are bounded."""
-        return self.error is not None and not self.doing and not self.cancelled and not self.trouble
-
-    @property
-    def estimate(self) -> tuple[Real, Real] | None:
-        """Estimated errors, while some aren't bounded yet: the ellipsoid, scaled to those that are."""
-        if self.spread is None or self.scale is None or self.complete:
-            return None
-        omega, width = self.spread
-        return omega, width * np.exp(np.interp(omega, *self.scale))
 
 
 class Worker:
@@ -106,7 +124,7 @@ class Worker:
         """Compute a choice, in place of the one at hand; nothing where it is that one."""
         if choice == self.found.choice and not self.found.cancelled:
             return
-        self._replace(choice, Found(choice=choice, doing=MARGIN, scale=self.found.scale))
+        self._replace(choice, Found(choice=choice, doing=MARGIN))
 
     def cancel(self) -> None:
         """Stop; what is known stays."""
@@ -123,7 +141,7 @@ class Worker:
         with self._asked:
             self._ticket += 1
             self._wanted = choice
-            self.found = dataclasses.replace(found, number=self.found.number + 1)
+            self.found = dataclasses.replace(found, number=self.found.number + 1, look=self.found.look)
             self._asked.notify()
 
     def _work(self) -> None:
@@ -135,7 +153,7 @@ class Worker:
                         return
                     choice, ticket, self._wanted = self._wanted, self._ticket, None
                 try:
-                    self._compute(choice, lambda ticket=ticket, **new: self._say(ticket, **new))
+                    self._compute(ticket, choice)
                 except Superseded:
                     continue
                 except RobustIdError as error:
@@ -157,41 +175,30 @@ class Worker:
             number = self.found.number + (not new.keys() <= {"done", "count"})
             self.found = dataclasses.replace(self.found, number=number, **new)
 
-    def _compute(self, choice: Any, say: Callable[..., None]) -> None:
-        problem, withheld = self._session.problem(choice)
-        say(withheld=tuple(withheld))
+    def _look(self, ticket: int, choice: Any) -> Look:
+        """Look at a choice; while it goes on changing, every look that was begun is shown."""
+        found = look(self._session, choice)
+        with self._asked:
+            number = self.found.number + 1
+            self.found = dataclasses.replace(self.found, number=number, look=dataclasses.replace(found, number=number))
+            if ticket != self._ticket:
+                raise Superseded
+        return found
+
+    def _compute(self, ticket: int, choice: Any) -> None:
+        say = functools.partial(self._say, ticket)
+        seen = self._look(ticket, choice)
         how = self._session.run.identify.arguments
-        result = identify(problem, **how, progress=lambda done, count: say(done=done, count=count))
-        say(identification=result, done=0, count=0, doing=BAND if result.consistent else "")
+        result = identify(seen.check.problem, **how, progress=lambda done, count: say(done=done, count=count))
         if not result.consistent:
+            say(identification=result, done=0, count=0, doing="")
             return
-        omega = band_frequencies(result)
-        spread = _spread(result, omega)
-        say(spread=spread)
-        sides = growing_error(
-            result, omega, directions=_DIRECTIONS, gap=_GAP, progress=lambda done, count: say(done=done, count=count)
-        )
-        for error in sides:
-            say(error=error, scale=_scale(spread, error) or self.found.scale)
+        band = None if seen.band is None else seen.band.with_model(result.model)
+        say(identification=result, band=band, done=0, count=0, doing=BAND)
+        omega, told = band_frequencies(result), lambda done, count: say(done=done, count=count)
+        for error in growing_error(result, omega, directions=_DIRECTIONS, gap=_GAP, progress=told):
+            say(error=error)
         say(doing="")
-
-
-def _spread(result: Identification, omega: Real) -> tuple[Real, Real] | None:
-    """Half-widths of an ellipsoid inside of the set at some of the frequencies, where that takes no longer than a blink."""
-    consistent = consistent_set(result)
-    if consistent.posed_at(float(omega[0])) is not consistent.posed:  # every frequency is a further node
-        if result.problem.coefficients > _SMALL:
-            return None
-        omega = omega[:: max(1, omega.size // _ESTIMATED)]
-    return omega, consistent.spreads(omega)[:, 0, 0]
-
-
-def _scale(spread: tuple[Real, Real] | None, error: WorstCaseError) -> tuple[Real, Real] | None:
-    """The logarithms of guaranteed errors in units of these half-widths, where both are known."""
-    if spread is None:
-        return None
-    omega, at, width = np.intersect1d(error.omega, spread[0], return_indices=True)
-    return (omega, np.log(error.upper[at, 0, 0] / spread[1][width])) if omega.size else None
 
 
 def band_frequencies(identification: Identification) -> Real:

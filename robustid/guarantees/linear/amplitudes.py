@@ -59,16 +59,8 @@ class Extraction(Frozen):
 
 def base_of(samples: Samples) -> Complex:
     """Zeta from which the class is seen when an amplitude is extracted: at the frequency of its mode, (g,)."""
-    functions, region = samples.functions, samples.problem.region
-    turns = np.zeros(functions.amplitudes)
-    if functions.fixed is not None and functions.fixed.states:
-        grid = np.linspace(0, np.pi, 2001)[1:-1]  # where a function is largest among the frequencies
-        sizes = np.abs(functions.fixed.response(grid))
-        turns[: functions.fixed_count] = grid[np.argmax(sizes, axis=0)]
-    if functions.modes is not None:
-        turns[functions.fixed_count :] = np.angle(functions.modes.middle)
-    every = np.concatenate([np.tile(turns, len(samples.components)), np.zeros(samples.transients)])
-    return region.points(every)
+    turns = np.tile(samples.functions.turns, len(samples.components))
+    return samples.problem.region.points(np.concatenate([turns, np.zeros(samples.transients)]))
 
 
 def amplitude_targets(samples: Samples) -> Targets:

@@ -20,7 +20,8 @@ _STACK = 3e6  # complex numbers in the matrices of a stack
 _ROWS = 24  # samples of the records of an entry that are predicted by the others
 _MOST = 4 * POINTS  # points of a combination of all samples together
 _STEPS = 30
-_TRIED = 5  # predictions from which such combinations start
+_TRIED = 3  # predictions from which such combinations start
+_HOPE = 0.5  # excess of the worst prediction below which they are not tried: they are seldom twice as large
 _INSIDE = 1.0, 0.9  # times the zeta of these: from farther inside more of the circle counts
 _BELOW = 1 - 1e-9  # the factor on the bounds: what is proved, just below where the combination is as large as allowed
 
@@ -111,39 +112,88 @@ def of_zero(extraction: Extraction, base: Complex, points: NDArray[np.intp], d: 
     return centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Predictions(Frozen):
+    """What all other samples say of some, each with multipliers of its own: -1 for the sample.
+
+    Attributes
+    ----------
+    base : (B,) complex array
+    points : (B, n) int array
+    multipliers : (B, n + T) complex array
+    own : (B,) int array
+        Number of the sample among the multipliers.
+    y : (B,) complex array
+        The samples.
+    bound : (B,) array
+        Their bounds, with what the series leave out.
+    centre, radius : (B,) arrays
+        Of the discs that hold zero if any system keeps all bounds: centre + y and radius - bound are those that hold the sample.
+    """
+
+    base: Complex
+    points: NDArray[np.intp]
+    multipliers: Complex
+    own: NDArray[np.intp]
+    y: Complex
+    bound: Real
+    centre: Complex
+    radius: Real
+
+    @property
+    def excess(self) -> Real:
+        """Above 1 no system keeps the bounds, (B,)."""
+        return np.abs(self.centre) / self.radius
+
+    def clash(self, extraction: Extraction, k: int) -> Clash:
+        """The proof of one of them."""
+        return Clash(extraction, complex(self.base[k]), self.points[k], self.multipliers[k], int(self.own[k]))
+
+
 def clash_of(extraction: Extraction) -> Clash | None:
     """The combination that is largest against what systems and bounds allow; None where nothing is known of the amplitudes.
 
-    At first every line, and some samples of the records, as the others predict it; then all samples together, from the worst ones
-    on.
+    At first every line, and some samples of the records, as the others predict it; then, unless all of them agree well, all samples
+    together, from the worst ones on.
     """
     samples = extraction.samples
     assumed = bool(np.isfinite(extraction.assumed).any())
     if assumed or not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
         return None
-    found = sorted(predicted(extraction), key=lambda one: -one.excess)[:_TRIED]
-    found += [together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
+    each = [*predicted_lines(extraction, lines_of(samples)), *_predicted_rows(extraction)]
+    best = sorted(
+        (
+            (float(part.excess[k]), part.clash(extraction, k))
+            for part in each
+            for k in np.argsort(-part.excess)[:_TRIED].tolist()
+        ),
+        key=lambda one: -one[0],
+    )[:_TRIED]
+    found = [one for _, one in best]
+    if best and best[0][0] > _HOPE:
+        found += [together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
     return max(found, key=lambda one: one.excess, default=None)
 
 
-def predicted(extraction: Extraction) -> list[Clash]:
-    """Every line that sees the entry before all others, and some samples of records, as all others predict it."""
+def lines_of(samples: Samples) -> NDArray[np.intp]:
+    """The lines that see the entry before all others, of positive angles."""
+    half = samples.angles.size // 2
+    return np.flatnonzero(np.argmax(samples.v[:half] != 0, axis=1) == samples.target)
+
+
+def predicted_lines(extraction: Extraction, lines: NDArray[np.intp], points: int | None = None) -> list[Predictions]:
+    """Lines as so many points of all others predict them."""
     samples = extraction.samples
     half = samples.angles.size // 2
-    lines = np.flatnonzero(np.argmax(samples.v[:half] != 0, axis=1) == samples.target)
+    points = POINTS + min(int(samples.first.sum()), POINTS) if points is None else points
     real = np.abs(samples.nodes[lines] - samples.nodes[lines + half]) == 0  # they see the same as their conjugates
-    found: list[Clash] = []
-    for twins in (False, True):
-        mine = lines[real == twins]
-        if mine.size:
-            found += _lines(extraction, mine, twins)
-    return found + _rows(extraction)
+    return [_near(extraction, lines[real == twins], twins, points) for twins in (False, True) if np.any(real == twins)]
 
 
-def _lines(extraction: Extraction, lines: NDArray[np.intp], twins: bool) -> list[Clash]:
+def _near(extraction: Extraction, lines: NDArray[np.intp], twins: bool, count: int) -> Predictions:
     samples = extraction.samples
     total, base = samples.angles.size, samples.nodes[lines]
-    count = min(POINTS + min(int(samples.first.sum()), POINTS), total - 1 - twins)
+    count = min(count, total - 1 - twins)
     near = nearest_points(samples, base, count + 1 + twins)
     points = np.empty((lines.size, count + 1), int)
     points[:, 0] = lines
@@ -153,33 +203,36 @@ def _lines(extraction: Extraction, lines: NDArray[np.intp], twins: bool) -> list
     return _found(extraction, base, points, np.zeros(lines.size, int))
 
 
-def _rows(extraction: Extraction) -> list[Clash]:
+def _predicted_rows(extraction: Extraction) -> list[Predictions]:
     samples = extraction.samples
     if not samples.rows:
         return []
     rows = np.unique(np.linspace(0, samples.rows - 1, _ROWS).round().astype(int))
     base = np.zeros(rows.size, complex)
     points = nearest_points(samples, base, POINTS)
-    return _found(extraction, base, points, points.shape[1] + rows)
+    return [_found(extraction, base, points, points.shape[1] + rows)]
 
 
-def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp]) -> list[Clash]:
+def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp]) -> Predictions:
     """Search what predicts the samples number `own` (B,) among the points (B, n) and the rows, stack by stack."""
-    samples = extraction.samples
+    samples, known = extraction.samples, extraction.known
     size = points.shape[1] + samples.rows
     stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
-    found: list[Clash] = []
+    multipliers: Complex = np.full((base.size, size), -1, complex)
+    numbers: list[tuple[Complex, Real, Complex, Real]] = []
     for first in range(0, base.size, stack):
         part = slice(first, first + stack)
-        chosen = choose(samples, nothing(samples, base[part]), points[part])
-        rest, targets, others = without(chosen, base[part], own[part])
-        d: Complex = np.full(chosen.bound.shape, -1, complex)
-        np.put_along_axis(d, others, reweighted(samples, rest, targets, extraction.known), axis=1)
-        found += [
-            Clash(extraction, complex(z), mine, numbers, int(k))
-            for z, mine, numbers, k in zip(base[part].tolist(), points[part], d, own[part].tolist(), strict=True)
-        ]
-    return found
+        targets, at = nothing(samples, base[part]), own[part, None]
+        chosen = choose(samples, targets, points[part])
+        rest, predicted, others = without(chosen, base[part], own[part])
+        d = multipliers[part]
+        np.put_along_axis(d, others, reweighted(samples, rest, predicted, known), axis=1)
+        bound = chosen.bound + chosen.left_out @ known.largest
+        y, own_bound = (np.take_along_axis(one, at, axis=1)[:, 0] for one in (chosen.y, bound.astype(complex)))
+        discs = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
+        numbers.append((y, own_bound.real, *discs))
+    y, bound, centre, radius = (np.concatenate(one) for one in zip(*numbers, strict=True))
+    return Predictions(base, points, multipliers, own, y, bound, centre, radius)
 
 
 def without(chosen: Chosen, base: Complex, own: NDArray[np.intp]) -> tuple[Chosen, Targets, NDArray[np.intp]]:

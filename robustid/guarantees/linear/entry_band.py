@@ -14,13 +14,15 @@ from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
 from robustid.guarantees.linear.samples import Samples
-from robustid.guarantees.linear.search import POINTS, search
+from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
 
 _LOOSE = 1.05  # of the radius between knots over that of a search there: above, the arc is halved
 _ROUNDS, _MOST = 6, 1200  # of halving arcs, and knots
 _STEPS_BETWEEN = 5
+_FEW_STEPS = 6
 _APART = 1e-9  # of the range: knots that are nearer to each other are one
 _LINES = 200  # of the data, at most, that are knots at first
+_SHARE = 0.25  # of few knots that are lines
 _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
 _STACK = 4e6  # complex numbers of a stack of evaluations
@@ -83,9 +85,10 @@ class EntryBand(Frozen):
     def between(self, arcs: NDArray[np.intp], part: Real) -> tuple[Complex, Real]:
         """Centres and radii on arcs, behind knot number `arcs`, at the given parts of their lengths."""
         angles = self.angles[arcs] + part * (self.angles[arcs + 1] - self.angles[arcs])
-        return mixed(self.samples, self.extraction, angles, part, self._of(arcs), self._of(arcs + 1))
+        return mixed(self.samples, self.extraction, angles, part, self.of_knots(arcs), self.of_knots(arcs + 1))
 
-    def _of(self, knots: NDArray[np.intp]) -> tuple[NDArray[np.intp], Complex]:
+    def of_knots(self, knots: NDArray[np.intp]) -> tuple[NDArray[np.intp], Complex]:
+        """Points and multipliers of knots."""
         return self.points[knots], self.multipliers[knots].astype(complex)
 
 
@@ -150,16 +153,53 @@ def entry_band(samples: Samples, wanted: Real, low: float, high: float) -> Entry
     return EntryBand(samples, extraction, angles, points, d)
 
 
+def quick_band(samples: Samples, low: float, high: float, most: int) -> EntryBand:
+    """Search certificates of fewer points at the first knots, and halve the widest arcs until there are `most` knots."""
+    extraction, least = extract(samples), 4 * _APART * (high - low)
+    angles = apart(first_knots(samples, low, high, int(_SHARE * most)), least)
+    count = FEW + min(int(samples.first.sum()), FEW)
+    band = EntryBand(samples, extraction, angles, *_found(samples, extraction, angles, count, steps=_FEW_STEPS))
+    radius, arcs, wider = band.radius, np.arange(angles.size - 1), np.zeros(angles.size - 1)
+    while True:
+        _, middle = band.between(arcs, np.full(arcs.size, 0.5))
+        ends = np.minimum(radius[arcs], radius[arcs + 1])
+        halved = np.isfinite(ends) & (np.diff(band.angles)[arcs] > least)
+        wider[arcs[halved]] = middle[halved] / ends[halved]
+        room = max(most - band.angles.size + 1, 0) // 2  # half of it now: the widest may need it again
+        chosen = np.sort(np.argsort(-wider, kind="stable")[:room])
+        chosen = chosen[wider[chosen] > _LOOSE]
+        if not chosen.size:
+            return band
+        band, new = _halved(band, chosen, count)
+        radius, wider = np.insert(radius, chosen + 1, new), np.insert(wider, chosen + 1, 0.0)
+        first = chosen + np.arange(chosen.size)
+        arcs = np.sort(np.concatenate([first, first + 1]))
+        wider[arcs] = 0.0
+
+
+def _halved(band: EntryBand, arcs: NDArray[np.intp], count: int) -> tuple[EntryBand, Real]:
+    """The band with knots in the middle of arcs too, and the radii there."""
+    middle = (band.angles[arcs] + band.angles[arcs + 1]) / 2
+    start = heaviest(band.samples, band.of_knots(arcs), band.of_knots(arcs + 1))
+    points, d = _found(band.samples, band.extraction, middle, count, start)
+    _, radius = evaluate(band.samples, band.extraction, middle, points, d.astype(complex))
+    angles = np.insert(band.angles, arcs + 1, middle)
+    points = np.insert(band.points, arcs + 1, points, axis=0)
+    d = np.insert(band.multipliers, arcs + 1, d, axis=0)
+    return EntryBand(band.samples, band.extraction, angles, points, d), radius
+
+
 def _found(
     samples: Samples,
     extraction: Extraction,
     angles: Real,
     count: int,
     start: tuple[NDArray[np.intp], Complex] | None = None,
+    steps: int = STEPS,
 ) -> tuple[NDArray[np.intp], NDArray[np.complex64]]:
     targets, known = targets_at(samples, angles), extraction.known
     if start is None:
-        points, d = search(samples, targets, known, points=count)
+        points, d = search(samples, targets, known, points=count, steps=steps)
     else:
         points, d = search(samples, targets, known, steps=_STEPS_BETWEEN, start=start)
     return points, d.astype(np.complex64)
@@ -193,12 +233,12 @@ def heaviest(
     return points, d
 
 
-def first_knots(samples: Samples, low: float, high: float) -> Real:
+def first_knots(samples: Samples, low: float, high: float, most: int = _LINES) -> Real:
     """The ends, the lines (or some of many), a grid outside of them, and angles around the modes."""
     lines = np.unique(np.abs(samples.angles))
     lines = lines[(lines >= low) & (lines <= high)]
-    if lines.size > _LINES:
-        lines = lines[np.unique(np.linspace(0, lines.size - 1, _LINES).round().astype(int))]
+    if lines.size > most:
+        lines = lines[np.unique(np.linspace(0, lines.size - 1, most).round().astype(int))]
     inner = (float(lines[0]), float(lines[-1])) if lines.size else (low, low)
     parts = [lines, np.linspace(low, inner[0], _OUTSIDE // 4), np.linspace(inner[1], high, _OUTSIDE)]
     poles: list[complex] = [] if samples.functions.modes is None else samples.functions.modes.middle.tolist()

@@ -85,6 +85,17 @@ class Functions(Frozen):
         """Mask of those that belong to the conjugate of the amplitude, (m,)."""
         return np.array([conjugate for _, _, conjugate in self._columns], dtype=bool)
 
+    @functools.cached_property
+    def turns(self) -> Real:
+        """Angles at which the functions of the amplitudes are largest among the frequencies, (amplitudes,)."""
+        found = np.zeros(self.amplitudes)
+        if self.fixed is not None and self.fixed.states:
+            grid = np.linspace(0, np.pi, 2001)[1:-1]
+            found[: self.fixed_count] = grid[np.argmax(np.abs(self.fixed.response(grid)), axis=0)]
+        if self.modes is not None:
+            found[self.fixed_count :] = np.angle(self.modes.middle)
+        return found
+
     def values(self, angles: Real) -> Complex:
         """Values at exp(j angle), angles of either sign, (N, m)."""
         own = np.zeros((len(angles), 0), complex) if self.fixed is None else self.fixed.response(angles)

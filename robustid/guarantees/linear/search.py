@@ -12,8 +12,9 @@ from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Targets, 
 from robustid.guarantees.linear.samples import Samples
 
 POINTS = 44  # of the samples at frequencies, for a target
+FEW = 24  # where it has to be quick: between the lines as good, beyond the data wider
 _NEAR = 0.3  # of them the nearest ones; the others ever farther apart
-_STEPS = 10
+STEPS = 10
 _CHANGE = 1e-20, 1e20  # of a weight, in a step
 _FARTHER = 1.8  # times the change of the logarithm of a weight
 _SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
@@ -46,12 +47,17 @@ def search(
     targets: Targets,
     known: Amplitudes,
     *,
-    points: int = POINTS,
-    steps: int = _STEPS,
+    points: int | NDArray[np.intp] = POINTS,
+    steps: int = STEPS,
     start: tuple[NDArray[np.intp], Complex] | None = None,
 ) -> tuple[NDArray[np.intp], Complex]:
-    """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given."""
-    chosen_points = nearest_points(samples, targets.base, points) if start is None else start[0]
+    """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given.
+
+    `points` are so many of the nearest, or these.
+    """
+    if start is not None:
+        points = start[0]
+    chosen_points = nearest_points(samples, targets.base, points) if isinstance(points, int) else points
     size = chosen_points.shape[1] + samples.rows
     if not size:  # a box reaches the circle so far that no sample says anything
         return chosen_points, np.zeros((targets.base.size, 0), complex)
@@ -71,7 +77,7 @@ def reweighted(
     targets: Targets,
     known: Amplitudes,
     *,
-    steps: int = _STEPS,
+    steps: int = STEPS,
     start: Complex | None = None,
     one: Complex | None = None,
 ) -> Complex:

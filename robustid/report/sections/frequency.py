@@ -13,6 +13,7 @@ from robustid.report.curves import half_angle, low_quantile, magnitude_range, ne
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
     Models,
+    Posed,
     Shown,
     hertz,
     numbered,
@@ -77,17 +78,18 @@ def frequency_charts(
     )
     omega, values = responses([one.model for one in shown], problem, ends, omega)
     pairs = np.ndindex(len(problem.outputs), len(problem.inputs))
-    return [_entry_chart(identification, (i, j), shown, omega, [v[:, i, j] for v in values], ends) for i, j in pairs]
+    return [entry_chart(identification, (i, j), shown, omega, [v[:, i, j] for v in values], ends) for i, j in pairs]
 
 
-def _entry_chart(
-    identification: Identification,
+def entry_chart(
+    identification: Posed,
     entry: tuple[int, int],
     shown: list[Shown],
     omega: np.ndarray,
     values: list[np.ndarray],
     band: tuple[float, float],
 ) -> Chart:
+    """Magnitude and phase of an entry: the response of every model at `omega`, and every sample with its disc."""
     problem = identification.problem
     output, input_ = problem.outputs[entry[0]], problem.inputs[entry[1]]
     phases, span = phase_curves(values)

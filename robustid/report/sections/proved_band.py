@@ -12,7 +12,7 @@ from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
-from robustid.report.identified import about, in_unit, shown_models, sigma_unit, siso, transfer
+from robustid.report.identified import Posed, about, in_unit, shown_models, sigma_unit, siso, transfer
 from robustid.report.sections.assumptions import CAUTION
 from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import BAND, error_range
@@ -66,8 +66,8 @@ def poles_words(band: Band) -> str:
     return f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
 
 
-def sentence(identification: Identification, band: Band) -> str:
-    """The guarantee in plain words."""
+def sentence(identification: Posed, band: Band) -> str:
+    """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
     start = about(identification)
     if not known.any():
@@ -78,10 +78,10 @@ def sentence(identification: Identification, band: Band) -> str:
     but = ""
     if band.open_ranges:
         but = f" but from {band.open_words}, where nothing is proved, since a mode there may be undamped for all the data say"
+    nominal = "centre of the band" if band.model is None else f"model of order {band.model.nstates}"
     return (
         f"{start}Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
-        f" has a response within {in_unit(at_most(largest.max()), identification)} of the model of order"
-        f" {band.model.nstates}{norm};"
+        f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
         f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median over"
         f" {int(known.sum())} frequencies is {at_most(100 * relative)} % of the response."
     )
