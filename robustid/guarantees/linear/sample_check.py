@@ -94,7 +94,8 @@ def check_samples(problem: MixedProblem) -> SampleCheck:
     angles = np.concatenate([none, *(samples.angles[one.points[:, 0]] for one in each)])
     order = np.argsort(angles, kind="stable")
     y, bound, centre, radius = (one[order] for one in parts)
-    return SampleCheck(problem, problem.plane.omega(angles[order]), y, bound, centre + y, radius - bound)
+    middle: Complex = np.asarray(centre + y, dtype=complex)
+    return SampleCheck(problem, problem.plane.omega(angles[order]), y.astype(complex), bound, middle, radius - bound)
 
 
 def _checked(samples: Samples) -> NDArray[np.intp]:
