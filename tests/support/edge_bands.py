@@ -16,7 +16,8 @@ import robustid as rid
 from support.edge_plants import inner
 
 IN_TIME = "record", "free record", "periodic record", "record of two inputs"
-KINDS = ("discrete", "continuous", "roll-off", *IN_TIME, "symmetric")
+MATRICES = "symmetric", "matrix"
+KINDS = ("discrete", "continuous", "roll-off", *IN_TIME, *MATRICES)
 DT, SIZE = 0.01, 2**17
 CORNER = 300.0  # rad/s, of the class with roll-off
 NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
@@ -46,7 +47,7 @@ def blaschke(zeros, zeta):
 def edge_plant(kind: str, seed: int) -> EdgePlant:
     """The same for the same numbers."""
     rng = np.random.default_rng([KINDS.index(kind), seed])
-    ny, nu = (2, 2) if kind == "symmetric" else (1, 2 if kind == "record of two inputs" else 1)
+    ny, nu = (2, 2) if kind in MATRICES else (1, 2 if kind == "record of two inputs" else 1)
     gain, part, delay = 10 ** rng.uniform(-2, 1), float(rng.choice([0, 0.02, 0.1, 0.3])), int(rng.integers(0, 3))
     middle, damping = 2 * np.pi * rng.uniform(5, 25), 10 ** rng.uniform(-2.5, -1.3)
     corner = 1 + part * rng.choice([-1, 1], 2) * [damping, 1]
@@ -91,13 +92,16 @@ def fraction(function, size):
 def discrete_class(rng, kind, gain):
     """The prior, and a function of x of gain exactly K for |x| <= rho."""
     rho, zeros = rng.choice([1.02, 1.1, 1.3]), some_zeros(rng)
-    shape = {"symmetric": (2, 2), "record of two inputs": (1, 2)}.get(kind, (1, 1))
+    shape = {"symmetric": (2, 2), "matrix": (2, 2), "record of two inputs": (1, 2)}.get(kind, (1, 1))
     U, seed = np.linalg.qr(rng.standard_normal((2, 2)))[0], rng.integers(2**32)
 
     def rest(x):
         if kind == "symmetric":
             factors = np.stack([blaschke(zeros[k::2], x / rho) for k in range(2)], axis=1)
             return gain * np.einsum("ik,fk,jk->fij", U, factors, U)
+        if kind == "matrix":  # Blaschke and Potapov: a product whose directions differ
+            parts = [inner(np.random.default_rng([seed, k]), 2, 2, x / rho) for k in range(2)]
+            return gain * parts[0] @ parts[1]
         return gain * inner(np.random.default_rng(seed), *shape, x / rho)
 
     return rid.Prior(gain_bound=gain, decay_rate=rho), rest

@@ -92,8 +92,7 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
 
     A sweep of exact poles beside a band over a box is no part of it, and said to be none.
     """
-    exact = error is not None and band.box is not None and error.omega.size > 0
-    if not exact:
+    if error is None or band.box is None or not error.omega.size:
         return band.polygon_words and f"{band.polygon_words}."
     words = band.polygon_words or "The band of sums stands at every frequency"
     return (
