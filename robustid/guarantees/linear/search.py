@@ -102,10 +102,14 @@ def reweighted(
     ridge = _STABLE * np.einsum("bss->bs", chosen.gram).real.max(axis=1)
     best, value = np.zeros(bound.shape, complex), np.full(len(bound), np.inf)
 
-    def weights(d: Complex) -> list[Real]:
-        total, size = radii(samples, chosen, targets, d, finite), np.abs(d)
+    def kept(d: Complex) -> Real:
+        total = radii(samples, chosen, targets, d, finite)
         better = total < value
         best[better], value[better] = d[better], total[better]
+        return total
+
+    def weights(d: Complex) -> list[Real]:
+        total, size = kept(d), np.abs(d)
         total = np.where(
             np.isfinite(total), total, (size * bound).sum(axis=1)
         )  # infinite where a series does not converge
@@ -124,6 +128,11 @@ def reweighted(
     else:
         level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
         used = [bound**2 * bound.shape[1], np.ones(len(bound)), level]
+    if not hard.shape[2] and best.shape[1]:
+        kept(np.zeros_like(best))
+        if chosen.points.shape[1]:  # the nearest sample alone
+            away = np.abs(samples.nodes[chosen.points] - targets.base[:, None])
+            kept(np.eye(best.shape[1], dtype=complex)[away.argmin(axis=1)])
     # The first functions of the modes at every step, the others, most of them and smaller, at some.
     groups = [(np.flatnonzero(samples.first[~free]), 1), (np.flatnonzero(~samples.first[~free]), _SELDOM)]
     products = [np.zeros_like(gram) for _ in groups]

@@ -168,6 +168,16 @@ def test_a_box_needs_pairs_of_one_delay():
         rid.band(dataclasses.replace(problem, parametric=pairs), box=box)
 
 
+@pytest.mark.parametrize("kind", ["discrete", "continuous", "symmetric"])
+def test_no_disc_at_a_line_is_larger_than_the_bound_of_the_sample(kind):
+    plants = [edge_plant(kind, seed) for seed in range(12)]
+    for plant in [one for one in plants if one.box is None]:
+        frf = plant.problem.frequency[0]
+        found = rid.band(plant.problem, omega=frf.omega)
+        rounding = 2e-6 * plant.problem.prior.gain_bound  # of the norm, whose square has an error of some 1e-13
+        assert np.all(found.at(frf.omega)[1] <= frf.bound.radius * (1 + 1e-9) + rounding)
+
+
 def test_a_box_without_width_leaves_what_exact_poles_leave():
     problem, _ = simple()
     exact = rid.band(problem, omega=[1.0])

@@ -7,6 +7,7 @@ import robustid as rid
 from robustid.guarantees.linear.certificate import choose, targets_at
 from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.samples import samples_of
+from support.edge_plants import inner
 
 SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 50))]
 DT = 0.1
@@ -137,3 +138,27 @@ def test_data_that_say_nothing_leave_the_bound_of_the_class(dt, decay, falls):
     most = 2.0 * (np.abs(1 + (1j * at + 3.0) / 20.0) ** -2 if falls else 1.0)
     np.testing.assert_allclose(found.at(at)[1][:, 0, 0], np.broadcast_to(most, at.shape), rtol=1e-6)
     assert np.all(found.at(at)[1][:, 0, 0] <= most * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("dt", [DT, None])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_lossless_networks_are_inside_bounded_real_bands(dt, seed):
+    """All singular values are 1 on the border of the class, and the errors of the samples as large as their bounds."""
+    rng = np.random.default_rng(seed)
+    omega, decay = np.sort(rng.uniform(1, 30, 15)), 5.0
+    prior = rid.BoundedReal(decay=decay) if dt is None else rid.BoundedReal(decay_rate=1.2)
+
+    def truth(w):
+        zeta = np.exp(-1j * w * dt) / 1.2 if dt else (50 - decay - 1j * w) / (50 + decay + 1j * w)
+        return inner(np.random.default_rng(seed), 2, 2, zeta)
+
+    values = truth(omega)
+    values = values + 0.02 * np.exp(2j * np.pi * rng.random(values.shape)) * (1 - 1e-9)
+    frf = rid.FrequencyResponse(omega, values, bound=np.full(values.shape, 0.02), dt=dt)
+    found = rid.band(rid.MixedProblem(frequency=frf, prior=prior))
+    at = rng.uniform(*found.range, 200)
+    centre, radius = found.at(at)
+    assert np.all(np.abs(truth(at) - centre) <= radius)
+    assert np.all(radius <= 1 + 1e-6)  # at most what the class says without data
+    between = (omega[0] < at) & (at < omega[-1])
+    assert np.median(radius[between]) < 0.5
