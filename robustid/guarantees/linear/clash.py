@@ -114,7 +114,7 @@ def of_zero(extraction: Extraction, base: Complex, points: NDArray[np.intp], d: 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Predictions(Frozen):
-    """What all other samples say of some, each with multipliers of its own: -1 for the sample.
+    """Samples as all others predict them, each with multipliers of its own: -1 for the sample.
 
     Attributes
     ----------
