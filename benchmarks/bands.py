@@ -1,6 +1,6 @@
 """Bands from linear certificates: their time, their widths beside the sweep, measured data that were withheld, truths at the edge.
 
-Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/bands.py times | sweep | measured | edges 2000
+Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/bands.py times | sweep | measured | edges 10000 | arcs | meetings
 times and sweep take names of cases; all seconds are of the processor, of one process.
 """
 
@@ -313,6 +313,7 @@ def chosen(frf, lines=60):
 
 
 SWEEPS = {
+    **{f"typical {k}": (lambda k=k: chosen(random_problem(k).problem.frequency[0])) for k in range(10)},
     **{f"random {k}": (lambda k=k: random_problem(k)) for k in range(10)},
     "motor": motor,
     "beam entry": lambda: entry_of(of_matrices("beam")),
@@ -689,6 +690,54 @@ def edges(arguments):
                 )
 
 
+def arcs(arguments):
+    """Between knots: the radius over that of a search there, and bounds of whole arcs over the bound of the error in them."""
+    mixed, whole, below = [], [], 0
+    for seed in range(arguments.count // 100):
+        _, problem, box, _, omega = edge(seed)
+        band = rid.band(problem, box=box)
+        omega = np.sort(omega[(band.range[0] < omega) & (omega < band.range[1])])
+        _, radius = band.at(omega)
+        with one_thread():
+            _, direct = at_once(problem, box, omega)
+        known = np.isfinite(radius) & np.isfinite(direct)
+        mixed += (radius / direct)[known].tolist()
+        if not known.all():
+            continue
+        model = control.ss([], [], [], np.mean(problem.frequency[0].values, axis=0).real, problem.dt or 0)
+        circle = band.with_model(model).circle
+        arc = np.clip(np.searchsorted(circle.edges, omega, side="right") - 1, 0, circle.bound.size - 1)
+        ratio = (circle.entries[arc] / band.error_at(omega, model)).ravel()
+        below += int((ratio < 1 - 1e-12).sum())
+        whole += ratio.tolist()
+    print(
+        f"{len(mixed)} radii between knots over those of a search there: median {np.median(mixed):.4f}, 95 % below",
+        end=" ",
+    )
+    print(f"{np.percentile(mixed, 95):.3f}, largest {max(mixed):.3f}")
+    print(f"{len(whole)} bounds of arcs over the error in them: {below} below, median {np.median(whole):.4f}", end=", ")
+    print(f"largest {max(whole):.3f}")
+
+
+def meetings(arguments):
+    """Discs and polygons of the sweep at the same frequencies: each pair has a common point."""
+    missed = discs = undecided = 0
+    for seed in range(arguments.count):
+        result = random_problem(seed)
+        if not result.consistent:
+            undecided += 1
+            continue
+        omega = np.random.default_rng(seed).uniform(0.02, 3.1, 2)
+        error = rid.worst_case_error(result, omega=omega, directions=8, rtol=0.2)
+        centre, radius = rid.band(result, omega=error.omega).at(error.omega)
+        for k, polygon in enumerate(error.of_entry(0, 0)):
+            discs += 1
+            missed += distance(complex(centre[k, 0, 0]), polygon.vertices) > radius[k, 0, 0] * (1 + 1e-9)
+    print(
+        f"{missed} of {discs} discs don't meet their polygon, {arguments.count} problems, {undecided} of them inconsistent"
+    )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(required=True)
@@ -706,6 +755,10 @@ def main():
     one.add_argument("--first", type=int, default=0, help="seed")
     one.add_argument("--every", type=int, default=10, help="of so many rounds of the kinds one by band() too")
     one.set_defaults(work=edges)
+    for name, work, count in (("arcs", arcs, 10_000), ("meetings", meetings, 500)):
+        one = commands.add_parser(name)
+        one.add_argument("count", type=int, nargs="?", default=count)
+        one.set_defaults(work=work)
     arguments = parser.parse_args()
     arguments.work(arguments)
 

@@ -98,7 +98,8 @@ def reweighted(
         hard, matched = np.concatenate([hard, one[:, :, None]], axis=2), np.insert(matched, matched.shape[1], 1, axis=1)
     radius = radius[~free]
     L, adjoint = soft.swapaxes(1, 2), soft.conj()  # (B, m, S), (B, S, m)
-    gram, at = chosen.gram.swapaxes(1, 2), np.arange(int(bound.shape[1]))
+    gram, size = chosen.gram.swapaxes(1, 2), int(bound.shape[1])
+    at = np.arange(size)
     ridge = _STABLE * np.einsum("bss->bs", chosen.gram).real.max(axis=1)
     best, value = np.zeros(bound.shape, complex), np.full(len(bound), np.inf)
 
@@ -109,16 +110,16 @@ def reweighted(
         return total
 
     def weights(d: Complex) -> list[Real]:
-        total, size = kept(d), np.abs(d)
+        total, sizes = kept(d), np.abs(d)
         total = np.where(
-            np.isfinite(total), total, (size * bound).sum(axis=1)
+            np.isfinite(total), total, (sizes * bound).sum(axis=1)
         )  # infinite where a series does not converge
         square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
         square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
         missed = np.abs(np.einsum("bsm,bs->bm", soft, d) - wanted)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
         return [
-            bound / np.maximum(size, _FLOOR * size.max(axis=1, keepdims=True) + 1e-300),
+            bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
             1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
             np.maximum(radius, 1e-300) / np.maximum(missed, least),
         ]
@@ -128,11 +129,11 @@ def reweighted(
     else:
         level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
         used = [bound**2 * bound.shape[1], np.ones(len(bound)), level]
-    if not hard.shape[2] and best.shape[1]:
+    if not hard.shape[2]:
         kept(np.zeros_like(best))
         if chosen.points.shape[1]:  # the nearest sample alone
             away = np.abs(samples.nodes[chosen.points] - targets.base[:, None])
-            kept(np.eye(best.shape[1], dtype=complex)[away.argmin(axis=1)])
+            kept(np.eye(size, dtype=complex)[away.argmin(axis=1)])
     # The first functions of the modes at every step, the others, most of them and smaller, at some.
     groups = [(np.flatnonzero(samples.first[~free]), 1), (np.flatnonzero(~samples.first[~free]), _SELDOM)]
     products = [np.zeros_like(gram) for _ in groups]
