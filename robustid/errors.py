@@ -8,10 +8,125 @@ shown to the user.
 from __future__ import annotations
 
 import enum
+import json
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Self
+
+_MARKED = re.compile("`([^`]*)`")
+
+
+class Remedy(NamedTuple):
+    """Arguments that would do, the part of a sentence that says what to do.
+
+    Attributes
+    ----------
+    arguments : dict
+        Values by the names of the arguments.
+    words : str
+        What stands in the sentence; "" for the arguments as Python takes them.
+
+    Examples
+    --------
+    >>> from robustid.errors import Remedy
+    >>> print(Remedy({"fields": {"u": "current"}, "dt": 1.0}))
+    `fields={"u": "current"}, dt=1.0`
+    """
+
+    arguments: dict[str, Any]
+    words: str = ""
+
+    @property
+    def typed(self) -> str:
+        """The arguments as Python takes them."""
+        return ", ".join(f"{name}={json.dumps(value, ensure_ascii=False)}" for name, value in self.arguments.items())
+
+    def __str__(self) -> str:
+        return self.words or f"`{self.typed}`"
 
 
 class RobustIdError(Exception):
-    """Base of everything that robustid raises on purpose."""
+    """Base of everything that robustid raises on purpose: a sentence for people, and what code may want of it as data.
+
+    Parameters
+    ----------
+    *parts : str or Remedy
+        The sentence. Arguments, as Python has them, stand in backticks.
+    argument : str, optional
+        Name of the argument that is wrong.
+    got : optional
+        Its value.
+    place : str, optional
+        What the sentence begins with, where it names a file.
+
+    Examples
+    --------
+    >>> from robustid.errors import InputError, Remedy
+    >>> error = InputError("`u` isn't found; name it by ", Remedy({"fields": {"u": "current"}}))
+    >>> print(error)
+    `u` isn't found; name it by `fields={"u": "current"}`
+    >>> error.remedy
+    {'fields': {'u': 'current'}}
+    >>> error.said({"u": "the input"}, lambda remedy: f"--field u={remedy.arguments['fields']['u']}")
+    "the input isn't found; name it by --field u=current"
+    """
+
+    def __init__(
+        self, *parts: str | Remedy, argument: str | None = None, got: Any = None, place: str | None = None
+    ) -> None:
+        super().__init__("".join(map(str, parts)))  # one text: as of every exception of Python
+        self.parts, self.argument, self.got, self.place = parts, argument, got, place
+
+    @property
+    def remedy(self) -> dict[str, Any]:
+        """Arguments that would do; {} where none are known."""
+        return next((part.arguments for part in self.parts if isinstance(part, Remedy)), {})
+
+    def said(
+        self,
+        names: Mapping[str, str],
+        remedy: Callable[[Remedy], str] | None = None,
+        *,
+        unknown: Callable[[str], str] = "`{}`".format,
+    ) -> str:
+        """Return the sentence for surroundings that have other names for the arguments.
+
+        Parameters
+        ----------
+        names : mapping
+            From what stands in backticks to what is said in its place.
+        remedy : callable, optional
+            Words for a remedy; default: its own.
+        unknown : callable, optional
+            Words for what else stands in backticks.
+        """
+
+        def named(found: re.Match[str]) -> str:
+            return names[found[1]] if found[1] in names else unknown(found[1])
+
+        def spoken(part: str | Remedy) -> str:
+            if isinstance(part, Remedy):
+                return remedy(part) if remedy else part.words or unknown(part.typed)
+            return _MARKED.sub(named, part)
+
+        return "".join(map(spoken, self.parts))
+
+    def reworded(self, names: Mapping[str, str], remedy: Callable[[Remedy], str] | None = None) -> Self:
+        """Return the same error with its sentence as `said` gives it."""
+        return self._with(self.said(names, remedy))
+
+    def at(self, place: str) -> Self:
+        """Return the same error with a place in front, but for a sentence that names one."""
+        if self.place is not None:
+            return self
+        found = self._with(f"{place}: ", *self.parts)
+        found.place = place
+        return found
+
+    def _with(self, *parts: str | Remedy) -> Self:
+        found = type(self)(*parts)
+        found.argument, found.got, found.place = self.argument, self.got, self.place
+        return found
 
 
 class InputError(RobustIdError, ValueError):
@@ -31,7 +146,7 @@ class DatasetNotFoundError(RobustIdError, FileNotFoundError):
 
 
 class SizeError(RobustIdError, ValueError):
-    """The problem is too large for the chosen form."""
+    """The problem is too large for the chosen form; the remedy is how to ask for less."""
 
 
 class TimeLimitError(RobustIdError, TimeoutError):

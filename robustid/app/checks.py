@@ -137,8 +137,7 @@ def too_large(way_out: str) -> Iterator[None]:
     try:
         yield
     except SizeError as error:
-        count = str(error).split(". ")[0].replace("`problem` has", "the data make")
-        raise SizeError(f"{count}. Use a part of them: {way_out}") from None
+        raise error.reworded({"problem": "the problem"}, lambda _: f"Use a part of the data: {way_out}") from None
 
 
 def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:

@@ -14,15 +14,20 @@ import numpy as np
 
 from robustid.app.files import load
 from robustid.core import Frozen, Real
-from robustid.data import FrequencyResponse, TimeRecord, estimate_bound, record_problems, response_problems
+from robustid.data import (
+    FrequencyResponse,
+    TimeRecord,
+    estimate_bound,
+    found_period,
+    record_problems,
+    response_problems,
+)
 from robustid.data.io import contents
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
-_EXAMPLE = re.compile(r"`fields=(\{\".*?\})((?:, \w+=(?:\"[^\"]*\"|[\d.]+))*)`")
-_ARGUMENT = re.compile(r", (\w+)=(\"[^\"]*\"|[\d.]+)")
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
 _TIME = re.compile(r"t$|time", re.I)
@@ -127,9 +132,9 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     try:
         data = load(path, **options)
     except (InputError, InputTypeError, FileFormatError) as error:
-        said = str(error)
+        tried = error.remedy if "fields" in error.remedy else {}
         return Look(
-            path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), refusal=said, arguments=_arguments(said)
+            path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), refusal=str(error), arguments=tried
         )
     for one in data if isinstance(data, list) else [data]:
         odd += response_problems(one) if isinstance(one, FrequencyResponse) else []
@@ -158,7 +163,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         'title = "Untitled"',
         "",
     ]
-    periods: list[str] = []
+    periods: list[int] = []
     for one in looks:
         name = os.path.relpath(one.path, folder)
         response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
@@ -179,7 +184,8 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
             bounded = getattr(one.data, "bound", None) is not None
             use, other = ("samples", "response") if bounded else ("response", "samples")
             lines.append(f'use = "{use}"  # or "{other}", or "noise_floor" (samples need bound = ...)')
-        periods += re.findall(r"give period = (\d+)", " ".join(one.suspicions))
+        several = one.data if isinstance(one.data, list) else [one.data]
+        periods += filter(None, (found_period(item) for item in several if isinstance(item, TimeRecord)))
         lines.append("")
     if periods:
         lines += ["[estimate]", f"period = {periods[0]}  # samples; found in the input", ""]
@@ -203,16 +209,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + " }"
     return json.dumps(value)
-
-
-def _arguments(said: str) -> dict[str, Any]:
-    """Arguments that a refusal names."""
-    example = _EXAMPLE.search(said)
-    if example is None:
-        return {}
-    return {"fields": json.loads(example[1])} | {
-        name: json.loads(value) for name, value in _ARGUMENT.findall(example[2])
-    }
 
 
 def _shape(item: Any) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from robustid.app.noise_bounds import with_bound
-from robustid.app.reading_words import in_run_file
+from robustid.app.reading_words import RUN_FILE, in_run_file
 from robustid.app.run_file import DELAY_NOTE, RunFile
 from robustid.app.sources import RecordSource, reading
 from robustid.app.withheld import Split, split
@@ -173,7 +173,7 @@ def _said_of(place: str) -> Iterator[None]:
     try:
         yield
     except (InputError, InputTypeError, FileFormatError) as error:
-        raise type(error)(f"{place}: {in_run_file(str(error))}") from None
+        raise type(error)(f"{place}: {error.said(RUN_FILE, in_run_file)}") from None
 
 
 def _read_record(source: RecordSource, folder: Path) -> tuple[list[TimeRecord], str]:

@@ -39,7 +39,7 @@ def _solver(name: str, value: Any) -> str:
         try:
             solver_name(wanted)  # refuses what isn't installed
         except InputError as error:
-            raise InputError(str(error).replace("`solver`", name)) from None
+            raise error.reworded({"solver": name}) from None
     return wanted
 
 

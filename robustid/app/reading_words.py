@@ -1,55 +1,48 @@
-"""Sentences about files, which name the arguments of `load`, in the words of run files and of the command line."""
+"""Remedies about files, which give arguments of `load`, in the words of run files and of the command line."""
 
 from __future__ import annotations
 
-import json
-import re
 import shlex
-from collections.abc import Callable
-from typing import Any
 
 from robustid.app.toml import write_toml
+from robustid.data.io import NAMES
+from robustid.errors import Remedy
 
-# As `suggestion` writes an example: roles and addresses as JSON, then other arguments.
-_EXAMPLE = re.compile(r"`fields=(?P<fields>\{\".*?\})(?P<more>(?:, \w+=(?:\"[^\"]*\"|[\d.]+))*)`")
-_ARGUMENT = re.compile(r", (\w+)=(\"[^\"]*\"|[\d.]+)")
 _KEYS = {"frequency_unit": "unit"}
+RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}
 
 
-def in_run_file(text: str) -> str:
-    """A sentence of the library with its example as lines of a run file."""
-
-    def lines(fields: dict[str, Any], more: dict[str, Any]) -> str:
-        keys = {_KEYS.get(name, name): value for name, value in more.items()}
-        return f"`{write_toml_line({'fields': fields} | keys)}`"
-
-    return re.sub(r"`(bound|averages)`", r"\1 = ...", _with_example(text, lines))
+def in_run_file(remedy: Remedy) -> str:
+    """A remedy as lines of a run file."""
+    keys = {_KEYS.get(name, name): value for name, value in remedy.arguments.items()}
+    lines = (write_toml({"x": {name: value}}).split("\n")[1] for name, value in keys.items())
+    return remedy.words or f"`{'; '.join(lines)}`"
 
 
-def in_options(text: str, kind: str) -> str:
-    """A sentence of the library with its example as options for a file of this kind."""
-
-    def flags(fields: dict[str, Any], more: dict[str, Any]) -> str:
-        words: list[str] = []
-        for role, names in fields.items():
-            for name in names if isinstance(names, list) else [names]:
-                words += [f"--{kind}-field", shlex.quote(f"{role}={name}")]
-        for name, value in more.items():
-            flag = f"--{kind}-{_KEYS.get(name, name)}" if name in ("start", "step", "frequency_unit") else f"--{name}"
-            words += [flag, shlex.quote(str(value))]
-        return " ".join(words)
-
-    return _with_example(text, flags)
-
-
-def write_toml_line(content: dict[str, Any]) -> str:
-    """Keys of a section in one line, one after the other."""
-    return "; ".join(write_toml({"x": {name: value}}).split("\n")[1] for name, value in content.items())
+def in_options(remedy: Remedy, kind: str) -> str:
+    """A remedy as options for a file of this kind."""
+    if remedy.words:
+        return remedy.words
+    words: list[str] = []
+    for name, value in remedy.arguments.items():
+        if name == "fields":
+            several = {role: names if isinstance(names, list) else [names] for role, names in value.items()}
+            pairs = [f"{role}={one}" for role, names in several.items() for one in names]
+            words += [f"--{kind}-field {shlex.quote(pair)}" for pair in pairs]
+        else:
+            words.append(f"{option_words(kind)[name]} {shlex.quote(str(value))}")
+    return " ".join(words)
 
 
-def _with_example(text: str, write: Callable[[dict[str, Any], dict[str, Any]], str]) -> str:
-    def written(match: re.Match[str]) -> str:
-        more = {name: json.loads(value) for name, value in _ARGUMENT.findall(match["more"])}
-        return write(json.loads(match["fields"]), more)
-
-    return _EXAMPLE.sub(written, text)
+def option_words(kind: str) -> dict[str, str]:
+    """Options for a file of this kind, by the arguments of `load` and `with_bound` as sentences have them."""
+    field = f"--{kind}-field"
+    return {
+        **{name: f"--{name}" for name in ("dt", "rate", "axes", "decimal", "averages")},
+        **{name: f"--frequency-{name}" for name in ("start", "step")},
+        **{f"fields[{role!r}]": f"{field} {role}" for role in NAMES},
+        **{f"fields={{{role!r}: ...}}": f"{field} {role}=NAME" for role in NAMES},
+        "frequency_unit": "--frequency-unit",
+        "bound": f"--{kind}-bound",
+        "fields": f"{field} ROLE=NAME",
+    }

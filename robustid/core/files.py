@@ -46,14 +46,14 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Generator[IO[
     """
     target = Path(path)
     if target.is_dir():
-        raise InputError(f"`path` = {str(target)!r} is a folder; give the name of a file in it")
+        raise InputError(f"{target} is a folder; give the name of a file in it")
     # A plain open() rather than tempfile: the file then gets the permissions that the user's umask asks for.
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
     text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:
         file = open(temporary, mode.replace("w", "x"), **text)  # noqa: SIM115
     except OSError as error:
-        raise InputError(f"`path` = {str(target)!r} can't be written: {error.strerror}") from None
+        raise InputError(f"{target} can't be written: {error.strerror}") from None
     try:
         with file:
             yield file

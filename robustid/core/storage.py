@@ -102,7 +102,7 @@ def save(path: PathLike, thing: Any) -> None:
             for stream in (binary, file):  # a full disk is to show itself before anything is replaced
                 stream.flush()
     except OSError as error:
-        raise InputError(f"`path` = {str(path)!r} can't be written: {error.strerror}") from error
+        raise InputError(f"{path} can't be written: {error.strerror}") from error
 
 
 class Savable:
@@ -159,13 +159,11 @@ def load_saved(path: PathLike, *kinds: str) -> Any:
             raise ValueError(f"their format is {record['format']!r}")
         intact = record["digest"] == digest(arrays)
     except FileNotFoundError as error:
-        raise FileFormatError(
-            f"`path`: {error.filename} is missing; saved {words} is a .npz and a .json file"
-        ) from None
+        raise FileFormatError(f"{error.filename} is missing; saved {words} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"`path`: {text} and {numbers.name} are not a saved {words} ({error})") from None
+        raise FileFormatError(f"{text} and {numbers.name} are not a saved {words} ({error})") from None
     if not intact:
-        raise FileFormatError(f"`path`: {numbers} does not belong to {text} (its digest differs); restore both files")
+        raise FileFormatError(f"{numbers} does not belong to {text} (its digest differs); restore both files")
     with _usable(numbers, text):
         return rebuild(record, arrays)
 
@@ -176,9 +174,9 @@ def _usable(numbers: pathlib.Path, text: pathlib.Path) -> Generator[None, None, 
     try:
         yield
     except KeyError as error:
-        raise FileFormatError(f"`path`: {text} lacks {error}; was it edited?") from None
+        raise FileFormatError(f"{text} lacks {error}; was it edited?") from None
     except (TypeError, ValueError, np.linalg.LinAlgError) as error:
-        raise FileFormatError(f"`path`: {text} and {numbers.name} can't be used: {error}") from None
+        raise FileFormatError(f"{text} and {numbers.name} can't be used: {error}") from None
 
 
 def saved_kind(path: PathLike) -> str | None:

@@ -17,7 +17,7 @@ from robustid.data.io import datasets
 from robustid.data.io.excitation_files import load_excitation
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time
-from robustid.data.problems import REMOVED, record_problems
+from robustid.data.problems import REMOVED, found_period, record_problems
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
@@ -52,6 +52,7 @@ __all__ = [
     "estimate_delay",
     "estimate_frf",
     "flexible_structure",
+    "found_period",
     "load_excitation",
     "multisine",
     "nonlinear_records",

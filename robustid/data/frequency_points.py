@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robustid.core import Frozen, Savable, Signal, as_array, as_positive
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import in_part
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, Remedy
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
 NYQUIST_SLACK = 1 + 1e-12
@@ -54,7 +54,7 @@ class FrequencyPoints(Frozen, Savable):
         inside = (self.freq_hz >= low_hz) & (self.freq_hz <= high_hz)
         if not np.any(inside):
             raise InputError(
-                f"no frequency point lies between `low_hz` = {low_hz:g} and `high_hz` = {high_hz:g} Hz; they go"
+                f"no frequency point lies between {low_hz:g} and {high_hz:g} Hz; they go"
                 f" from {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz"
             )
         return self.select(inside)
@@ -136,8 +136,11 @@ def as_points(
     dt = None if dt is None else as_positive("dt", dt)
     if dt is not None and omega.max() * dt > np.pi * NYQUIST_SLACK:
         raise InputError(
-            f"`omega` must not exceed pi/dt = {np.pi / dt:g} rad/s; got {omega.max():g} rad/s."
-            " Frequencies are in rad/s, not Hz; check `dt` too"
+            "`omega` must not exceed pi/dt = ",
+            Remedy({"omega": np.pi / dt}, f"{np.pi / dt:g} rad/s"),
+            f"; got {omega.max():g} rad/s. Frequencies are in rad/s, not Hz; check `dt` too",
+            argument="omega",
+            got=float(omega.max()),
         )
     return omega, values, dt
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Budget, Real
-from robustid.errors import SizeError, SolverError
+from robustid.errors import Remedy, SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.sarason import SarasonMap
@@ -122,6 +122,6 @@ def check_conic_size(rows: int) -> None:
     if rows > LARGEST_CONIC:
         raise SizeError(
             f"`problem` has a matrix inequality of {rows} coefficients a side; a general semidefinite solver takes up to"
-            f' {LARGEST_CONIC} in reasonable time and memory. Use solver="auto" with objective "center", "margin" or "gain", or'
-            " thin the data"
+            f" {LARGEST_CONIC} in reasonable time and memory. ",
+            Remedy({}, 'Use solver="auto" with objective "center", "margin" or "gain", or thin the data'),
         )

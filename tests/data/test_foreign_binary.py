@@ -182,5 +182,6 @@ def test_sentences_are_written_for_the_one_who_reads_them(tmp_path):
     matlab5(tmp_path / "rig.mat", {"rig": LONG[:, :2, 0, 0]})
     with pytest.raises(InputError) as refused:
         load(tmp_path / "rig.mat")
-    assert "--time-field 'u=rig[:,0]' --time-field 'y=rig[:,1]' --dt 1.0" in in_options(str(refused.value), "time")
-    assert '`fields = { u = "rig[:,0]", y = "rig[:,1]" }; dt = 1.0`' in in_run_file(str(refused.value))
+    options = refused.value.said({}, lambda remedy: in_options(remedy, "time"))
+    assert "--time-field 'u=rig[:,0]' --time-field 'y=rig[:,1]' --dt 1.0" in options
+    assert '`fields = { u = "rig[:,0]", y = "rig[:,1]" }; dt = 1.0`' in refused.value.said({}, in_run_file)

@@ -72,7 +72,7 @@ def test_a_comma_between_two_numbers_or_in_one(tmp_path):
     path = tmp_path / "data.csv"
     path.write_text("0,5\n0,6\n")
     with pytest.raises(
-        FileFormatError, match=r"'0,5' can be two numbers.*give decimal='\.' for two or decimal=',' for one"
+        FileFormatError, match=r"'0,5' can be two numbers.*give `decimal=\"\.\"` for two or `decimal=\",\"` for one"
     ):
         load(path)
     record = load(path, decimal=".", fields={"u": "[:,0]", "y": "[:,1]"}, rate=4.0)
@@ -92,7 +92,7 @@ def test_marks_for_thousands_are_refused(tmp_path):
 
 def test_decimal_commas_after_many_whole_numbers(tmp_path):
     (tmp_path / "step.csv").write_text("t;u;y\n" + "".join(f"{k};0;0\n" for k in range(600)) + "600;1,5;2\n")
-    with pytest.raises(FileFormatError, match=r"line 602, column 'u': '1,5' is not a number.*give decimal=','"):
+    with pytest.raises(FileFormatError, match=r"line 602, column 'u': '1,5' is not a number.*give `decimal=\",\"`"):
         load(tmp_path / "step.csv")
     assert load(tmp_path / "step.csv", decimal=",").u[-1, 0] == 1.5
 

@@ -73,9 +73,9 @@ def frf(
             asked = {"method": how.method, "probability": how.probability, "about": how.about}
             found = estimate_frf(records, period=samples, lines=index, **asked)
         except InputError as error:
-            raise InputError(
-                re.sub(r"cut it to (\d+) samples", r"cut it to \1 samples (--first \1)", str(error))
-            ) from None
+            if "samples" not in error.remedy:
+                raise
+            raise error.reworded({}, lambda cut: f"{cut} (--first {cut.arguments['samples']})") from None
     _write(found, records, output, report, static)
     console.print(render_summary(found))
     terminal.say_written(console, output, report)

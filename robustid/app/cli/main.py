@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import re
 import sys
 import traceback
 from collections.abc import Callable
@@ -115,10 +114,9 @@ def main() -> None:
         raise
     except KeyboardInterrupt:
         _end(_INTERRUPTED, INTERRUPTED)
-    except SolverError as error:
-        _end(f"[bold red]error:[/bold red] {plain(_spoken(str(error)))}", UNSOLVED)
     except RobustIdError as error:
-        _end(f"[bold red]error:[/bold red] {plain(_spoken(str(error)))}", MISUSE)
+        said = error.said(_OPTIONS, unknown=str)
+        _end(f"[bold red]error:[/bold red] {plain(said)}", UNSOLVED if isinstance(error, SolverError) else MISUSE)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         _end(f"[bold red]error:[/bold red] {plain(place + (error.strerror or str(error)))}", MISUSE)
@@ -131,9 +129,3 @@ def _end(sentence: str, code: int) -> None:
     out = console(stderr=True)
     out.print(sentence, highlight=False, soft_wrap=not out.is_terminal)
     sys.exit(code)
-
-
-def _spoken(text: str) -> str:
-    """A sentence of the library, with options in place of Python's arguments, and names of files as they stand."""
-    text = re.sub(r"`path` = (['\"])(.*?)\1", r"\2", text).replace("`path`: ", "")
-    return re.sub(r"`([^`]*)`", lambda found: _OPTIONS.get(found[1], found[1]), text)

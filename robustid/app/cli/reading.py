@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from robustid.app.checks import options
 from robustid.app.cli.terminal import say, warn
 from robustid.app.noise_bounds import with_bound
-from robustid.app.reading_words import in_options
+from robustid.app.reading_words import in_options, option_words
 from robustid.app.sources import RecordSource, ResponseSource, reading
 from robustid.data import FrequencyResponse, TimeRecord, correct, record_problems, response_faults
 from robustid.data.io import Origin, origin, read_file
@@ -86,9 +85,8 @@ class Files:
             if found.kind not in (None, self.kind):
                 other = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
                 wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
-                raise InputError(
-                    f"{path.name} holds {found.kind} data; {other if self.bounded else f'{wanted} is needed'}"
-                )
+                needed = other if self.bounded else f"{wanted} is needed"
+                raise InputError(f"{path.name} holds {found.kind} data; {needed}", place=path.name)
             several: Any = read_file(path, kind=self.kind, **reading(how))
             read = [self._taken(data, path) for data in (several if isinstance(several, list) else [several])]
         words, data = read[0]
@@ -153,7 +151,8 @@ class Files:
         except (InputError, InputTypeError):
             asked = ",".join(map(str, self.entry))
             names = "" if outputs * inputs == 1 else f": {words}"
-            raise InputError(f"--entry {asked} (OUTPUT,INPUT) isn't in {path.name}, which has {size}{names}") from None
+            sentence = f"--entry {asked} (OUTPUT,INPUT) isn't in {path.name}, which has {size}{names}"
+            raise InputError(sentence, place=path.name) from None
         if (outputs, inputs) == (1, 1):
             return words, data
         words = f"{one.outputs[0]} / {one.inputs[0]} (one entry of {size}; without --entry the whole matrix)"
@@ -205,33 +204,12 @@ def _named(path: Path, kind: str) -> Iterator[None]:
     try:
         yield
     except (InputError, InputTypeError, FileFormatError) as error:
-        words = _in_options(str(error), kind)
-        raise type(error)(words if path.name in words else f"{path.name}: {words}") from None
-
-
-def _in_options(text: str, kind: str) -> str:
-    """A sentence of the library, with the options of the command line in place of the arguments of Python."""
-    beyond = re.search(r"`omega` must not exceed pi/dt = (\S+) rad/s; got (\S+) rad/s", text)
-    if beyond:
-        nyquist, got = (float(group) / (2 * np.pi) for group in beyond.groups())
-        return (
-            f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
-            " --frequency-unit: an omega column is in rad/s unless it says Hz"
-        )
-    text = in_options(text, kind)
-    field = f"--{kind}-field"
-    for pattern, words in (
-        (r"`fields=\{'(\w+)': \.\.\.\}`", rf"{field} \1=NAME"),
-        (r"`fields\['(\w+)'\]`", rf"{field} \1"),
-        (r"`fields`", f"{field} ROLE=NAME"),
-        (r"`dt`", "--dt"),
-        (r"`bound`", f"--{kind}-bound"),
-        (r"`averages`", "--averages"),
-        (r"`(rate|axes|decimal)`", r"--\1"),
-        (r"\b(axes|decimal)='([^']*)'", r"--\1 \2"),
-        (r"`(start|step)`", r"--frequency-\1"),
-        (r"`frequency_unit`", "--frequency-unit"),
-        (r"`low_hz` = (\S+) and `high_hz` = (\S+) Hz", r"\1 and \2 Hz (--band)"),
-    ):
-        text = re.sub(pattern, words, text)
-    return text
+        if error.argument == "omega":
+            got, nyquist = error.got / (2 * np.pi), error.remedy["omega"] / (2 * np.pi)
+            error = InputError(
+                f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
+                " --frequency-unit: an omega column is in rad/s unless it says Hz"
+            )
+        spoken = error.reworded(option_words(kind), lambda remedy: in_options(remedy, kind))
+        # What can't be read names its file.
+        raise (spoken if isinstance(error, FileFormatError) else spoken.at(path.name)) from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -92,5 +91,4 @@ def in_words(words: dict[str, str]) -> Iterator[None]:
     try:
         yield
     except (InputError, InputTypeError, SolverError) as error:
-        text = re.sub(r"`(\w+)`", lambda found: words.get(found[1], found[0]), str(error))
-        raise type(error)(text) from None
+        raise error.reworded(words) from None

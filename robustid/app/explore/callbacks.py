@@ -69,7 +69,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
         try:
             worker.ask(choice_of(session, every, values))
         except RobustIdError as error:
-            return _spoken(error)
+            return error.said({}, unknown=str)
         return ""
 
     @app.callback(Output("cancel", "title"), Input("cancel", "n_clicks"), prevent_initial_call=True)
@@ -92,7 +92,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
         try:
             path = write_run_file(session, choice_of(session, every, values), name or "")
         except RobustIdError as error:
-            return _spoken(error)
+            return error.said({}, unknown=str)
         return f"Written: {path}. It gives the same again: robustid run {path}"
 
 
@@ -189,8 +189,3 @@ def write_run_file(session: Session, choice: Choice, name: str) -> Path:
     with atomic_write(path) as file:
         file.write(text)
     return path
-
-
-def _spoken(error: Exception) -> str:
-    """A sentence of the library without the marks of Python."""
-    return str(error).replace("`", "")

@@ -13,7 +13,7 @@ from robustid.data.estimate.drift import without_drift
 from robustid.data.estimate.estimated import Estimate
 from robustid.data.estimate.scatter import scattered
 from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError
+from robustid.errors import InputError, Remedy
 
 _Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)
 _log = logging.getLogger("robustid")
@@ -34,8 +34,9 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
     period = samples if period is None else as_count("period", period, least=2)
     if samples % period:
         raise InputError(
-            f"`record` has {samples} samples, not a whole number of periods of {period}; cut it to"
-            f" {samples // period * period} samples or correct `period`"
+            f"`record` has {samples} samples, not a whole number of periods of {period}; cut it to ",
+            Remedy({"samples": (whole := samples // period * period)}, f"{whole} samples"),
+            " or correct `period`",
         )
     if len(records) % nu:
         raise InputError(

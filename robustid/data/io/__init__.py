@@ -3,12 +3,13 @@
 from robustid.data.io.contents import Contents, Item, contents
 from robustid.data.io.files import Origin, origin, read_file, read_said
 from robustid.data.io.model_files import load_model, save_model
-from robustid.data.io.names import FREQUENCY, TIME
+from robustid.data.io.names import FREQUENCY, NAMES, TIME
 from robustid.data.io.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.data.io.saved import WRITERS, flat_fields, from_fields
 
 __all__ = [
     "FREQUENCY",
+    "NAMES",
     "TIME",
     "WRITERS",
     "Contents",

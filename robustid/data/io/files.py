@@ -194,9 +194,7 @@ def _loaded(build: Any, table: Table) -> Any:
     try:
         return build()
     except (InputError, InputTypeError, FileFormatError) as error:
-        if str(error).startswith(table.path.name):
-            raise
-        raise type(error)(f"{table.path.name}: {error}") from None
+        raise error.at(table.path.name) from None
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError):
         if table.meta is None:
             raise

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robustid.data.io import units
-from robustid.errors import FileFormatError
+from robustid.errors import FileFormatError, Remedy
 
 COMMENTS = ("#", "%", "!", "//", "*")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -157,8 +157,11 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
     other = next((r for r in found if r.decimal == "," and r.width == 1 and r.lines == best.lines), None)
     if best.separator == "," and best.width == 2 and other is not None and best.start == 0 and decimal is None:
         raise FileFormatError(
-            f"{name}: {line.strip()!r} can be two numbers or one with a decimal comma; give decimal='.' for two or"
-            " decimal=',' for one"
+            f"{name}: {line.strip()!r} can be two numbers or one with a decimal comma; give ",
+            Remedy({"decimal": "."}),
+            " for two or ",
+            Remedy({"decimal": ","}),
+            " for one",
         )
     remarks = [remark for remark in lines if is_comment(remark[1]) and remark[0] < number]
     ends = best.separator is not None and line.rstrip(" \r\n").endswith(best.separator)

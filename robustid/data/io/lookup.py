@@ -16,7 +16,7 @@ from robustid.data.io.names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, is
 from robustid.data.io.readers import export, read_table
 from robustid.data.io.suggestion import example
 from robustid.data.io.table import NAMELESS, Table
-from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 
 _LONGEST_SHOWN = 80  # characters of a name
 _ELSEWHERE = re.compile(
@@ -86,9 +86,7 @@ class Lookup:
             return "frequency" if frequency else "time"
         if not frequency and (kind := self.looks()) is not None:
             return kind
-        raise InputError(
-            f"{self.file}: can't tell whether it holds frequency or time data; give `kind` and `fields`. {self.help()}"
-        )
+        raise InputError("can't tell whether it holds frequency or time data; give `kind` and `fields`. ", *self.help())
 
     def looks(self) -> str | None:
         """Frequency or time, by the usual names in the file alone; None where both or neither are there."""
@@ -123,15 +121,16 @@ class Lookup:
         names = [_shown(name, values) + remarks.get(name, "") for name, values in self.columns.items()]
         return f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}"
 
-    def help(self) -> str:
-        """The inventory, and a line that works as far as the arrays say it."""
-        said = "" if self.fields else example(self.table, dt=not self.dt_known and self.sample_time() is None)
-        return ". ".join(part for part in (self.inventory(), f"Read as {self.how}" * self.text, said) if part)
+    def help(self) -> list[str | Remedy]:
+        """The inventory, and a line that works as far as the arrays say it: parts of a sentence."""
+        said = self.inventory() + f". Read as {self.how}" * self.text
+        line = [] if self.fields else example(self.table, dt=not self.dt_known and self.sample_time() is None)
+        return [f"{said}. ", *line] if line else [said]
 
     def need(self, role: str) -> Any:
         """As `find`, or say what is missing."""
         if (name := self.find(role)) is None:
-            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. {self.help()}")
+            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. ", *self.help())
         return name
 
     def name(self, name: Any) -> str:

@@ -54,7 +54,7 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> Any:
     """
     path = pathlib.Path(path)
     if not path.is_file():
-        raise FileFormatError(f"`path`: there is no file {path}")
+        raise FileFormatError(f"there is no file {path}")
     if path.suffix.lower() not in (".npz", ".mat"):
         raise FileFormatError(
             f"{path.name} must be a model in .npz or .mat, with matrices A, B, C and, optionally, D and dt"

@@ -42,14 +42,14 @@ def read_table(path: Any, decimal: str | None = None) -> Table:
         return _with_numbers(table)
     path = Path(cast("str", path))
     if path.is_dir():
-        raise InputError(f"`path` = {str(path)!r} is a folder; give the name of a file in it")
+        raise InputError(f"{path} is a folder; give the name of a file in it", place=str(path))
     try:
         with path.open("rb") as file:
             head = file.read(520)
     except FileNotFoundError:
-        raise InputError(f"`path` = {str(path)!r}: there is no such file; check the name and the folder") from None
+        raise InputError(f"{path}: there is no such file; check the name and the folder", place=str(path)) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"`path` = {str(path)!r} can't be read: {said(error)}") from None
+        raise InputError(f"{path} can't be read: {said(error)}", place=str(path)) from None
     if not head:
         raise FileFormatError(f"{path.name} is empty (0 bytes); write or copy the file again")
     if (kind := saved_kind(path)) is not None:

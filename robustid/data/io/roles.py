@@ -15,7 +15,7 @@ from robustid.data.io import axes, units
 from robustid.data.io.lookup import Lookup, seconds
 from robustid.data.io.names import axis_role
 from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError
+from robustid.errors import InputError, Remedy
 
 _log = logging.getLogger("robustid")
 
@@ -95,8 +95,9 @@ def as_frequency(
     if values.ndim == 3 and values.shape[0] != omega.size == values.shape[-1]:
         raise InputError(
             f"the values have shape {values.shape} with the frequency last, as MATLAB has it; frequency is"
-            " the first axis here: give axes='output,input,frequency', store permute(G, [3 1 2]), or call FrequencyResponse(omega,"
-            " numpy.moveaxis(values, -1, 0))"
+            " the first axis here: give ",
+            Remedy({"axes": "output,input,frequency"}),
+            ", store permute(G, [3 1 2]), or call FrequencyResponse(omega, numpy.moveaxis(values, -1, 0))",
         )
     if "bound" not in options and (name := lookup.find("bound")) is not None:
         _same_unit(lookup, name, [lookup.find(role) for role in ("values", "real", "magnitude", "magnitude_db")])
@@ -149,7 +150,8 @@ def _values(lookup: Lookup) -> np.ndarray:
             )
         raise InputError(
             "needs 'values' (complex), or 'real' and 'imag', or 'magnitude' or 'magnitude_db' with"
-            f" 'phase_deg' or 'phase_rad'; name them by `fields`. {lookup.help()}"
+            " 'phase_deg' or 'phase_rad'; name them by `fields`. ",
+            *lookup.help(),
         )
     for role in way:
         _check_unit(lookup, role)
@@ -197,13 +199,15 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
     for role, values in signals.items():
         if values.ndim > 2:
             raise InputError(
-                f"{names[role]!r} has {values.ndim} axes {values.shape}; name them, such as axes='time,signal,realisation,period',"
-                f" or take a part of it by an address such as '{names[role]}[:,:,0]'"
+                f"{names[role]!r} has {values.ndim} axes {values.shape}; name them, such as ",
+                Remedy({"axes": "time,signal,realisation,period"}),
+                f", or take a part of it by an address such as '{names[role]}[:,:,0]'",
             )
         if values.ndim == 2 and values.shape[1] > values.shape[0]:
             raise InputError(
                 f"{names[role]!r} has the shape {values.shape}: fewer samples than signals. Time is the first axis here; if it is"
-                " the second one, give axes='signal,time'"
+                " the second one, give ",
+                Remedy({"axes": "signal,time"}),
             )
     for side, role in (("inputs", "u"), ("outputs", "y")):
         labels = lookup.labels(names[role])

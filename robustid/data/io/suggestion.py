@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from robustid.data.io import units
 from robustid.data.io.addresses import written
 from robustid.data.io.names import NAMES, UNSURE, axis_role
 from robustid.data.io.table import NAMELESS, Table
+from robustid.errors import Remedy
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _STEADY = 1e-6
@@ -23,8 +23,8 @@ _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "outpu
           ("inputs", "outputs"), ("outputs", "inputs"))  # fmt: skip
 
 
-def example(table: Table, *, dt: bool) -> str:
-    """One sentence with arguments that `load` takes, as far as the arrays can be signals; else "".
+def example(table: Table, *, dt: bool) -> list[str | Remedy]:
+    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def example(table: Table, *, dt: bool) -> str:
         return _axes(table, array, dt)
     columns = list(_columns(table))
     if not columns:
-        return ""
+        return []
     lengths = [len(values) for _, values in columns]
     length = max(set(lengths), key=lambda count: (lengths.count(count), count))
     columns = [(address, values) for address, values in columns if len(values) == length]
@@ -46,12 +46,12 @@ def example(table: Table, *, dt: bool) -> str:
     enough = len(columns) > 2 or (len(columns) == 2 and _kind(first[0]) is not None) or _complex(columns[1:])
     axis = first if enough and _increases(first[1]) else None
     rest = [address for address, _ in columns if axis is None or address != axis[0]]
-    words: list[str] = []
+    words: list[str | Remedy] = []
     if _kind(first[0]) != "frequency" and not _complex(columns):
-        words.append(_time(table, axis, rest, dt))
+        words += _time(table, axis, rest, dt)
     if _kind(first[0]) != "time" and (parts := _parts([column for column in columns if column[0] in rest], axis)):
-        words.append(_frequency(axis, parts))
-    return " ".join(word for word in words if word)
+        words += [*[" "] * bool(words), *_frequency(axis, parts)]
+    return words
 
 
 def _kind(address: str) -> str | None:
@@ -115,36 +115,35 @@ def _increases(values: np.ndarray) -> bool:
     return np.isrealobj(values) and bool(np.all(np.diff(values.astype(float)) > 0))
 
 
-def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> str:
+def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
     """As a time record: the first half are inputs where nothing is named, else one."""
     fields: dict[str, object] = {}
     if axis is not None:
         steps = np.diff(axis[1].astype(float))
         if np.ptp(steps) > _STEADY * steps.mean() or (axis_role(axis[0]) or "").startswith(UNSURE):
-            return ""
+            return []
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
         return _alone(table, rest[0], fields, dt)
     half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
     fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
-    return f"As a time record, if these are its inputs and outputs: {arguments(fields, dt)}."
+    return ["As a time record, if these are its inputs and outputs: ", *_given(fields, dt), "."]
 
 
-def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> str:
+def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> list[str | Remedy]:
     """One signal: the other is in another file."""
     mine, other, sibling = _beside(table.path)
     pair = {mine: name, other: sibling}
-    return (
-        f"As a time record with {_SIDES[other]} in another file: {arguments(fields | {r: pair[r] for r in 'uy'}, dt)}."
-    )
+    given = _given(fields | {r: pair[r] for r in "uy"}, dt)
+    return [f"As a time record with {_SIDES[other]} in another file: ", *given, "."]
 
 
-def _axes(table: Table, array: np.ndarray, dt: bool) -> str:
+def _axes(table: Table, array: np.ndarray, dt: bool) -> list[str | Remedy]:
     """An array of several axes: their order must be said."""
     mine, other, sibling = _beside(table.path)
     pair, order = {mine: "[:]", other: sibling}, ",".join(("time", "signal", "realisation", "period")[: array.ndim])
-    given = arguments({r: pair[r] for r in "uy"}, dt, f', axes="{order}"')
-    return f"With {_SIDES[other]} in another file, and the axes in their order: {given}."
+    given = _given({r: pair[r] for r in "uy"}, dt, axes=order)
+    return [f"With {_SIDES[other]} in another file, and the axes in their order: ", *given, "."]
 
 
 def _beside(path: Path) -> tuple[str, str, str]:
@@ -162,17 +161,18 @@ def _one(names: list[str]) -> str | list[str]:
     return names[0] if len(names) == 1 else names
 
 
-def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) -> str:
+def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) -> list[str | Remedy]:
     if axis is None:
-        given = arguments(parts, False, ', start=1.0, step=1.0, frequency_unit="Hz"')
-        return f"As a frequency response: {given} with its own numbers."
+        given = _given(parts, False, start=1.0, step=1.0, frequency_unit="Hz")
+        return ["As a frequency response: ", *given, " with its own numbers."]
     unit = units.in_brackets(axis[0])[1]
     if axis_role(axis[0]) in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
-        return f"As a frequency response: {arguments({'omega': axis[0], **parts}, False)}."
-    return f"As a frequency response in Hz ('omega' for rad/s): {arguments({'freq_hz': axis[0], **parts}, False)}."
+        return ["As a frequency response: ", *_given({"omega": axis[0], **parts}, False), "."]
+    given = _given({"freq_hz": axis[0], **parts}, False)
+    return ["As a frequency response in Hz ('omega' for rad/s): ", *given, "."]
 
 
-def arguments(fields: dict[str, object], dt: bool, more: str = "") -> str:
+def _given(fields: dict[str, object], dt: bool, **more: object) -> list[str | Remedy]:
     """Arguments of `load`; the sample time stands for one that nobody has said."""
-    step = ", dt=1.0` with the sample time in s for 1.0" if dt else "`"
-    return f"`fields={json.dumps(fields, ensure_ascii=False)}{more}{step}"
+    arguments = {"fields": fields, **more}
+    return [Remedy(arguments | {"dt": 1.0}), " with the sample time in s for 1.0"] if dt else [Remedy(arguments)]

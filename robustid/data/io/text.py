@@ -12,7 +12,7 @@ import numpy as np
 
 from robustid.data.io.layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 from robustid.data.io.table import Table
-from robustid.errors import FileFormatError
+from robustid.errors import FileFormatError, Remedy
 
 Column = np.ndarray | FileFormatError  # the error is raised where somebody asks for the column
 
@@ -181,11 +181,11 @@ def _column(
         try:
             values.append(complex(with_point(cell, layout.decimal)))
         except ValueError:
-            other = (
-                "" if layout.decimal == "," or "," not in cell else "; if commas are decimal marks, give decimal=','"
-            )
+            comma = layout.decimal != "," and "," in cell
             return FileFormatError(
                 f"{path.name}, line {line}, column {name!r}: {cell[:40]!r} is not a number; numbers are"
-                f" written 0.5 (with a point) or 1+2j{other}"
+                " written 0.5 (with a point) or 1+2j",
+                *(["; if commas are decimal marks, give ", Remedy({"decimal": ","})] if comma else []),
+                place=path.name,
             )
     return np.array(values)

@@ -13,7 +13,7 @@ import numpy as np
 
 from robustid.data.io.table import Table, missing, said
 from robustid.data.io.units import FREQUENCY, TIME, factor
-from robustid.errors import FileFormatError
+from robustid.errors import FileFormatError, Remedy
 
 _MARKS = re.compile(rb"    -1(?:[\r\n]|\Z| {74})")  # before and after every data set
 _TIME_RESPONSE, _FRF = 1, 4
@@ -81,12 +81,15 @@ def _one_by_one(table: Table, sets: dict[int, dict[str, Any]], kind: int, why: F
         listed.append(f"{k}: {_FUNCTIONS[kind]} {_dof(s, 'rsp')} / {_dof(s, 'ref')}, {len(s['x'])} points, {ends}")
     numbers = list(sets)
     if kind == _FRF:
-        line = f'fields={{"freq_hz": "{numbers[0]}.x", "values": "{numbers[0]}.y"}}'
+        fields = {"freq_hz": f"{numbers[0]}.x", "values": f"{numbers[0]}.y"}
     else:
-        line = f'fields={{"time": "{numbers[0]}.x", "u": "{numbers[0]}.y", "y": "{numbers[1 % len(numbers)]}.y"}}'
+        fields = {"time": f"{numbers[0]}.x", "u": f"{numbers[0]}.y", "y": f"{numbers[1 % len(numbers)]}.y"}
     more = f"; and {len(listed) - _MOST_LISTED} more" if len(listed) > _MOST_LISTED else ""
     error = FileFormatError(
-        f"{why}. Or take functions by their numbers, such as `{line}`. The file has {'; '.join(listed[:_MOST_LISTED])}{more}"
+        f"{why}. Or take functions by their numbers, such as ",
+        Remedy({"fields": fields}),
+        f". The file has {'; '.join(listed[:_MOST_LISTED])}{more}",
+        place=table.path.name,
     )
     table.columns.update(dict.fromkeys(_ROLES[kind], error))
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
 from robustid.core import Frozen, StateMatrices
-from robustid.errors import SizeError
+from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.convex import ConvexData
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.formulation.rows import Rows, measurement_rows
@@ -188,8 +188,12 @@ class Formulation(Frozen, Functions):
             raise SizeError(
                 f"`problem` has {self.problem.coefficients} coefficients in the exact form, and needs {self.count} {kind} for"
                 f" accuracy {accuracy:g} at {self.problem.prior.decay_words}; up to {LARGEST_EXACT} and {limit} are"
-                " possible. Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin"
-                " the data: frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance"
+                " possible. ",
+                Remedy(
+                    {},
+                    "Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
+                    " frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance",
+                ),
             )
 
     @property

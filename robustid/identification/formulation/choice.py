@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from robustid.bases import Sections
-from robustid.errors import InputError, SizeError
+from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation
 from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.exact import ExactFormulation
@@ -65,19 +65,22 @@ def _quickest(problem: MixedProblem, accuracy: float) -> Formulation:
         if found.work < _CLEARLY * best.work:
             return found
         if math.isinf(best.work) and math.isinf(found.work):
-            raise SizeError(_too_large([exact, *others, found], accuracy))
+            raise _too_large([exact, *others, found], accuracy)
     return best
 
 
-def _too_large(forms: Sequence[Formulation], accuracy: float) -> str:
-    """Sentences that say what every form would need, and the ways out."""
+def _too_large(forms: Sequence[Formulation], accuracy: float) -> SizeError:
+    """Say what every form would need, and the ways out."""
     problem = forms[0].problem
     needs = "; ".join(form.size_words for form in forms)
     ports = "" if problem.entries.single else "single entries (frf.entry(output, input)), "
-    return (
-        f"`problem` is too large for every form of the class at accuracy {accuracy:g} and {problem.prior.decay_words}: {needs}. A"
-        f" larger decay, less accuracy, {ports}lightly damped modes in `parametric`, or less data make it smaller: thin the data,"
-        " frf.select(slice(None, None, step)), or take a narrower band or a shorter record"
+    return SizeError(
+        f"`problem` is too large for every form of the class at accuracy {accuracy:g} and {problem.prior.decay_words}: {needs}. ",
+        Remedy(
+            {},
+            f"A larger decay, less accuracy, {ports}lightly damped modes in `parametric`, or less data make it smaller: thin the"
+            " data, frf.select(slice(None, None, step)), or take a narrower band or a shorter record",
+        ),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.errors import SizeError
+from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation, Realisation
 from robustid.identification.formulation.functions import filtered_by
 from robustid.identification.formulation.sarason import PairMap, SarasonMap
@@ -121,8 +121,12 @@ class ExactFormulation(Formulation):
         if self.count > LARGEST_EXACT:
             raise SizeError(
                 f"`problem` has {self.count} coefficients in the exact form (2 per frequency point, 1 per time sample); it takes"
-                f' up to {LARGEST_EXACT}. Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a'
-                " shorter record, or fewer points off resonance"
+                f" up to {LARGEST_EXACT}. ",
+                Remedy(
+                    {},
+                    'Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a shorter record, or'
+                    " fewer points off resonance",
+                ),
             )
 
     @property

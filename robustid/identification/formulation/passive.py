@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
 from robustid.core import Complex, Frozen, Real, freeze, series_at
-from robustid.errors import InputError, SizeError
+from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Ball, Inequalities, Pairs
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
@@ -209,8 +209,8 @@ class PassiveFormulation(ExactFormulation):
         if self.count > limit:
             raise SizeError(
                 f"`problem` has {self.count} coefficients an entry (2 per frequency point); for a PositiveReal class of {p} port"
-                f"{'s' * (p > 1)} up to {limit} are possible. Thin the data: frf.select(slice(None, None, step)), or identify the"
-                " band in pieces"
+                f"{'s' * (p > 1)} up to {limit} are possible. ",
+                Remedy({}, "Thin the data: frf.select(slice(None, None, step)), or identify the band in pieces"),
             )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
 from robustid.core import freeze
-from robustid.errors import SizeError
+from robustid.errors import Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
     Corners,
@@ -93,8 +93,8 @@ class SectionsFormulation(Formulation):
         if angles.size * self.count > _MOST_STORED:
             raise SizeError(
                 f"`problem` has {self.count} coefficients in the form of sections and {angles.size} frequency points; their"
-                f' product may be up to {_MOST_STORED:.2g}. Use form="taylor", or thin the data:'
-                " frf.select(slice(None, None, step))"
+                f" product may be up to {_MOST_STORED:.2g}. ",
+                Remedy({}, 'Use form="taylor", or thin the data: frf.select(slice(None, None, step))'),
             )
         return self.values(angles)
 
