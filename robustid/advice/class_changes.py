@@ -165,7 +165,7 @@ def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
     parts: list[ParametricBasis] = []
     for pole, count in modes_of(problem):
         chain = kautz(*mode_of(pole, problem.plane), dt=problem.dt, repeat=count + 1, delay=int(problem.dt > 0))
-        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))
+        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], functions=chain.functions[-2:]))
     return as_basis(parts, problem.plane) if parts else None
 
 

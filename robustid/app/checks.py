@@ -98,6 +98,19 @@ def key(check: Check, default: Any = None, **described: Any) -> Any:
     return dataclasses.field(default=default, metadata={"option": Option(check=check, **described)})
 
 
+def explained() -> tuple[Any, Any, Any]:
+    """Fields that say where the values of a section come from: source, note and digest."""
+    return (
+        key(
+            text(listed("core", "Source")),
+            help="Where these values come from: stated (default), taken from the data, or found by the program; written by the"
+            " program.",
+        ),
+        key(text(), help="How the program chose these values, in words; written by the program."),
+        key(text(), help="Digest of the chosen values, by which changed ones are noticed; written by the program."),
+    )
+
+
 def options(kind: Any) -> Iterator[tuple[dataclasses.Field, Option]]:
     """The fields of a section that can be stated."""
     return ((field, field.metadata["option"]) for field in dataclasses.fields(kind) if "option" in field.metadata)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, freeze
+from robustid.core import Choice, Complex, Frozen, Real, Savable, freeze
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
@@ -57,8 +57,9 @@ class Identification(Frozen, Drawable, Savable):
         Every claim, evaluated again.
     timing : dict
         Seconds per stage.
-    notes : tuple of str
-        How the assumptions were chosen, where the program chose them from the data; shown in reports.
+    choices : dict of str to Choice
+        How the assumptions were chosen, where the program chose them, and what was reached where it was stopped, by their names:
+        "modes", "prior", "objective", ...; shown in reports.
     """
 
     formulation: Formulation
@@ -70,10 +71,15 @@ class Identification(Frozen, Drawable, Savable):
     model: Any
     verification: Verification
     timing: dict[str, float]
-    notes: tuple[str, ...] = ()
+    choices: dict[str, Choice] = dataclasses.field(default_factory=dict[str, Choice])
 
     def __post_init__(self) -> None:
         self._set(coefficients=freeze(self.coefficients), scaled_parameters=freeze(self.scaled_parameters))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The choices in words, one paragraph each."""
+        return tuple(note for choice in self.choices.values() if (note := choice.note))
 
     @property
     def problem(self) -> MixedProblem:
