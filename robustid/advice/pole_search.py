@@ -120,11 +120,9 @@ class KautzImprovement(Frozen):
         """`identify` of the problem found, with `note` among its choices, so that bounds and reports say where poles come from."""
         result = identify(self.problem, **options)
         found: dict[str, Choice] = {}
-        if self.moved:
-            poles = np.stack([self.omega, self.damping], axis=1).tolist()
-            found["modes"] = Choice(poles, Source.DATA, self.note)
-        elif self.repeated:
-            found["repeat"] = Choice(None, Source.PROGRAM, self.note)
+        if self.note:
+            name, source = ("modes", Source.DATA) if self.moved else ("repeat", Source.PROGRAM)
+            found[name] = Choice({"omega": self.omega.tolist(), "damping": self.damping.tolist()}, source, self.note)
         return dataclasses.replace(result, choices=result.choices | found)
 
     def summary(self) -> str:
@@ -365,7 +363,6 @@ def _repeated_note(before: float) -> str:
 
 
 def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str:
-    """The note of poles that were moved."""
     said = (
         "Modes taken from the data: poles moved until the margin, "
         f"{before:.4g} with those that were given, was {after:.4g}. Fitted to these data they are not prior knowledge: a guarantee"

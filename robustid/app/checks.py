@@ -98,17 +98,17 @@ def key(check: Check, default: Any = None, **described: Any) -> Any:
     return dataclasses.field(default=default, metadata={"option": Option(check=check, **described)})
 
 
-def explained() -> tuple[Any, Any, Any]:
-    """Fields that say where the values of a section come from: source, note and digest."""
-    return (
-        key(
-            text(listed("core", "Source")),
-            help="Where these values come from: stated (default), taken from the data, or found by the program; written by the"
-            " program.",
-        ),
-        key(text(), help="How the program chose these values, in words; written by the program."),
-        key(text(), help="Digest of the chosen values, by which changed ones are noticed; written by the program."),
-    )
+def explained(part: str) -> Any:
+    """A field that says where the values of a section come from: its source, note or digest."""
+    check = text(listed("core", "Source")) if part == "source" else text()
+    return key(check, help=f"{_EXPLAINED[part]}; written by the program.")
+
+
+_EXPLAINED = {
+    "source": "Where these values come from: stated (default), data (taken from them) or program",
+    "note": "How the program chose these values, in words",
+    "digest": "Digest of the chosen values, by which changed ones are noticed",
+}
 
 
 def options(kind: Any) -> Iterator[tuple[dataclasses.Field, Option]]:

@@ -56,10 +56,9 @@ class Delay:
     seconds: float | str = key(
         auto_or(_frequencies), 0.0, help='The delay, or "auto": estimated from the response.', unit="s"
     )
-    source: str | None
-    note: str | None
-    digest: str | None
-    source, note, digest = explained()
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -201,10 +200,9 @@ class Modes:
     damping_interval: tuple | None = key(
         several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of damping."
     )
-    source: str | None
-    note: str | None
-    digest: str | None
-    source, note, digest = explained()
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -219,10 +217,9 @@ class Identify:
         " 1 where it is without.",
         keyword="inflate",
     )
-    inflate_source: str | None
-    inflate_note: str | None
-    inflate_digest: str | None
-    inflate_source, inflate_note, inflate_digest = explained()
+    inflate_source: str | None = explained("source")
+    inflate_note: str | None = explained("note")
+    inflate_digest: str | None = explained("digest")
     objective: str = key(
         text(listed("identification", "OBJECTIVES")),
         "center",

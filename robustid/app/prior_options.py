@@ -93,10 +93,9 @@ class PriorChoice:
         _weight_model(),
         help="The weight of a prior that was made in Python, by its zeros and poles; written by the program.",
     )
-    source: str | None
-    note: str | None
-    digest: str | None
-    source, note, digest = explained()
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
     curve: str | None = key(
         text(), help="The curve of the smallest gain bound, from which they were taken; written by the program."
     )

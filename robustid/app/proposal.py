@@ -101,7 +101,7 @@ def propose(
         twice = (
             basis_of(dataclasses.replace(found_modes, repeat=2), dt) if found_modes.hz and modes.repeat == 1 else None
         )
-        choices["modes"] = Choice({"hz": found_modes.hz}, found_modes.source, found_modes.note)
+        choices["modes"] = Choice({"hz": found_modes.hz}, Source(found_modes.source), str(found_modes.note))
     problem = MixedProblem(frequency=frequency, time=time, prior=placeholder, parametric=basis)
     if passive and prior is None:
         prior, words = chosen_decay(problem, passive, slack, PriorChoice.without_decay("--passive", "--decay"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Mapping
 from typing import Any
 
 
@@ -43,6 +42,6 @@ class Function:
         """The function that a label names, or that `dataclasses.asdict` described."""
         if isinstance(value, Function):
             return value
-        if isinstance(value, Mapping):
-            return cls(value["label"], FunctionKind(value["kind"]), value["words"])
-        return cls(value)
+        if isinstance(value, str):
+            return cls(value)
+        return cls(value["label"], FunctionKind(value["kind"]), value["words"])

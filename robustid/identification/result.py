@@ -58,8 +58,7 @@ class Identification(Frozen, Drawable, Savable):
     timing : dict
         Seconds per stage.
     choices : dict of str to Choice
-        How the assumptions were chosen, where the program chose them, and what was reached where it was stopped, by their names:
-        "modes", "prior", "objective", ...; shown in reports.
+        How assumptions were chosen, and what was reached where the time was over, by name ("modes", "prior", ...); for reports.
     """
 
     formulation: Formulation
@@ -310,11 +309,8 @@ class Identification(Frozen, Drawable, Savable):
             *self._signal_lines,
             f"class      {self._class_words} in {prior.where}{prior.weight_words}"
             + (f", {problem.functions} parametric functions" if self._own_functions else "")
-            + (
-                f", {self._intervals} of their coefficients with an interval" * self._own_functions
-                if self._intervals
-                else ""
-            ),
+            + f", {self._intervals} of their coefficients with an interval"
+            * bool(self._own_functions and self._intervals),
             *(
                 [f"form       {self.form}; the remainder moves no sample by more than {self.tail:.2g} bounds"]
                 * (not self.formulation.exact)
