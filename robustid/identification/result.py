@@ -335,12 +335,11 @@ class Identification(Frozen, Drawable, Savable):
         ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
         decay = "decay rate" if problem.dt else "decay"
+        falls = ", how it falls" * prior.weighted
+        said = f"gain bound{falls}, {decay} and parametric poles: data can refute them, never prove them"
         if prior.physical:
-            lines.append(f"assumed    passivity with this {decay}: data can refute it, never prove it")
-        else:
-            class_words = f"gain bound{', how it falls' * prior.weighted}, {decay} and parametric poles"
-            lines.append(f"assumed    {class_words}: data can refute them, never prove them")
-        return "\n".join(lines)
+            said = f"passivity with this {decay}: data can refute it, never prove it"
+        return "\n".join([*lines, f"assumed    {said}"])
 
     @property
     def _own_functions(self) -> bool:
