@@ -334,8 +334,7 @@ class Identification(Frozen, Drawable, Savable):
             for name, end in self.active_intervals
         ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
-        decay = "decay rate" if problem.dt else "decay"
-        falls = ", how it falls" * prior.weighted
+        decay, falls = "decay rate" if problem.dt else "decay", ", how it falls" * prior.weighted
         said = f"gain bound{falls}, {decay} and parametric poles: data can refute them, never prove them"
         if prior.physical:
             said = f"passivity with this {decay}: data can refute it, never prove it"
