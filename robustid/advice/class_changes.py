@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import logging
 from typing import NamedTuple
 
@@ -28,9 +29,24 @@ _TURNED = (
 )
 
 
-class Change(NamedTuple):
-    """A change to try: its name, the cause that it speaks for, how it is made in Python and for the program, and what it gives."""
+class Kind(enum.IntEnum):
+    """Kind of a change of the class or the data, the most likely cause first: more modes can be tested by the data.
 
+    A larger class only asks less of them.
+    """
+
+    DATA = enum.auto()  # the response with another phase or sign, or its derivative or integral
+    MODE = enum.auto()  # one more
+    POLES = enum.auto()  # elsewhere, repeated, or at z = 1
+    INTERVALS = enum.auto()  # of the coefficients
+    DECAY = enum.auto()
+    OTHER = enum.auto()
+
+
+class Change(NamedTuple):
+    """A change to try: kind, name, the cause that it speaks for, how it is made in Python and for the program, what it gives."""
+
+    kind: Kind
     name: str
     cause: str
     change: str
@@ -46,15 +62,19 @@ def changes_of(problem: MixedProblem) -> list[Change]:
     key = "decay_rate" if problem.dt else "decay"
     python, option = f"Prior({key}={slower:.6g}, ...)", f"--{key.replace('_', '-')} {slower:.6g}"
     posed = problem.with_prior(rate=slower)
-    changes.append(Change(name, "the decay that was stated is too fast", python, option, posed))
+    changes.append(Change(Kind.DECAY, name, "the decay that was stated is too fast", python, option, posed))
     if problem.prior.weighted:
         posed = problem.with_prior(roll_off=None, corner=None, weight=None)
         words = "the response doesn't fall as fast as the weight of the class"
-        changes.append(Change(_UNWEIGHTED, words, "Prior(...) without its weight", "without --roll-off", posed))
+        changes.append(
+            Change(Kind.OTHER, _UNWEIGHTED, words, "Prior(...) without its weight", "without --roll-off", posed)
+        )
     if problem.parameter_bounds is not None and not problem.prior.physical:
         posed = dataclasses.replace(problem, parameter_bounds=None)
         words = "a coefficient is outside its interval"
-        changes.append(Change("coefficients without intervals", words, "parameter_bounds=None", "", posed))
+        changes.append(
+            Change(Kind.INTERVALS, "coefficients without intervals", words, "parameter_bounds=None", "", posed)
+        )
     return changes
 
 
@@ -76,7 +96,7 @@ def found_modes(problem: MixedProblem) -> Change | None:
     numbers = [", ".join(f"{value:.6g}" for value in values) for values in (found.omega, found.damping)]
     python = f"rid.kautz([{numbers[0]}], [{numbers[1]}], ...)"
     cause = f"the modes are others than stated: {places}"
-    return Change(f"the modes that the response shows, {places}", cause, python, mode_options(posed), posed)
+    return Change(Kind.OTHER, f"the modes that the response shows, {places}", cause, python, mode_options(posed), posed)
 
 
 def _larger_gains(problem: MixedProblem) -> list[Change]:
@@ -86,7 +106,7 @@ def _larger_gains(problem: MixedProblem) -> list[Change]:
         K = factor * problem.prior.gain_bound
         words, python = "the gain bound K is too small", f"Prior(gain_bound={K:.4g}, ...)"
         posed = problem.with_prior(gain_bound=K)
-        changes.append(Change(f"K times {factor}", words, python, f"--gain {K:.4g}", posed))
+        changes.append(Change(Kind.OTHER, f"K times {factor}", words, python, f"--gain {K:.4g}", posed))
     return changes
 
 
@@ -97,7 +117,7 @@ def _more_modes(problem: MixedProblem) -> list[Change]:
         count = 1 + max(count for _, count in modes_of(problem))
         words = "the poles of the modes are not quite where they were stated"
         python, posed = f"rid.kautz(..., repeat={count})", _with_functions(problem, terms)
-        changes.append(Change("each pair repeated once more", words, python, f"--repeat {count}", posed))
+        changes.append(Change(Kind.POLES, "each pair repeated once more", words, python, f"--repeat {count}", posed))
     if (pair := _missing_pair(problem)) is not None:
         (at, damping), basis = pair
         hz = at / (2 * np.pi)
@@ -105,7 +125,9 @@ def _more_modes(problem: MixedProblem) -> list[Change]:
         python = f"parametric=[..., rid.kautz({at:.6g}, {damping:.3g}, ...)]"
         option = f"--mode {hz:.6g}:{damping:.3g} beside those that are there"
         posed = _with_functions(problem, basis)
-        changes.append(Change(f"one more pair, {where}", f"a mode is missing, {where}", python, option, posed))
+        changes.append(
+            Change(Kind.MODE, f"one more pair, {where}", f"a mode is missing, {where}", python, option, posed)
+        )
     return changes + [_with_integrators(problem, count) for count in _missing_integrators(problem)]
 
 
@@ -125,7 +147,7 @@ def _with_integrators(problem: MixedProblem, count: int) -> Change:
     words = f"{kind} is missing: {count} pole{'s' * (count > 1)} at z = 1"
     posed = _with_functions(problem, integrators(count, dt=problem.dt))
     python = f"parametric=[..., rid.integrators({count}, dt={problem.dt:g})]"
-    return Change(f"{kind} beside it", words, python, f"--integrators {count}", posed)
+    return Change(Kind.POLES, f"{kind} beside it", words, python, f"--integrators {count}", posed)
 
 
 def _other_data(problem: MixedProblem) -> list[Change]:
@@ -138,7 +160,7 @@ def _other_data(problem: MixedProblem) -> list[Change]:
         except InputError as error:  # a frequency 0
             _log.info("%s: left out (%s)", correction, error)
             continue
-        changes.append(Change(cause, cause, *correction_change(correction), changed))
+        changes.append(Change(Kind.DATA, cause, cause, *correction_change(correction), changed))
     return changes
 
 
@@ -165,7 +187,7 @@ def _further_terms(problem: MixedProblem) -> ParametricBasis | None:
     parts: list[ParametricBasis] = []
     for pole, count in modes_of(problem):
         chain = kautz(*mode_of(pole, problem.plane), dt=problem.dt, repeat=count + 1, delay=int(problem.dt > 0))
-        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], labels=chain.labels[-2:]))
+        parts.append(dataclasses.replace(chain, C=chain.C[-2:], D=chain.D[-2:], functions=chain.functions[-2:]))
     return as_basis(parts, problem.plane) if parts else None
 
 

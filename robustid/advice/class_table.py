@@ -42,6 +42,8 @@ class ClassCandidate(Frozen):
         singular values of both, entries in units of the prior's scaling.
     note : str
         Why it was not computed, or not everywhere.
+    late : bool
+        Whether that is because the time was over.
     """
 
     pairs: int
@@ -53,6 +55,7 @@ class ClassCandidate(Frozen):
     upper: Real
     error: Real
     note: str
+    late: bool = False
 
     def __post_init__(self) -> None:
         self._set(upper=freeze(self.upper), error=freeze(self.error))

@@ -18,7 +18,7 @@ from robustid.advice.causes import (
     tried_causes,
     unit_cause,
 )
-from robustid.advice.class_changes import Change, changes_of, found_modes, mode_options
+from robustid.advice.class_changes import Change, Kind, changes_of, found_modes, mode_options
 from robustid.advice.pole_search import improve_kautz
 from robustid.core import Budget, Frozen, Progress, as_kind, one_thread
 from robustid.errors import InputError, SolverError
@@ -28,16 +28,6 @@ from robustid.identification.formulation import QUICK_EXACT
 _log = logging.getLogger("robustid")
 _MOVED = "poles moved"
 _ELSEWHERE = "the poles of the modes are not where they were stated"
-_RANKS = (
-    "phase",
-    "response with",
-    "response times",
-    "response over",
-    "mode is missing",
-    "poles",
-    "coefficient",
-    "decay",
-)
 _AN_ORDER = 30.0  # margin up to which bounds alone may be the cause
 _MOST_NAMED = 3  # causes in a summary
 _ASKS_LESS = (
@@ -206,7 +196,9 @@ def diagnose(
             waiting.remove(change.name)
             tell(count - len(waiting), count)
         if waiting == [_MOVED] and not budget.over:
-            trials += _moved_poles(problem, budget)
+            if (moved := _moved_poles(problem, budget)) is not None:
+                changes.append(moved[0])
+                trials.append(moved[1])
             waiting.remove(_MOVED)
             tell(count, count)
         unsolved = inconsistent and not any(one.solves for one in causes) and all(trial.margin > 1 for trial in trials)
@@ -242,17 +234,15 @@ def _ranked(
     problem, margin = identification.problem, identification.margin
     bounds = bound_cause(problem, margin)
     known = {change.name: change for change in changes}
-    of_class: list[Cause] = []
+    of_class: list[tuple[Kind, Cause]] = []
     for trial in (trial for trial in trials if trial.margin <= max(1.0, margin / HELPS)):
         words = f"with this change the margin is {trial.margin:.3g} in place of {margin:.4g}"
-        made = known.get(trial.change)
-        if made is None:  # poles moved
-            text = f"rid.kautz(...) with {trial.change.removeprefix(f'{_MOVED}, to ')}"
-            made = Change(trial.change, _ELSEWHERE, text, mode_options(trial.problem), trial.problem)
-        of_class.append(Cause(made.cause, words, made.change, made.option, trial.margin, trial.problem))
-    of_class.sort(key=lambda one: _rank(one.cause))
+        made = known[trial.change]
+        cause = Cause(made.cause, words, made.change, made.option, trial.margin, trial.problem)
+        of_class.append((made.kind, cause))
+    of_class.sort(key=lambda one: one[0])
     sure = [one for one in causes if (one.margin is None or one.solves) and not one.unsure]
-    solving, helping = ([one for one in of_class if one.solves is which] for which in (True, False))
+    solving, helping = ([one for _, one in of_class if one.solves is which] for which in (True, False))
     rest = [] if sure else [one for one in causes if one not in sure]
     # Bounds that are off by an order are an error of judgement; by two, of something else.
     if margin <= SLIGHTLY:
@@ -262,21 +252,22 @@ def _ranked(
     return [*sure, *solving, *helping, *rest, bounds]
 
 
-def _rank(cause: str) -> int:
-    """Rank of a cause of the class: more modes can be tested by the data, a larger class only asks less of them."""
-    return next((k for k, word in enumerate(_RANKS) if word in cause), len(_RANKS))
-
-
-def _moved_poles(problem: MixedProblem, budget: Budget) -> list[Trial]:
-    """The trial with the poles of the pairs moved, where there are pairs and that helps."""
+def _moved_poles(problem: MixedProblem, budget: Budget) -> tuple[Change, Trial] | None:
+    """The poles of the pairs moved, where there are pairs and that helps."""
     try:
         found = improve_kautz(problem, repeat=False, time_limit=budget.seconds)
     except (InputError, SolverError) as error:
         _log.info("poles moved: left out (%s)", error)
-        return []
+        return None
     poles = zip(found.omega / (2 * np.pi), found.damping, strict=True)
     places = ", ".join(f"{hz:.5g} Hz with damping {damping:.3g}" for hz, damping in poles)
-    return [Trial(f"poles moved, to {places}", found.margin, found.problem)] if found.moved else []
+    if not found.moved:
+        return None
+    options = mode_options(found.problem)
+    change = Change(
+        Kind.POLES, f"{_MOVED}, to {places}", _ELSEWHERE, f"rid.kautz(...) with {places}", options, found.problem
+    )
+    return change, Trial(change.name, found.margin, found.problem)
 
 
 def _effect(margin: float, before: float) -> str:

@@ -120,9 +120,13 @@ class _Part(NamedTuple):
     cell: PoleCell | None
     problems: tuple[MixedProblem, ...]
     note: str = ""
+    late: bool = False
 
-    def candidate(self, problem: MixedProblem | None, omega: Real, note: str, budget: Budget) -> ClassCandidate:
-        """Evaluated within a budget, unless a note says why not."""
+    def candidate(
+        self, problem: MixedProblem | None, omega: Real, budget: Budget, *, late: bool = False
+    ) -> ClassCandidate:
+        """Evaluated within a budget, unless a note says why not, or it is too late."""
+        late = not self.note and (late or self.late)
         unknown = np.full(omega.size, np.nan)
         found = ClassCandidate(
             pairs=self.pairs,
@@ -133,9 +137,10 @@ class _Part(NamedTuple):
             margin=np.nan,
             upper=unknown,
             error=unknown,
-            note=note,
+            note=_LATE if late else self.note,
+            late=late,
         )
-        if note or problem is None:
+        if found.note or problem is None:
             return found
         try:
             found = found.evaluated(omega, time_limit=budget.seconds)
@@ -144,7 +149,7 @@ class _Part(NamedTuple):
         missing = np.isnan(found.error)
         if missing.any() and (budget.over or not missing.all()):
             left = "" if missing.all() else f" after {np.sum(~missing)} of {missing.size} frequencies"
-            return dataclasses.replace(found, note=_LATE + left)
+            return dataclasses.replace(found, note=_LATE + left, late=True)
         _log.info("%s: mean guaranteed error %.4g", problem.prior, found.mean)
         return found
 
@@ -152,30 +157,30 @@ class _Part(NamedTuple):
 def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCandidate]:
     """Every part with its first prior, the best with further ones, within the budget; smallest error first."""
     rows: list[ClassCandidate] = []
-    first = [(part, part.problems[0] if part.problems else None, part.note) for part in parts]
+    first = [(part, part.problems[0] if part.problems else None) for part in parts]
 
-    def evaluate(asked: list[tuple[_Part, MixedProblem | None, str]]) -> bool:
+    def evaluate(asked: list[tuple[_Part, MixedProblem | None]]) -> bool:
         """Return whether none was interrupted."""
-        for k, (part, problem, note) in enumerate(asked):
-            late = _LATE if rows and budget.over else ""
-            waiting = sum(not note for _, _, note in asked[k:])
+        for k, (part, problem) in enumerate(asked):
+            late = bool(rows) and budget.over
+            waiting = sum(not (one.note or one.late) for one, _ in asked[k:])
             mine = budget.share(1 / max(waiting, 1))
             try:
-                rows.append(part.candidate(problem, omega, note or late, mine))
+                rows.append(part.candidate(problem, omega, mine, late=late))
             except KeyboardInterrupt:
                 if not rows:
                     raise
-                rows.append(part.candidate(problem, omega, _LATE, mine))
+                rows.append(part.candidate(problem, omega, mine, late=True))
                 return False
             budget.tell(len(rows), len(parts) + _PRIORS - 1)
-            if rows[-1].note.startswith(_LATE) and not mine.over:  # Ctrl-C, and the sweep returned what it had
+            if rows[-1].late and not mine.over:  # Ctrl-C, and the sweep returned what it had
                 return False
         return True
 
     done, best = evaluate(first), choice(rows)
     if done and best is not None and np.all(np.isfinite(best.error)) and not budget.over:
         part = parts[next(k for k, row in enumerate(rows) if row is best)]
-        evaluate([(part, problem, "") for problem in part.problems[1:_PRIORS]])
+        evaluate([(part, problem) for problem in part.problems[1:_PRIORS]])
     return sorted(rows, key=rank)
 
 
@@ -214,7 +219,7 @@ def _from_data(data: MixedProblem, delay: int | None, budget: Budget) -> tuple[l
         if count < 1:
             continue
         if budget.over:
-            parts.append(_Part(count, 1, None, None, (), _LATE))
+            parts.append(_Part(count, 1, None, None, (), late=True))
             continue
         try:
             other = suggest_kautz(frf, modes=count, delay=found.delay)
@@ -274,7 +279,7 @@ def _part(
 ) -> _Part:
     """A part with its priors, unless the budget is over; the first one is made all the same."""
     if budget.over and not first:
-        return _Part(pairs, repeat, modes, cell, (), _LATE)
+        return _Part(pairs, repeat, modes, cell, (), late=True)
     try:
         problems = _with_priors(make(), budget)
     except SizeError:

@@ -114,11 +114,11 @@ def taken_apart(basis: ParametricBasis) -> MovingPairs:
 
 def _block(basis: ParametricBasis, states: NDArray[np.intp], functions: NDArray[np.intp]) -> ParametricBasis:
     """Some functions with the states that they need, and the poles as they are known."""
-    A, labels = basis.A[states][:, states], tuple(basis.labels[int(i)] for i in functions)
+    A, kept = basis.A[states][:, states], tuple(basis.functions[int(i)] for i in functions)
     computed = np.linalg.eigvals(A) if states.size else np.zeros(0)
     poles = basis.poles[np.abs(computed[:, None] - basis.poles).argmin(axis=1)] if states.size else computed
     C = basis.C[functions][:, states]
-    return ParametricBasis(A, basis.B[states], C, basis.D[functions], basis.dt, labels, poles)
+    return ParametricBasis(A, basis.B[states], C, basis.D[functions], basis.dt, kept, poles)
 
 
 def _mode_of(part: ParametricBasis) -> tuple[Real, int, int] | None:

@@ -13,10 +13,12 @@ from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, u
 from robustid.advice.pole_interval import pole_interval
 from robustid.core import (
     Budget,
+    Choice,
     Complex,
     Frozen,
     Progress,
     Real,
+    Source,
     as_flag,
     as_kind,
     as_positive,
@@ -83,7 +85,7 @@ class KautzImprovement(Frozen):
     reason : str
         What was done and why it stopped, in words.
     note : str
-        What this assumes, for `Identification.notes`; empty where the problem is the given one.
+        What this assumes, for `Identification.choices`; empty where the problem is the given one.
     """
 
     problem: MixedProblem
@@ -115,9 +117,13 @@ class KautzImprovement(Frozen):
         return bool(np.any(self.omega != self.omega_before) or np.any(self.damping != self.damping_before))
 
     def identify(self, **options: Any) -> Identification:
-        """`identify` of the problem found, with `note` among its notes, so that bounds and reports say where poles come from."""
+        """`identify` of the problem found, with `note` among its choices, so that bounds and reports say where poles come from."""
         result = identify(self.problem, **options)
-        return dataclasses.replace(result, notes=(*result.notes, *([self.note] if self.note else [])))
+        found: dict[str, Choice] = {}
+        if self.note:
+            name, source = ("modes", Source.DATA) if self.moved else ("repeat", Source.PROGRAM)
+            found[name] = Choice({"omega": self.omega.tolist(), "damping": self.damping.tolist()}, source, self.note)
+        return dataclasses.replace(result, choices=result.choices | found)
 
     def summary(self) -> str:
         """One line per pair, then the reason and the note."""
@@ -357,7 +363,6 @@ def _repeated_note(before: float) -> str:
 
 
 def _moved_note(before: float, after: float, box: KautzSuggestion | None) -> str:
-    """Begins as the note of modes from a frequency response: worst-case errors warn where they find it."""
     said = (
         "Modes taken from the data: poles moved until the margin, "
         f"{before:.4g} with those that were given, was {after:.4g}. Fitted to these data they are not prior knowledge: a guarantee"

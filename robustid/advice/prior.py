@@ -72,8 +72,9 @@ class PriorSuggestion(Frozen):
         """The consistent `priors`, that with the smallest slope bound (`Prior.slope`) first."""
         return sorted((p for p in self.priors if p is not None), key=lambda prior: prior.slope)
 
-    def summary(self) -> str:
-        """The curve as a table, then the reason."""
+    @property
+    def table(self) -> str:
+        """The curve in plain text."""
         known = np.any(np.isfinite(self.errors))
         head = (
             "decay, 1/s    smallest K          K/(2 decay)"
@@ -87,7 +88,11 @@ class PriorSuggestion(Frozen):
             lines.append(
                 f"{rho:10.5g}    {gain:10.4g}    {slope:10.4g}" + (f"    {100 * error:16.3g}%" if known else "") + mark
             )
-        return "\n".join([*lines, self.reason])
+        return "\n".join(lines)
+
+    def summary(self) -> str:
+        """The curve as a table, then the reason."""
+        return f"{self.table}\n{self.reason}"
 
 
 @one_thread()

@@ -98,6 +98,19 @@ def key(check: Check, default: Any = None, **described: Any) -> Any:
     return dataclasses.field(default=default, metadata={"option": Option(check=check, **described)})
 
 
+def explained(part: str) -> Any:
+    """A field that says where the values of a section come from: its source, note or digest."""
+    check = text(listed("core", "Source")) if part == "source" else text()
+    return key(check, help=f"{_EXPLAINED[part]}; written by the program.")
+
+
+_EXPLAINED = {
+    "source": "Where these values come from: stated (default), data (taken from them) or program",
+    "note": "How the program chose these values, in words",
+    "digest": "Digest of the chosen values, by which changed ones are noticed",
+}
+
+
 def options(kind: Any) -> Iterator[tuple[dataclasses.Field, Option]]:
     """The fields of a section that can be stated."""
     return ((field, field.metadata["option"]) for field in dataclasses.fields(kind) if "option" in field.metadata)

@@ -25,8 +25,9 @@ from robustid.app.options import Modes
 from robustid.app.passive_class import chosen_decay, passive_basis, relaxations
 from robustid.app.prior_options import PriorChoice
 from robustid.app.record_modes import modes_of_records
-from robustid.app.run_file import BOUNDS_NOTE, CHOSEN_MODES, MODES_NOTE, PRIOR_NOTE, RECORD_MODES_NOTE, RunFile
+from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE, RECORD_MODES_NOTE, RunFile
 from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
+from robustid.core import Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, Status
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify
@@ -36,7 +37,6 @@ DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
     " says much between the samples holds the data."
 )
-NOT_TAKEN = "Not taken:"
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
@@ -50,10 +50,10 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         found = relaxations(data.responses, kind, run.prior.decay)
         if found is None:
             note = "No parametric part: a passive class is about the whole plant."
-            return run.changed("modes", hz=(), damping=(), delay=1, note=note)
+            return run.changed("modes", hz=(), damping=(), delay=1, source=Source.PROGRAM, note=note)
         hz = tuple((found.omega / (2 * np.pi)).tolist())
-        note = MODES_NOTE + found.summary()
-        return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, note=note)
+        said = {"source": Source.DATA, "note": MODES_NOTE + found.summary()}
+        return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, **said)
     if not data.responses:
         say("looking for modes in the records")
         return dataclasses.replace(run, modes=from_records(chosen, data.records))
@@ -71,6 +71,7 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         repeat=chosen.repeat,
         integrators=chosen.integrators,
         delay=found.delay,
+        source=Source.DATA,
         note=MODES_NOTE + found.summary(),
         **box,
     )
@@ -86,6 +87,7 @@ def from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
         damping=tuple(row.damping for row in rows),
         count=None,
         delay=1 if chosen.delay is None else chosen.delay,
+        source=Source.DATA if rows else Source.PROGRAM,
         note=RECORD_MODES_NOTE + words if rows else words,
     )
 
@@ -160,7 +162,7 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
     margin = identify(dataclasses.replace(problem, prior=reference)).margin
     factor = max(1.0, SPARE * float(margin))
     note = (
-        f"{BOUNDS_NOTE}{what} (|G| <= {reference.gain_bound:.4g} in {reference.where}) needs them"
+        f"Bounds: {what} (|G| <= {reference.gain_bound:.4g} in {reference.where}) needs them"
         f" {margin:.4g} times as large. "
         + (
             "They are left as they are."
@@ -169,7 +171,7 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
             f' (that and {100 * (SPARE - 1):.0f} %), as inflate = "auto" asks: every result holds for these wider bounds only.'
         )
     )
-    return run.changed("identify", inflate=factor, inflate_note=note)
+    return run.changed("identify", inflate=factor, inflate_source=Source.DATA, inflate_note=note)
 
 
 def placeholder(run: RunFile, data: Measured) -> Prior:
@@ -208,7 +210,7 @@ def inflated(data: Any, run: RunFile) -> Any:
     factor = run.identify.inflate
     if factor == 1:
         return data
-    why = "as the program found" if run.identify.inflate_note else "as stated"
+    why = "as stated" if run.identify.inflate_source in (None, Source.STATED) else "as the program found"
     note = f"{data.note or 'bound of the data'}; times {factor:.4g}, {why}"
     return data.with_bound(dataclasses.replace(data.bound.inflated(factor), probability=None, dof=None), note)
 
@@ -223,30 +225,34 @@ def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = 
         if run.prior.roll_off != AUTO:
             return run, problem
         problem, words = with_roll_off(problem, say)
-        return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, words, run.prior)), problem
+        return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
     say("looking for a prior")
     if (kind := run.prior.passive) is not None:
         prior, words = chosen_decay(problem, kind, run.prior.slack, run.prior.without_decay("[prior] passive"))
-        run = dataclasses.replace(run, prior=PriorChoice.of(prior, words, run.prior))
-        return run, dataclasses.replace(problem, prior=prior)
+        return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
-    own = double and chosen.hz and chosen.repeat == 1 and (chosen.note or "").startswith(CHOSEN_MODES)
+    own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
     problem, found, doubled = suggested(problem, twice, say)
     if doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
-    prior, note = found.prior, PRIOR_NOTE + found.summary()
+    prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
     if prior is None or not says_something(problem, found):
-        prior, what = _reference(run, problem)
+        (prior, what), source = _reference(run, problem), Source.PROGRAM
         note += (
-            f"\n{NOT_TAKEN} a non-parametric part larger than every response says nothing. In its place {what}:"
+            f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
         problem, words = with_roll_off(problem, say)
         note += f"\n{words}"
-    return dataclasses.replace(run, prior=PriorChoice.of(problem.prior, note, run.prior)), problem
+    return _with_choice(run, problem.prior, source, note, curve=found.table), problem
+
+
+def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, **said: str | None) -> RunFile:
+    """The run file with a prior that was chosen."""
+    return dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior, source=source, **said))
 
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
@@ -255,18 +261,17 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
     A prior is taken from frequency points that stand for all; where some beside them ask for slightly more, the class was chosen
     too small, and nothing about the plant was found. None where the class was stated, or is far from the data.
     """
-    note = run.prior.note or ""
-    chosen = note.startswith(PRIOR_NOTE) and NOT_TAKEN not in note and run.prior.gain_bound is not None
+    chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None
     if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
         return None
     prior = dataclasses.replace(result.problem.prior, gain_bound=2 * float(result.problem.prior.gain_bound))
     if prior.gain_bound > _LARGEST * response_sizes(result.problem)[0]:
         return None  # larger than every response it says nothing
-    note += (
-        f"\nAll samples together contradict K = {result.problem.prior.gain_bound:.4g} (margin {result.margin:.4g}); twice as large:"
-        f" K = {prior.gain_bound:.4g}"
+    note = (
+        f"{run.prior.note}\nAll samples together contradict K = {result.problem.prior.gain_bound:.4g} (margin"
+        f" {result.margin:.4g}); twice as large: K = {prior.gain_bound:.4g}"
     )
-    found = dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior))
+    found = _with_choice(run, prior, Source.DATA, note, curve=run.prior.curve)
     return found, dataclasses.replace(result.problem, prior=prior)
 
 

@@ -13,6 +13,7 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, Say
 from robustid.app.options import Modes
 from robustid.app.run_file import MODES_NOTE, RunFile
+from robustid.core import Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.mfd import MatrixFraction, ModeRow, fit_covariance, fit_mfd, mode_table, suggest_order
@@ -56,6 +57,7 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
         repeat=chosen.repeat,
         integrators=chosen.integrators + rigid,
         delay=chosen.delay if chosen.delay is not None else int(not run.fit.feedthrough and frf.dt is not None),
+        source=Source.DATA,
         note="\n".join([MODES_NOTE + words, *lines]),
         **_box(modes),
     )

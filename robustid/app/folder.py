@@ -9,7 +9,7 @@ from typing import Any
 from robustid.app.files import load_result
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import RunFile, read_run_file
-from robustid.core import atomic_write, digest, paths, save, text_array
+from robustid.core import Source, atomic_write, digest, paths, save, text_array
 from robustid.data import FrequencyResponse
 from robustid.data.io import save_model
 from robustid.errors import InputError, Status
@@ -116,11 +116,8 @@ class RunFolder:
         """Keep it, if it came to its end."""
         place = self._identification(member)
         ended = result.status in (Status.CONSISTENT, Status.INCONSISTENT)
-        if (
-            place is not None
-            and ended
-            and not any(note.startswith(("interrupted", "stopped")) for note in result.notes)
-        ):
+        stopped = any(choice.source is Source.STOPPED for choice in result.choices.values())
+        if place is not None and ended and not stopped:
             place.parent.mkdir(parents=True, exist_ok=True)
             result.save(place)
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from robustid.app.noise_bounds import with_bound
 from robustid.app.reading_words import RUN_FILE, in_run_file
-from robustid.app.run_file import DELAY_NOTE, RunFile
+from robustid.app.run_file import RunFile
 from robustid.app.sources import RecordSource, reading
 from robustid.app.withheld import Split, split
-from robustid.core import digest
+from robustid.core import Source, digest
 from robustid.data import (
     FrequencyResponse,
     TimeRecord,
@@ -283,7 +283,7 @@ def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
 
 
 def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
-    note, seconds = run.delay.note, 0.0
+    source, note, seconds = run.delay.source, run.delay.note, 0.0
     if isinstance(run.delay.seconds, float):
         seconds = run.delay.seconds
     else:
@@ -293,14 +293,18 @@ def _without_delay(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
         dt = float(data.responses[0].dt or 0)
         whole = any(record.initial != "periodic" for record in data.records)
         seconds = round(found.seconds / dt) * dt if whole else found.seconds
-        note = (
-            f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, estimated from the response: {found.seconds:.6g} s with standard"
-            f" deviation {found.deviation:.2g} s" + (", rounded to whole samples for the records" if whole else "")
+        source, note = (
+            None,
+            (
+                f"Delay of {seconds:.6g} s taken out of all data, estimated from the response: {found.seconds:.6g} s with standard"
+                f" deviation {found.deviation:.2g} s" + (", rounded to whole samples for the records" if whole else "")
+            ),
         )
     if not seconds:
         return run.changed("delay", seconds=0.0), data
-    note = note or f"{DELAY_NOTE}{seconds:.6g} s taken out of all data, as stated"
-    if "with_delay" not in note:
+    if source is None:  # nothing was said of it yet
+        source = Source.STATED if isinstance(run.delay.seconds, float) else Source.DATA
+        note = note or f"Delay of {seconds:.6g} s taken out of all data, as stated"
         note += "; the models are those of the plant without it, with_delay(model, seconds) puts it back"
     kept = data.each(lambda item: item.without_delay(seconds))
-    return run.changed("delay", seconds=float(seconds), note=note), kept
+    return run.changed("delay", seconds=float(seconds), source=source, note=note), kept

@@ -15,11 +15,11 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
 from robustid.app.options import Modes
 from robustid.app.prior_options import prior_keys
-from robustid.app.run_file import CHOSEN_MODES, RunFile
+from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
 from robustid.app.sources import MemberChoice
 from robustid.app.withheld import compared, looked_at
-from robustid.core import Frozen
+from robustid.core import Frozen, Source
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.guarantees import Coverage, Family, Member, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -135,7 +135,7 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
             continue
         words = f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples"
         result = identify(posed, **run.identify.arguments, progress=around.begun(words))
-        found[name] = dataclasses.replace(result, notes=(*result.notes, *run.choices))
+        found[name] = dataclasses.replace(result, choices=result.choices | run.choices)
         folder.identified(found[name], member=k)
     return _united(run, found, left, folder, around)
 
@@ -154,14 +154,16 @@ def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surrounding
     if not run.worst_case.over_poles or not run.modes.hz:
         return run
     found: list[MemberChoice] = []
-    one_box = run.modes.hz_interval is not None and not (run.modes.note or "").startswith(CHOSEN_MODES)
+    one_box = run.modes.hz_interval is not None and run.modes.source is not Source.DATA
     for member in run.members:
         own = member
         if own.hz is None and one_box:
             own = dataclasses.replace(member, **{name: getattr(run.modes, name) for name in POLES})
         elif own.hz is None:
             around.say(f"looking for the modes of {member.name}")
-            open_modes = dataclasses.replace(run.modes, hz=None, count=len(run.modes.hz), note=None, **_NO_BOX)
+            open_modes = dataclasses.replace(
+                run.modes, hz=None, count=len(run.modes.hz), source=None, note=None, **_NO_BOX
+            )
             try:
                 modes = choices.with_modes(
                     run.changed("modes", **vars(open_modes)), data[member.name], around.say
@@ -218,12 +220,14 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
         return asked[0]
     gain, decay = max(prior.gain_bound for _, prior in asked), min(prior.rate for _, prior in asked)
     first, prior = asked[0]
-    notes = [f"{name}: {one.prior.note}" for name, (one, _) in zip(problems, asked, strict=True)]
+    stated = {name: one.prior for name, (one, _) in zip(problems, asked, strict=True)}
     note = (
         f"One class for all members, {gain:.4g} and {decay:.5g}: the largest gain bound and the smallest decay rate.\n"
+        + "\n".join(f"{name}: {one.note}" for name, one in stated.items())
     )
+    curves = "\n".join(f"{name}:\n{one.curve}" for name, one in stated.items() if one.curve)
     prior = dataclasses.replace(prior.with_rate(decay), gain_bound=gain)
-    return first.changed("prior", **prior_keys(prior, run.prior), note=note + "\n".join(notes)), prior
+    return first.changed("prior", **prior_keys(prior, run.prior), note=note, curve=curves or None), prior
 
 
 def _box_of(member: MemberChoice) -> Any:

@@ -13,6 +13,7 @@ from robustid.app.checks import (
     AUTO,
     auto_or,
     either,
+    explained,
     flag,
     key,
     listed,
@@ -28,7 +29,6 @@ from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSou
 from robustid.errors import InputError
 
 _positive, _frequencies = number(above=0), number(least=0)
-_NOTE = "How the program chose these values, in words; written by the program."
 
 
 def _solver(name: str, value: Any) -> str:
@@ -56,7 +56,9 @@ class Delay:
     seconds: float | str = key(
         auto_or(_frequencies), 0.0, help='The delay, or "auto": estimated from the response.', unit="s"
     )
-    note: str | None = key(text(), help=_NOTE)
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -198,7 +200,9 @@ class Modes:
     damping_interval: tuple | None = key(
         several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of damping."
     )
-    note: str | None = key(text(), help=_NOTE)
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -213,7 +217,9 @@ class Identify:
         " 1 where it is without.",
         keyword="inflate",
     )
-    inflate_note: str | None = key(text(), help=_NOTE)
+    inflate_source: str | None = explained("source")
+    inflate_note: str | None = explained("note")
+    inflate_digest: str | None = explained("digest")
     objective: str = key(
         text(listed("identification", "OBJECTIVES")),
         "center",

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.checks import AUTO, Check, auto_or, hz_levels, key, listed, number, several, text, whole
+from robustid.app.checks import AUTO, Check, auto_or, explained, hz_levels, key, listed, number, several, text, whole
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _positive = number(above=0)
 POSITIVE_REAL = "positive real"  # whose decay can be chosen, beside modes
-_NOTE = "How the program chose these values, in words; written by the program."
 
 
 def _weight_model() -> Check:
@@ -94,7 +93,12 @@ class PriorChoice:
         _weight_model(),
         help="The weight of a prior that was made in Python, by its zeros and poles; written by the program.",
     )
-    note: str | None = key(text(), help=_NOTE)
+    source: str | None = explained("source")
+    note: str | None = explained("note")
+    digest: str | None = explained("digest")
+    curve: str | None = key(
+        text(), help="The curve of the smallest gain bound, from which they were taken; written by the program."
+    )
 
     @property
     def is_stated(self) -> bool:
@@ -124,9 +128,9 @@ class PriorChoice:
         return {"roll_off": self.roll_off, "corner": 2 * math.pi * self.corner_hz}
 
     @classmethod
-    def of(cls, prior: Prior, note: str | None = None, asked: PriorChoice | None = None) -> PriorChoice:
+    def of(cls, prior: Prior, note: str | None = None, asked: PriorChoice | None = None, **said: Any) -> PriorChoice:
         """A prior as it is stated in a run file; its weight by the table that was asked for, where there is one."""
-        return cls(**prior_keys(prior, asked), note=note)
+        return cls(**prior_keys(prior, asked), note=note, **said)
 
     def check(self, names: dict[str, str]) -> None:
         """Refuse a part of a prior; `names` are those of its keys where they were given, if they are others."""

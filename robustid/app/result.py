@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robustid.advice import Content
 from robustid.app.run_file import RunFile
-from robustid.core import Frozen
+from robustid.core import Choice, Frozen
 from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
@@ -61,8 +61,8 @@ class IdentifiedReduced(Frozen):
     band: Band | None = None
 
     @property
-    def choices(self) -> tuple[str, ...]:
-        """The choices that were left to the program, one paragraph each."""
+    def choices(self) -> dict[str, Choice]:
+        """The choices that were left to the program, by their names, each with its `source` and its `reason`."""
         return self.run_file.choices
 
     @property

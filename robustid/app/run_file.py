@@ -24,15 +24,18 @@ from robustid.app.options import (
 from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.app.toml import read_toml, write_toml
-from robustid.core import Frozen
+from robustid.core import Choice, Frozen, Source, digest, text_array
 from robustid.errors import InputError, InputTypeError
 
 MODES_NOTE = "Modes taken from the frequency response:\n"
 RECORD_MODES_NOTE = "Modes taken from a fit of the records:\n"
-CHOSEN_MODES = (MODES_NOTE, RECORD_MODES_NOTE)
 PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
-BOUNDS_NOTE = "Bounds: "
-DELAY_NOTE = "Delay of "
+_CHOICES = {  # name of a choice: its section, what its source, note and digest begin with, and the keys that are chosen
+    "delay": ("delay", "", ("seconds",)),
+    "modes": ("modes", "", ("hz", "damping")),
+    "inflate": ("identify", "inflate_", ("inflate",)),
+    "prior": ("prior", "", ("gain_bound", "decay_rate", "decay")),
+}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -57,7 +60,6 @@ class RunFile(Frozen, General):
     def __post_init__(self) -> None:
         _check_fit(self)
         _check_modes(self)
-        _check_notes(self)
         self.prior.check({"gain_bound": "[prior] gain_bound", "passive": "[prior] passive"})
         points = self.frequency_points
         if points.near_hz is not None and points.every == 1:
@@ -73,10 +75,16 @@ class RunFile(Frozen, General):
             raise InputError("[worst_case] at_hz is empty; leave it out, or say compute = false")
 
     @property
-    def choices(self) -> tuple[str, ...]:
-        """The choices that were left to the program, one paragraph each."""
-        notes = (self.delay.note, self.modes.note, self.identify.inflate_note, self.prior.note)
-        return tuple(note for note in notes if note)
+    def choices(self) -> dict[str, Choice]:
+        """The choices that were left to the program, by their names; and what else a note was written on."""
+        found: dict[str, Choice] = {}
+        for name, (place, start, keys) in _CHOICES.items():
+            part = getattr(self, place)
+            value = {one: getattr(part, one) for one in keys if getattr(part, one) is not None}
+            source, note = getattr(part, f"{start}source"), getattr(part, f"{start}note")
+            if note or source:
+                found[name] = Choice(value, source or Source.STATED, note or "", getattr(part, "curve", None) or "")
+        return found
 
     def changed(self, name: str, **values: Any) -> RunFile:
         """With other values in one section."""
@@ -85,6 +93,10 @@ class RunFile(Frozen, General):
     def text(self) -> str:
         """As TOML; `read_run_file` gives back the same."""
         content = {name: value for name, value in dataclasses.asdict(self).items() if value != ()}
+        for name, choice in self.choices.items():
+            place, start, _ = _CHOICES[name]
+            if choice.source != Source.STATED:
+                content[place][f"{start}digest"] = _digest(choice)
         head = f"# Run file of robustid {__version__}: robustid run FILE -o FOLDER\n"
         if not self.record and not self.frequency:
             head += "# The data were given in Python: name their files in [[frequency]] and [[record]] to run it.\n"
@@ -164,7 +176,7 @@ def _check_fit(run: RunFile) -> None:
         return
     if fit.modal is None and (fit.symmetric or fit.quantity is not None):
         raise InputError("[fit] symmetric and quantity belong to a structure of the modes: give modal too")
-    if modes.count is not None or (modes.hz is not None and not (modes.note or "").startswith(CHOSEN_MODES)):
+    if modes.count is not None or (modes.hz is not None and modes.source != Source.DATA):
         raise InputError("[fit] takes the modes from a fit, [modes] states them otherwise: give one of them")
 
 
@@ -199,29 +211,28 @@ def _check_modes(run: RunFile) -> None:
             )
 
 
-def _check_notes(run: RunFile) -> None:
-    """A note of the program about other numbers than those that stand there: somebody has changed them."""
-    delay, modes, prior, how = run.delay, run.modes, run.prior, run.identify
-    for place, note, start, numbers in (
-        ("[delay] note", delay.note, DELAY_NOTE, [f"{delay.seconds:.6g}"] if delay.seconds != "auto" else []),
-        ("[modes] note", modes.note, CHOSEN_MODES, [f"{hz:.5g} Hz" for hz in modes.hz or ()]),
-        (
-            "[prior] note",
-            prior.note,
-            PRIOR_NOTE,
-            [f"{prior.gain_bound or 0:.4g}", f"{prior.decay_rate or prior.decay or 0:.5g}"],
-        ),
-        (
-            "[identify] inflate_note",
-            how.inflate_note,
-            BOUNDS_NOTE,
-            [f"{how.inflate:.4g}"] if how.inflate not in (1, "auto") else [],
-        ),
-    ):
-        if note is not None and note.startswith(start) and (other := [n for n in numbers if n not in note]):
+def _digest(choice: Choice) -> str:
+    return digest({"value": text_array(choice.value)})
+
+
+def _without_digests(run: RunFile) -> RunFile:
+    """The run file, whose chosen values are those that were chosen: nobody has changed them."""
+    for name, (place, start, _) in _CHOICES.items():
+        key, choice = f"{start}digest", run.choices.get(name)
+        have = getattr(getattr(run, place), key)
+        if have is None or choice is None:
+            continue
+        if have != _digest(choice):
             raise InputError(
-                f"{place} tells how other numbers were chosen, not {other[0]}: leave the note out, or write your own"
+                f"[{place}] {start}note tells how other values were chosen than {_listed(choice.value)}: leave"
+                f" {start}source, {start}note and {key} out, or write your own note"
             )
+        run = run.changed(place, **{key: None})
+    return run
+
+
+def _listed(value: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} = {list(one) if isinstance(one, tuple) else one}" for key, one in value.items())
 
 
 def read_run_file(source: Any, place: str = "the run file", *, sources: bool = True) -> RunFile:
@@ -263,7 +274,7 @@ def _run_file(content: Mapping[str, Any]) -> RunFile:
             raise InputTypeError(f"{name} must be written [[{name}]], once for each")
         parts[name] = tuple(section(kind, item, f"[[{name}]] {k + 1}:") for k, item in enumerate(items))
     parts |= {name: section(kind, content[name], f"[{name}]") for name, kind in SECTIONS.items() if name in content}
-    return RunFile(**parts)
+    return _without_digests(RunFile(**parts))
 
 
 def _check_members(run: RunFile) -> None:

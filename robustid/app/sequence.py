@@ -17,9 +17,9 @@ from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
 from robustid.app.proved import box_of_modes, proved_band, refined_band
 from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import CHOSEN_MODES, RunFile
+from robustid.app.run_file import RunFile
 from robustid.app.withheld import compared, looked_at, split_points
-from robustid.core import Progress
+from robustid.core import Progress, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import (
@@ -207,7 +207,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         proved = refined_band(proved, small)
         seen = compared(small if proved is None else proved, left.withheld, left.kind)
         found.append(findings.error_words(small, seen))
-        if (run.modes.note or "").startswith(CHOSEN_MODES) and run.modes.hz and not run.worst_case.over_poles:
+        if run.modes.source is Source.DATA and run.modes.hz and not run.worst_case.over_poles:
             found.append(findings.pole_words(result, run.modes))
     if result.consistent and run.worst_case.over_poles:
         over_poles, words = _over_poles(run, result, reduction, proved, around)
@@ -296,7 +296,7 @@ def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Id
             "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
         )
     result = identify(problem, **run.identify.arguments, progress=around.begun(words))
-    result = dataclasses.replace(result, notes=(*result.notes, *run.choices))
+    result = dataclasses.replace(result, choices=result.choices | run.choices)
     around.folder.identified(result)
     return result
 

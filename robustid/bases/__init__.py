@@ -1,5 +1,6 @@
 """The functions in which systems are described: interpolation bases and parametric bases."""
 
+from robustid.bases.function import Function, FunctionKind
 from robustid.bases.input_normal import (
     InputNormalPair,
     input_normal_pair,
@@ -9,11 +10,12 @@ from robustid.bases.input_normal import (
     solve_stein,
 )
 from robustid.bases.parametric import ParametricBasis, as_basis, integrators, kautz, stack_bases
-from robustid.bases.passive_modes import PASSIVE_MODE, passive_modes
+from robustid.bases.passive_modes import passive_modes
 from robustid.bases.sections import Sections
 
 __all__ = [
-    "PASSIVE_MODE",
+    "Function",
+    "FunctionKind",
     "InputNormalPair",
     "ParametricBasis",
     "Sections",

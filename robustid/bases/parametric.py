@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from robustid.bases.function import Function, FunctionKind
 from robustid.bases.input_normal import solve_stein
 from robustid.core import (
     Frozen,
@@ -42,8 +43,8 @@ class ParametricBasis(Frozen):
     A, B, C, D : (n, n), (n, 1), (m, n), (m, 1) arrays
     dt : float
         Sample time in s; 0 for functions of s.
-    labels : tuple of str
-        One name per function.
+    functions : tuple of Function or str
+        Label and kind of every function; labels alone will do.
     poles : (n,) complex array, optional
         Eigenvalues of A where they are known: those of a repeated pole split by rounding. Default: as they are computed.
     corner : float, rad/s, optional
@@ -57,13 +58,14 @@ class ParametricBasis(Frozen):
     C: np.ndarray
     D: np.ndarray
     dt: float
-    labels: tuple[str, ...]
+    functions: tuple[Any, ...]
     poles: Any = None
     corner: float | None = None
     original: ParametricBasis | None = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in "ABCD"})
+        self._set(functions=tuple(Function.of(function) for function in self.functions))
         computed = np.linalg.eigvals(self.A) if self.states and self.poles is None else self.poles
         self._set(poles=freeze(np.zeros(0, complex) if computed is None else np.asarray(computed, complex)))
 
@@ -71,6 +73,11 @@ class ParametricBasis(Frozen):
     def size(self) -> int:
         """Number m of functions."""
         return self.C.shape[0]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One label per function."""
+        return tuple(function.label for function in self.functions)
 
     @property
     def states(self) -> int:
@@ -100,7 +107,7 @@ class ParametricBasis(Frozen):
             return self
         own = self.in_s()
         poles = (plane.corner + own.poles) / (plane.corner - own.poles)
-        return ParametricBasis(*plane.in_z(own.matrices), 0.0, own.labels, poles, plane.corner, own)
+        return ParametricBasis(*plane.in_z(own.matrices), 0.0, own.functions, poles, plane.corner, own)
 
     def in_s(self) -> ParametricBasis:
         """Functions of s that are written in z, written in s; others as they are."""
@@ -229,8 +236,9 @@ def integrators(count: int = 1, *, dt: float) -> ParametricBasis:
     dt, count = _as_time(dt), as_count("count", count, least=1)
     labels = ("integrator", "double integrator", *(f"integrator of order {k}" for k in range(3, count + 1)))
     A, B = (np.eye(count) if dt else 0.0) + np.eye(count, k=-1), np.eye(count, 1)
+    functions = tuple(Function(label, FunctionKind.INTEGRATOR) for label in labels[:count])
     poles = np.full(count, bool(dt), complex)
-    return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, labels[:count], poles)
+    return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, functions, poles)
 
 
 def _as_time(dt: Any) -> float:
@@ -258,15 +266,23 @@ def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> P
         A = np.block([[A, B], [np.zeros((1, n + 1))]])
         B = np.eye(n + 1)[:, -1:]
         C = np.hstack([C, np.zeros((C.shape[0], 1))])
-    labels = _mode_labels(omega, real, repeat, "k")
+    functions = _mode_functions(omega, real, repeat, "k")
     own = [a.real] if real else [a, a.conjugate()]
     poles = np.concatenate([np.repeat(own, repeat), np.zeros(A.shape[0] - states)])
-    return ParametricBasis(A, B, C, D, dt, labels, poles)
+    return ParametricBasis(A, B, C, D, dt, functions, poles)
 
 
-def _mode_labels(omega: float, real: bool, repeat: int, variable: str) -> tuple[str, ...]:
-    parts, hz = ("real pole",) if real else ("Re", "Im"), f"{omega / (2 * np.pi):.4g} Hz"
-    return tuple(f"{part} {hz}" + (f" ({variable}^{j})" if j else "") for j in range(repeat) for part in parts)
+def _mode_functions(omega: float, real: bool, repeat: int, variable: str) -> tuple[Function, ...]:
+    hz, found = f"{omega / (2 * np.pi):.4g} Hz", list[Function]()
+    for j in range(repeat):
+        power = f" ({variable}^{j})" if j else ""
+        if real:
+            found.append(Function(f"real pole {hz}{power}", FunctionKind.MODE))
+            continue
+        place = f"mode at {hz}" + (f", times {variable}" if j == 1 else power)
+        for short, part in (("Re", "real part"), ("Im", "imaginary part")):
+            found.append(Function(f"{short} {hz}{power}", FunctionKind.MODE, f"{place}, {part}"))
+    return tuple(found)
 
 
 def _continuous_kautz(omega: np.ndarray, damping: np.ndarray, repeat: int, delay: int) -> ParametricBasis:
@@ -287,8 +303,8 @@ def _continuous_mode(omega: float, damping: float, repeat: int) -> ParametricBas
     B = np.eye(A.shape[0], 1)
     norms = np.sqrt(np.diag(scipy.linalg.solve_continuous_lyapunov(A, -B @ B.T)))
     own = [s.real] if real else [s, s.conjugate()]
-    labels = _mode_labels(omega, real, repeat, "t")
-    return ParametricBasis(A, B, np.diag(1 / norms), np.zeros_like(B), 0.0, labels, np.repeat(own, repeat))
+    functions = _mode_functions(omega, real, repeat, "t")
+    return ParametricBasis(A, B, np.diag(1 / norms), np.zeros_like(B), 0.0, functions, np.repeat(own, repeat))
 
 
 def as_basis(value: Any, plane: Plane) -> ParametricBasis:
@@ -354,5 +370,5 @@ def stack_bases(parts: Sequence[ParametricBasis]) -> ParametricBasis:
         raise InputError(f"`parametric` mixes sample times {sorted({p.dt for p in parts})}; use one dt")
     A, C = (np.asarray(scipy.linalg.block_diag(*(getattr(p, name) for p in parts))) for name in "AC")
     B, D = (np.vstack([getattr(p, name) for p in parts]) for name in "BD")
-    labels = tuple(label for p in parts for label in p.labels)
-    return ParametricBasis(A, B, C, D, parts[0].dt, labels, np.concatenate([p.poles for p in parts]))
+    functions = tuple(function for p in parts for function in p.functions)
+    return ParametricBasis(A, B, C, D, parts[0].dt, functions, np.concatenate([p.poles for p in parts]))

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from robustid.bases.function import Function, FunctionKind
 from robustid.bases.parametric import ParametricBasis, stack_bases
 from robustid.core import as_array
 from robustid.errors import InputError
-
-PASSIVE_MODE = "passive mode"  # how the labels of such functions begin
 
 
 def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
@@ -69,15 +68,18 @@ def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
 
 def _passive_mode(omega: float, damping: float) -> ParametricBasis:
     if damping == 1:
-        name = f"{PASSIVE_MODE} {omega / (2 * np.pi):.4g} Hz (real pole)"
+        functions = _functions(omega, " (real pole), low-pass", " (real pole), high-pass")
         A, B, C, D = np.array([[-omega]]), np.array([[omega]]), np.array([[1.0], [-1.0]]), np.array([[0.0], [1.0]])
-        return ParametricBasis(
-            A, B, C, D, 0.0, (f"{name}, low-pass", f"{name}, high-pass"), np.array([-omega], complex)
-        )
+        return ParametricBasis(A, B, C, D, 0.0, functions, np.array([-omega], complex))
     d = damping * omega
     A, B = np.array([[0.0, omega], [-omega, -2 * d]]), np.array([[0.0], [1.0]])
     C = 2 * d * np.array([[0.0, 1.0], [2 * damping, 1.0]])
-    name = f"{PASSIVE_MODE} {omega / (2 * np.pi):.4g} Hz"
     pole = complex(-d, omega * np.sqrt(1 - damping**2))
     poles = np.array([pole, pole.conjugate()])
-    return ParametricBasis(A, B, C, np.zeros((2, 1)), 0.0, (f"{name}, velocity", f"{name}, damped"), poles)
+    functions = _functions(omega, ", velocity", ", damped")
+    return ParametricBasis(A, B, C, np.zeros((2, 1)), 0.0, functions, poles)
+
+
+def _functions(omega: float, *ends: str) -> tuple[Function, ...]:
+    kind = FunctionKind.PASSIVE
+    return tuple(Function(f"{kind.value} {omega / (2 * np.pi):.4g} Hz{end}", kind) for end in ends)

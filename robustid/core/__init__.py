@@ -2,6 +2,7 @@
 
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
+from robustid.core.choice import Choice, Source
 from robustid.core.files import atomic_write
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.progress import show_progress
@@ -61,6 +62,7 @@ __all__ = [
     "Arrays",
     "Balancing",
     "Budget",
+    "Choice",
     "Complex",
     "Frozen",
     "Plane",
@@ -72,6 +74,7 @@ __all__ = [
     "SPlane",
     "Savable",
     "Signal",
+    "Source",
     "StateMatrices",
     "StateSpace",
     "Workers",

@@ -1,7 +1,7 @@
 """Measurements: records and responses with bounds on their errors; files, data sets, estimation."""
 
 from robustid.core import save
-from robustid.data.bound import Bound
+from robustid.data.bound import Bound, Caveat
 from robustid.data.corrections import correct
 from robustid.data.error_sets import bound_ratio, stacked, tilted
 from robustid.data.estimate.default_bound import BOUND_SOURCES, default_bound, estimate_bound
@@ -29,6 +29,7 @@ __all__ = [
     "PAST",
     "REMOVED",
     "Bound",
+    "Caveat",
     "Delay",
     "DelayedModel",
     "Excitation",

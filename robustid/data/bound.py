@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 from typing import Any, Self
 
 import numpy as np
@@ -21,6 +22,15 @@ KINDS = {
     "confidence": "confidence bound",
     "tolerance": "tolerance bound of the next record",
 }
+
+
+class Caveat(enum.StrEnum):
+    """A reason why errors may be larger than an estimated bound knows."""
+
+    SMEARED = "smeared"  # by the windows of Welch's method
+    UNSTEADY = "unsteady"  # the record isn't in steady state, for which the bound holds
+
+
 _PROBABLE = ("confidence", "tolerance")
 _OF_PROBABLE = ("probability", "dof")
 
@@ -48,6 +58,8 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     excitations : int, optional
         How many independent excitations (realisations, or blocks of as many experiments as inputs) an estimated bound was
         taken from; of one alone, what varies from record to record is unknown (see `about`). None: it isn't stated.
+    caveats : tuple of {"smeared", "unsteady"}
+        What an estimated bound doesn't know: what the windows of Welch's method smear, or that the record isn't steady.
     tilt : (F,) or (F, ny, nu) complex array, optional
         Makes the disc an ellipse, ``|e + tilt conj(e)| <= radius`` with ``|tilt| < 1``: semi-axes radius/(1 + |tilt|), in the
         direction arg(tilt)/2, and radius/(1 - |tilt|), across.
@@ -79,6 +91,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     probability: float | None = None
     dof: float | None = None
     excitations: int | None = None
+    caveats: tuple[str, ...] = ()
     tilt: Any = None
     joint: str = "entry"
     ellipsoid: Any = None
@@ -97,6 +110,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             probability=None if self.probability is None else as_probability(self.probability),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             excitations=None if self.excitations is None else as_count("excitations", self.excitations, least=1),
+            caveats=tuple(Caveat(caveat) for caveat in self.caveats),
             tilt=None if self.tilt is None else freeze(as_array("tilt", self.tilt, dtype=complex)),
             ellipsoid=None
             if self.ellipsoid is None
@@ -307,8 +321,8 @@ class Bound(NDArrayOperatorsMixin, Frozen):
 
     @property
     def of_kind(self) -> dict[str, Any]:
-        """Arguments of another bound about the same: kind, probability, degrees of freedom and excitations."""
-        return {name: getattr(self, name) for name in ("kind", "excitations", *_OF_PROBABLE)}
+        """Arguments of another bound about the same: kind, probability, degrees of freedom, excitations and caveats."""
+        return {name: getattr(self, name) for name in ("kind", "excitations", "caveats", *_OF_PROBABLE)}
 
     @property
     def about(self) -> str:

@@ -519,6 +519,11 @@ class Band(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
+        return f"guarantee  {self.claim}"
+
+    @property
+    def claim(self) -> str:
+        """The summary without its first word."""
         centre, upper = self.centre, self.sigma_upper
         size = np.maximum(np.linalg.norm(centre, 2, axis=(1, 2)), np.finfo(float).tiny)
         about = "the centre of the band" if self.model is None else "the model"
@@ -529,11 +534,11 @@ class Band(Frozen, Drawable, Savable):
             poles = f", poles of {len(self.box[0])} mode{'s' * (len(self.box[0]) > 1)} anywhere in their box"
         known = self.bounded
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
-        lines = ["guarantee  none: the data do not tell the amplitudes of the modes apart" + poles]
+        lines = ["none: the data do not tell the amplitudes of the modes apart" + poles]
         if known.any():
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
-                f"guarantee  every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
+                f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
                 f"           (median {100 * np.median(upper[known] / size[known]):.3g} % of the response at {known.sum()}"
                 f" frequencies; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
             ]

@@ -18,6 +18,7 @@ from robustid.core import (
     Progress,
     Real,
     Savable,
+    Source,
     as_flag,
     as_positive,
     freeze,
@@ -390,7 +391,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
             lines.append(
                 f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {label}"
             )
-        if any(note.startswith("Modes taken") for note in self.identification.notes):
+        modes = self.identification.choices.get("modes")
+        if modes is not None and modes.source is Source.DATA:
             lines.append(
                 "warning    the poles were taken from these data, which leave them a pole-uncertainty box: this band does not cover"
                 " it, but that of worst_case_over_poles (robustid bounds --poles) does"

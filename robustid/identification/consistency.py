@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, Progress, as_positive, threads_for
+from robustid.core import Budget, Choice, Progress, Source, as_positive, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
@@ -20,7 +20,7 @@ from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
 from robustid.identification.solver.cvxpy_backend import solve_conic
 from robustid.identification.solver.paths import analytic_center, gain_path
-from robustid.identification.verification import verify
+from robustid.identification.verification import Claim, verify
 
 _log = logging.getLogger("robustid")
 
@@ -117,13 +117,13 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, claim.accuracy, formulation.problem.prior)
     try:
-        point, used, notes = _choose_point(formulation, level, objective, solver, passed, budget)
+        point, used, choices = _choose_point(formulation, level, objective, solver, passed, budget)
     except KeyboardInterrupt:
         inside = [point for point in passed if data.margin(point.x, point.p) <= level]
         if not inside:
             raise
-        note = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
-        point, used, notes = inside[0], formulation, (note,)
+        words = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
+        point, used, choices = inside[0], formulation, {"objective": Choice(None, Source.STOPPED, words)}
     clock.lap("centre")
     nominal = nominal_model(used, point, level)
     clock.lap("model")
@@ -139,8 +139,14 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
         model=nominal.model,
         verification=checks,
         timing=clock.laps,
-        notes=((claim.stopped,) if claim.stopped else ()) + notes,
+        choices=_proof(claim) | choices,
     )
+
+
+def _proof(claim: Claim) -> dict[str, Choice]:
+    """The interval of the margin, where it is wider than was asked for."""
+    ends = claim.certificate.value, claim.margin
+    return {"margin": Choice(ends, Source.STOPPED, claim.stopped)} if claim.stopped else {}
 
 
 def _check_arguments(problem: Any, objective: str, form: str) -> None:
@@ -158,30 +164,31 @@ def _check_arguments(problem: Any, objective: str, form: str) -> None:
 
 def _choose_point(
     formulation: Formulation, level: float, objective: str, solver: str, passed: list[Candidate], budget: Budget
-) -> tuple[Candidate, Formulation, tuple[str, ...]]:
-    """The point that the objective asks for, the formulation it belongs to, and what should be said about it."""
+) -> tuple[Candidate, Formulation, dict[str, Choice]]:
+    """The point that the objective asks for, the formulation it belongs to, and the choice of another in its place."""
     data = formulation.data
     center = analytic_center(data, level, passed, budget)
     if budget.over:
-        note = f"stopped at the time limit: the model is consistent with the margin, but not that of objective {objective!r}"
-        return center, formulation, (note,)
+        words = f"stopped at the time limit: the model is consistent with the margin, but not that of objective {objective!r}"
+        return center, formulation, {"objective": Choice("center", Source.STOPPED, words)}
     if objective in ("center", "margin") or not data.sarason.pair.order:
-        return center, formulation, ()
+        return center, formulation, {}
     if objective == "order":
         try:
             found = solve_conic(data, "order", solver=solver, factor=level, seconds=budget.left)
         except SolverError as problem:
-            return center, formulation, (f"{problem}: the model is the analytic centre, not that of objective 'order'",)
-        return _step_inside(found, center, data, level), formulation, ()
+            words = f"{problem}: the model is the analytic centre, not that of objective 'order'"
+            return center, formulation, {"objective": Choice("center", Source.PROGRAM, words)}
+        return _step_inside(found, center, data, level), formulation, {}
     K = formulation.problem.prior.gain_bound
     gain, growth = _smallest_gain(data, center, level, solver, budget), 1e-3
     while gain < 1:
         smaller = formulation.with_gain(K * gain)
         try:
-            return analytic_center(smaller.data, level), smaller, ()
+            return analytic_center(smaller.data, level), smaller, {}
         except SolverError:  # the solver's gain was too small
             gain, growth = gain * (1 + growth), 4 * growth
-    return center, formulation, ()
+    return center, formulation, {}
 
 
 def _smallest_gain(data: ConvexData, center: Candidate, level: float, solver: str, budget: Budget) -> float:

@@ -43,7 +43,7 @@ def image_of(identification: Identification) -> Identification:
         return identification
     basis, z = problem.parametric, ZPlane(_DT)
     if basis is not None:
-        basis = ParametricBasis(basis.A, basis.B, basis.C, basis.D, _DT, basis.labels, basis.poles)
+        basis = ParametricBasis(basis.A, basis.B, basis.C, basis.D, _DT, basis.functions, basis.poles)
     fields = {field.name: getattr(problem, field.name) for field in dataclasses.fields(MixedProblem) if field.init}
     fields |= {"frequency": tuple(_moved(one, plane, z) for one in problem.frequency), "parametric": basis}
     image = ImageProblem(**fields, corner=plane.corner)

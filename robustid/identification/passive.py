@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.bases import PASSIVE_MODE, ParametricBasis, as_basis, stack_bases
+from robustid.bases import Function, FunctionKind, ParametricBasis, as_basis, stack_bases
 from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -16,7 +16,6 @@ from robustid.identification.prior import Prior
 
 _GENEROUS = 100.0  # bounds by which data may be off before the coefficients of passive modes feel it
 _LOUD = 2.0  # magnitude of most values at which they are no scattering parameters
-CENTRE = "constant of the class"  # label of the function whose coefficient is fixed
 
 
 def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
@@ -71,7 +70,9 @@ def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
     if not problem.weighting.trivial:
         constant = problem.weighting.own.states
     A, B, C, D = constant
-    basis = ParametricBasis(A, B, C, D, problem.plane.dt, (CENTRE,))
+    basis = ParametricBasis(
+        A, B, C, D, problem.plane.dt, (Function(FunctionKind.CONSTANT.value, FunctionKind.CONSTANT),)
+    )
     centre: Real = (prior.gain_bound + prior.least) * np.eye(entries.outputs)
     ends = np.stack([centre, centre], axis=-1)[None]
     ends = ends[:, 0, 0] if entries.single else ends
@@ -98,16 +99,16 @@ def _passive_modes(problem: Any) -> ParametricBasis | None:
     if given is None:
         return None
     basis = as_basis(given, problem.plane).in_s()
-    if basis.labels[-1] == CENTRE:
+    if basis.functions[-1].kind is FunctionKind.CONSTANT:
         if basis.size == 1:
             return None
-        basis = dataclasses.replace(basis, C=basis.C[:-1], D=basis.D[:-1], labels=basis.labels[:-1])
+        basis = dataclasses.replace(basis, C=basis.C[:-1], D=basis.D[:-1], functions=basis.functions[:-1])
     elif problem.parameter_bounds is not None:
         raise InputError(
             f"`parameter_bounds` has no place beside a {name} class: the coefficients of passive modes lie between 0 and what the"
             " real part of the data leaves to them; leave it out"
         )
-    if not all(label.startswith(PASSIVE_MODE) for label in basis.labels) or not problem.weighting.trivial:
+    if any(function.kind is not FunctionKind.PASSIVE for function in basis.functions) or not problem.weighting.trivial:
         raise InputError(
             f"`parametric` can't be joined with a {name} class: modes with free coefficients make it say nothing. Give"
             " passive_modes(omega, damping) to a PositiveReal class, or leave it out and choose a `decay` below the smallest"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, freeze
+from robustid.core import Choice, Complex, Frozen, Real, Savable, freeze
 from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
@@ -57,8 +57,8 @@ class Identification(Frozen, Drawable, Savable):
         Every claim, evaluated again.
     timing : dict
         Seconds per stage.
-    notes : tuple of str
-        How the assumptions were chosen, where the program chose them from the data; shown in reports.
+    choices : dict of str to Choice
+        How assumptions were chosen, and what was reached where the time was over, by name ("modes", "prior", ...); for reports.
     """
 
     formulation: Formulation
@@ -70,10 +70,15 @@ class Identification(Frozen, Drawable, Savable):
     model: Any
     verification: Verification
     timing: dict[str, float]
-    notes: tuple[str, ...] = ()
+    choices: dict[str, Choice] = dataclasses.field(default_factory=dict[str, Choice])
 
     def __post_init__(self) -> None:
         self._set(coefficients=freeze(self.coefficients), scaled_parameters=freeze(self.scaled_parameters))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The choices in words, one paragraph each."""
+        return tuple(note for choice in self.choices.values() if (note := choice.note))
 
     @property
     def problem(self) -> MixedProblem:
@@ -304,11 +309,8 @@ class Identification(Frozen, Drawable, Savable):
             *self._signal_lines,
             f"class      {self._class_words} in {prior.where}{prior.weight_words}"
             + (f", {problem.functions} parametric functions" if self._own_functions else "")
-            + (
-                f", {self._intervals} of their coefficients with an interval" * self._own_functions
-                if self._intervals
-                else ""
-            ),
+            + f", {self._intervals} of their coefficients with an interval"
+            * bool(self._own_functions and self._intervals),
             *(
                 [f"form       {self.form}; the remainder moves no sample by more than {self.tail:.2g} bounds"]
                 * (not self.formulation.exact)
@@ -332,13 +334,11 @@ class Identification(Frozen, Drawable, Savable):
             for name, end in self.active_intervals
         ]
         lines += [f"warning    {sentence}" for sentence in self.warnings]
-        decay = "decay rate" if problem.dt else "decay"
+        decay, falls = "decay rate" if problem.dt else "decay", ", how it falls" * prior.weighted
+        said = f"gain bound{falls}, {decay} and parametric poles: data can refute them, never prove them"
         if prior.physical:
-            lines.append(f"assumed    passivity with this {decay}: data can refute it, never prove it")
-        else:
-            class_words = f"gain bound{', how it falls' * prior.weighted}, {decay} and parametric poles"
-            lines.append(f"assumed    {class_words}: data can refute them, never prove them")
-        return "\n".join(lines)
+            said = f"passivity with this {decay}: data can refute it, never prove it"
+        return "\n".join([*lines, f"assumed    {said}"])
 
     @property
     def _own_functions(self) -> bool:

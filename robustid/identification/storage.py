@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import ParametricBasis, Sections
-from robustid.core import Arrays, Record, digest, keep, text_array
+from robustid.core import Arrays, Choice, Record, Source, digest, keep, text_array
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.data.io import flat_fields, from_fields
 from robustid.identification.certificate import MarginCertificate
@@ -47,7 +47,7 @@ def pack(result: Identification) -> tuple[Record, Arrays]:
         "certificate": {"upper": result.certificate.upper, "value": result.certificate.value},
         "solver": result.solver,
         "timing_s": result.timing,
-        "notes": list(result.notes),
+        "choices": {name: dataclasses.asdict(choice) for name, choice in result.choices.items()},
         "problem": problem,
         "problem_digest": digest({"text": text_array(problem)}),
         "summary": result.summary().splitlines(),
@@ -84,7 +84,10 @@ def describe_problem(problem: MixedProblem) -> tuple[Arrays, Record]:
     if problem.parametric is not None:
         basis = problem.parametric.in_s()
         arrays |= {f"parametric/{name}": getattr(basis, name) for name in ("A", "B", "C", "D", "poles")}
-        text["parametric"] = {"dt": basis.dt, "labels": list(basis.labels)}
+        text["parametric"] = {
+            "dt": basis.dt,
+            "functions": [dataclasses.asdict(function) for function in basis.functions],
+        }
     if problem.parameter_bounds is not None:
         arrays["parameter_bounds"] = problem.parameter_bounds
     return arrays, text
@@ -121,8 +124,15 @@ def unpack(record: Record, arrays: Arrays) -> Identification:
         model=nominal.model,
         verification=verify(used, center, nominal, claim, formulation.data, level),
         timing=record["timing_s"],
-        notes=tuple(record["notes"]),
+        choices=_read_choices(record),
     )
+
+
+def _read_choices(record: Record) -> dict[str, Choice]:
+    """The choices; of files of older versions the notes, whose source is not known."""
+    if "choices" in record:
+        return {name: Choice.read(choice) for name, choice in record["choices"].items()}
+    return {f"note {k}": Choice(None, Source.STATED, note) for k, note in enumerate(record["notes"], start=1)}
 
 
 def read_problem(arrays: Arrays, text: Record) -> MixedProblem:
@@ -139,7 +149,8 @@ def read_problem(arrays: Arrays, text: Record) -> MixedProblem:
     basis = None
     if text["parametric"] is not None:
         A, B, C, D, poles = (arrays[f"parametric/{name}"] for name in ("A", "B", "C", "D", "poles"))
-        basis = ParametricBasis(A, B, C, D, text["parametric"]["dt"], tuple(text["parametric"]["labels"]), poles)
+        own = text["parametric"]  # older files know labels alone
+        basis = ParametricBasis(A, B, C, D, own["dt"], tuple(own.get("functions") or own["labels"]), poles)
     prior = prior_from(text["prior"])
     return MixedProblem(
         frequency=experiments["frequency"],

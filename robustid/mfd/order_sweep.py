@@ -121,6 +121,11 @@ class OrderSweep(Frozen, Drawable):
     @property
     def reason(self) -> str:
         """Why this order, as a clause: "has the smallest MDL …"."""
+        return self.restraint or "has the smallest MDL"
+
+    @property
+    def restraint(self) -> str:
+        """Why an order below that of the smallest MDL, as a clause; empty where it is that."""
         return self._choice[1]
 
     @cached_property
@@ -130,7 +135,7 @@ class OrderSweep(Frozen, Drawable):
         inside = [k for k in allowed[allowed <= best] if self.outside[k] <= _INSIDE]
         if inside:
             words = "is the smallest that leaves no more of the data than the stated bounds"
-            return int(self.orders[inside[0]]), words if inside[0] < best else "has the smallest MDL"
+            return int(self.orders[inside[0]]), words if inside[0] < best else ""
         judged = allowed[np.isfinite(self.withheld[allowed])]
         if judged.size and not self._white(int(best)):
             least = float(np.min(self.withheld[judged]))
@@ -141,7 +146,7 @@ class OrderSweep(Frozen, Drawable):
                     f" ({100 * self.withheld[first]:.3g} % against {100 * least:.3g} %; no order leaves noise alone)"
                 )
                 return int(self.orders[first]), words
-        return int(self.orders[best]), "has the smallest MDL"
+        return int(self.orders[best]), ""
 
     @property
     def _allowed(self) -> np.ndarray:

@@ -52,20 +52,6 @@ def _rounded(value: float, rounding: str, digits: int) -> str:
     return number(float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value)), digits)
 
 
-def function_words(label: str) -> str:
-    """Name a parametric function in words; "Re" and "Im" are the two real functions of a pair of poles.
-
-    Examples
-    --------
-    >>> function_words("Re 9.006 Hz"), function_words("Im 9 Hz (k^1)"), function_words("constant")
-    ('mode at 9.006 Hz, real part', 'mode at 9 Hz, times k, imaginary part', 'constant')
-    """
-    for short, part in (("Re ", "real part"), ("Im ", "imaginary part")):
-        if label.startswith(short) and "Hz" in label:
-            return f"mode at {label.removeprefix(short).replace(' (k^1)', ', times k')}, {part}"
-    return label
-
-
 def percent(share: float, digits: int = 2) -> str:
     """Write a share in percent; a dash where there is none."""
     return f"{number(100 * float(share), digits)} %" if np.isfinite(share) else "–"

@@ -9,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.app import choices, sequence
 from robustid.app.run_file import RunFile
+from robustid.core import Source
 from support.bounds import rebound
 from support.matrix_lines import measured
 from support.run_files import CLASS, DATA, QUICK, ask
@@ -63,7 +64,7 @@ OVERRIDES = {
     "solver": ({"identify": {"solver": "structured"}}, lambda r: r.identification.solver == "structured"),
     "delay": (
         {"delay": {"seconds": 0.01}, "modes": CLASS["modes"] | {"delay": 0}},
-        lambda r: r.identification.problem.time[0].u.size == 3 and "0.01 s taken out" in r.choices[0],
+        lambda r: r.identification.problem.time[0].u.size == 3 and "0.01 s taken out" in r.choices["delay"].reason,
     ),
     "no worst case": (QUICK, lambda r: r.worst_case is None and r.error is None),
 }
@@ -170,7 +171,7 @@ def test_a_delay_is_found_taken_out_and_said(folder):
     }
     result = rid.run(ask(folder, content, QUICK), "out")
     assert result.run_file.delay.seconds == pytest.approx(0.03, abs=1e-6)
-    assert "Delay of 0.03 s taken out" in result.choices[0]
+    assert "Delay of 0.03 s taken out" in result.choices["delay"].reason
     np.testing.assert_allclose(result.identification.problem.frequency[0].values[:, 0, 0], plant, atol=1e-3)
 
 
@@ -263,12 +264,12 @@ def test_a_chosen_gain_bound_that_all_samples_contradict_a_little_is_doubled():
     assert 1 < result.margin < 1.5
     stated = RunFile(prior=choices.PriorChoice.of(problem.prior))
     assert choices.with_larger_gain(stated, result) is None
-    chosen = stated.changed("prior", note=choices.PRIOR_NOTE + "0.5 at decay rate 1.1")
+    chosen = stated.changed("prior", source=Source.DATA, note="0.5 at decay rate 1.1")
     run, wider = choices.with_larger_gain(chosen, result)
     assert wider.prior == rid.Prior(gain_bound=1.0, decay_rate=1.1)
     assert run.prior.stated(1.0) == wider.prior
     assert "All samples together contradict K = 0.5" in run.prior.note
     assert rid.identify(wider).consistent
     assert choices.with_larger_gain(run, rid.identify(wider)) is None
-    reference = chosen.changed("prior", note=f"{choices.PRIOR_NOTE}0.5, 1.1\n{choices.NOT_TAKEN} a part")
+    reference = chosen.changed("prior", source=Source.PROGRAM)
     assert choices.with_larger_gain(reference, result) is None

@@ -20,7 +20,7 @@ def test_the_modes_of_a_fit_are_those_of_the_class(folder):
     np.testing.assert_allclose(modes.hz, [9.0, 17.67], rtol=0.01)
     for value, ends in zip(modes.hz, modes.hz_interval, strict=True):
         assert ends[0] < value < ends[1]
-    assert "a matrix fraction of order 4, weighted by" in result.choices[0]
+    assert "a matrix fraction of order 4, weighted by" in result.choices["modes"].reason
     fit = rid.load("out/fit")
     assert fit.modal.damping == "proportional"
     hz = sorted(row.hz for row in rid.mode_table(fit))
@@ -40,7 +40,7 @@ def test_the_order_is_that_of_a_sweep_within_its_time(folder):
         progress=lambda text, *_: told.append(text),
     )
     assert result.run_file.fit.order == 4
-    assert "(orders " in result.choices[0]
+    assert "(orders " in result.choices["modes"].reason
     assert "fitting a range of orders" in told
 
 

@@ -38,9 +38,9 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     stated = tomllib.loads((folder / "sub" / "first" / "run.toml").read_text(encoding="utf-8"))
     assert stated["frequency"][0]["file"] == "../../frf.csv"
     for section, keys in {
-        "modes": ("hz", "damping", "delay", "hz_interval", "damping_interval", "note"),
-        "prior": ("gain_bound", "decay_rate", "note"),
-        "identify": ("inflate", "inflate_note"),
+        "modes": ("hz", "damping", "delay", "hz_interval", "damping_interval", "source", "note"),
+        "prior": ("gain_bound", "decay_rate", "source", "note", "curve"),
+        "identify": ("inflate", "inflate_source", "inflate_note"),
         "worst_case": ("at_hz",),
     }.items():
         assert set(keys) <= set(stated[section])
@@ -49,7 +49,7 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     second = rid.run(folder / "sub" / "first" / "run.toml", folder / "second")
     assert same_numbers(folder / "sub" / "first", folder / "second", "identification", "worst_case", "small_model")
     assert second.findings == first.findings
-    assert second.identification.notes == first.identification.notes == first.choices
+    assert second.identification.choices == first.identification.choices == first.choices
     assert len(first.choices) == 3
     assert any("not for the box" in finding for finding in first.findings)
     one, two = ((folder / place / "run.toml").read_text(encoding="utf-8") for place in ("sub/first", "second"))
@@ -70,7 +70,7 @@ def test_the_steps_are_those_done_by_hand(folder):
     error = rid.worst_case_error(by_hand, model=small.model, omega=2 * np.pi * np.array([5.0, 17.0]), directions=4)
     np.testing.assert_array_equal(result.error.upper, error.upper)
     assert result.error.certified
-    assert result.choices == ()  # nothing was left to the program
+    assert result.choices == {}  # nothing was left to the program
     assert not any("not for the box" in finding for finding in result.findings)
     assert max(r.ratio.max() for r in model_residuals(problem, result.model)) <= 1 + 1e-5
     sums = dataclasses.replace(result.band, polygons=None).error_at(error.omega)
@@ -128,7 +128,7 @@ def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, ru
 def test_consistent_data_are_not_widened_by_auto(folder):
     result = rid.run(ask(folder, DATA, CLASS, {"identify": {"inflate": "auto"}}, QUICK), "out")
     assert result.run_file.identify.inflate == 1
-    assert "left as they are" in result.choices[0]
+    assert "left as they are" in result.choices["inflate"].reason
     assert np.array_equal(result.identification.problem.frequency[0].bound, rid.load("frf.csv").bound)
 
 
@@ -139,7 +139,7 @@ def test_a_class_of_anything_at_all_is_not_chosen():
     result = rid.identify_reduced(frf, modes=[], worst_case=False)
     assert result.identification.status is rid.Status.INCONSISTENT
     assert result.identification.problem.prior.gain_bound <= 1.5
-    assert "Not taken" in result.choices[0]
+    assert "Not taken" in result.choices["prior"].reason
     widened = rid.identify_reduced(frf, modes=[], worst_case=False, inflate="auto")
     assert widened.consistent
     assert widened.run_file.identify.inflate == pytest.approx(1.1 * 25, rel=0.05)  # half the difference over the bound
@@ -320,7 +320,7 @@ def test_the_torsion_of_a_motor_bench(tmp_path):
         frequency_points={"every": 24, "near_hz": 3.0},
         worst_case={"at_hz": [76.0], "directions": 4},
     )
-    assert "needs them" in result.choices[1]
+    assert "needs them" in result.choices["inflate"].reason
 
 
 @pytest.mark.slow

@@ -118,7 +118,7 @@ def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
         frequency=[frf], modes=Modes(hz=(), damping=()), prior=rid.Prior(gain_bound=1.0, decay=4.0), roll_off=True
     )
     assert found.problem.prior.roll_off == 2
-    assert "falls as frequency^-2" in found.choices[-1]
+    assert "falls as frequency^-2" in found.choices["roll_off"].reason
     rid.save("frf.npz", frf)
     with open("run.toml", "w") as file:
         file.write('[[frequency]]\nfile = "frf.npz"\n[modes]\nhz = []\ndamping = []\n')

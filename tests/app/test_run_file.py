@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.app import choices
 from robustid.app.run_file import RunFile, read_run_file
 from robustid.app.toml import write_toml
+from robustid.core import Source
 from support.run_files import CLASS, DATA, ask
 
 pytestmark = pytest.mark.quick
@@ -149,8 +150,8 @@ MISUSE = {
     "window": ({"record": [{"file": "step.csv", "use": "samples", "start": 5.0}]}, r"\[\[record\]\] 1, step.csv: .*start"),
     "past alone": ({"record": [{"file": "step.csv", "past": "known"}]}, "give start or stop too"),
     "a note about other numbers": (
-        {"prior": {"gain_bound": 0.3, "decay_rate": 1.1, "note": "Prior taken from the curve of the smallest gain bound:\n0.2"}},
-        "tells how other numbers were chosen, not 0.3",
+        {"prior": {"gain_bound": 0.3, "decay_rate": 1.1, "source": "data", "note": "0.2 fits", "digest": "0" * 64}},
+        r"\[prior\] note tells how other values were chosen than gain_bound = 0.3, decay_rate = 1.1: leave source, note",
     ),
     "digest": ({"frequency": [{"file": "frf.csv", "digest": "0" * 64}]}, "aren't the data that the run file was made with"),
     "solver": ({"identify": {"solver": "MAGIC"}}, "MAGIC"),
@@ -198,6 +199,23 @@ def test_a_file_that_is_no_run_file(folder, run, content, words):
     with pytest.raises(rid.errors.FileFormatError, match=words):
         rid.run("ask.toml", "out")
     assert run(["run", "ask.toml"])[0] == 2
+
+
+def test_what_the_program_chose_is_told_by_its_source_and_changed_values_are_noticed():
+    modes = {"hz": (9.0, 17.67), "damping": (0.1, 0.004)}
+    run = RunFile().changed("modes", **modes, source=Source.DATA, note="Modes taken from the data")
+    content = tomllib.loads(run.text())
+    assert content["modes"]["source"] == "data"
+    again = read_run_file(content, sources=False)
+    assert again == run
+    assert again.choices["modes"].source is Source.DATA
+    for name in modes:
+        changed = {"modes": content["modes"] | {name: [0.2, 0.3]}}
+        with pytest.raises(rid.InputError, match=f"note tells how other values were chosen than .*{name} = .0.2, 0.3"):
+            read_run_file(changed, sources=False)
+    bare = {"modes": {key: value for key, value in content["modes"].items() if key not in ("source", "digest")}}
+    stated = read_run_file(bare, sources=False)
+    assert stated.choices["modes"].source is Source.STATED  # whatever its note says
 
 
 def test_defaults_ask_for_nothing():

@@ -34,6 +34,16 @@ def test_round_trip_is_exact(tmp_path, make, suffix):
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
+def test_what_a_bound_does_not_know_is_kept(tmp_path, suffix):
+    bound = rid.Bound(0.1, kind="confidence", caveats=("smeared", "unsteady"))
+    save(tmp_path / f"data{suffix}", FrequencyResponse([1.0, 2.0], [1.0, 2.0], bound=bound))
+    again = load(tmp_path / f"data{suffix}")
+    assert again.bound.caveats == ("smeared", "unsteady")
+    assert again.select([0]).bound.inflated(2.0).caveats == again.bound.caveats
+    assert again.with_bound(0.1).bound.caveats == ()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat"])
 def test_a_bound_of_the_user_s_takes_the_place_of_a_stored_one(tmp_path, suffix):
     save(tmp_path / f"data{suffix}", full_frf())
     again = load(tmp_path / f"data{suffix}", bound=0.5)

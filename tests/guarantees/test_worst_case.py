@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import response
+from robustid.core import Choice, Source, response
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.polygons import value_set
 from robustid.guarantees.value_set import ValueSet, value_set_claims
@@ -247,7 +247,7 @@ def test_barely_consistent_data_are_bounded_too():
 def test_poles_from_the_same_data_are_warned_of():
     error = small_error()
     assert "warning" not in error.summary()
-    noted = dataclasses.replace(error.identification, notes=("Modes taken from the frequency response: one",))
+    noted = dataclasses.replace(error.identification, choices={"modes": Choice(None, Source.DATA, "one")})
     assert "does not cover" in dataclasses.replace(error, identification=noted).summary()
 
 

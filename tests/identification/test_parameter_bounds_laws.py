@@ -64,7 +64,7 @@ def test_a_fixed_coefficient_belongs_to_the_data():
     for seed in range(6):
         problem = tight(seed)
         basis, value = problem.parametric, 1.7
-        rest = dataclasses.replace(basis, C=basis.C[1:], D=basis.D[1:], labels=basis.labels[1:])
+        rest = dataclasses.replace(basis, C=basis.C[1:], D=basis.D[1:], functions=basis.functions[1:])
         (f,), (t,) = problem.frequency, problem.time
         lines = f.values[:, 0, 0] - value * basis.response(f.omega * f.dt)[:, 0]
         samples = t.y[:, 0] - value * np.convolve(t.u[:, 0], basis.impulse(t.y.size)[:, 0])[: t.y.size]

@@ -1,4 +1,5 @@
 import contextlib
+import dataclasses
 import json
 import pickle
 
@@ -6,6 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.bases import FunctionKind
+from robustid.core import Choice, Source
 from support.forging import damage_is_named
 from support.problems import CASES, random_problem
 
@@ -42,6 +45,31 @@ def test_channel_names_units_and_notes_survive(tmp_path):
     again = rid.load(tmp_path / "r.json").problem.frequency[0]
     assert str(again.inputs[0]) == "force [N]"
     assert again.note == "by hand"
+
+
+def test_choices_and_kinds_of_functions_survive(saved):
+    result, path = saved
+    choices = {
+        "modes": Choice({"hz": [9.0]}, Source.DATA, "by a fit", "1 2"),
+        "a": Choice(None, Source.STOPPED, "late"),
+    }
+    dataclasses.replace(result, choices=choices).save(path)
+    again = rid.load(path)
+    assert again.choices == choices
+    assert again.notes == ("by a fit\n1 2", "late")
+    assert again.problem.parametric.functions == result.problem.parametric.functions
+    assert all(function.kind is FunctionKind.MODE for function in again.problem.parametric.functions)
+
+
+def test_notes_of_older_files_are_read_as_sentences(saved):
+    _, path = saved
+    text = path.with_suffix(".json")
+    record = json.loads(text.read_text())
+    del record["choices"]
+    text.write_text(json.dumps(record | {"notes": ["Modes taken from somewhere", "another"]}))
+    found = rid.load(path)
+    assert found.notes == ("Modes taken from somewhere", "another")
+    assert all(choice.source is Source.STATED for choice in found.choices.values())
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".json"])

@@ -85,7 +85,7 @@ def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCase
 def test_text_of_strangers_is_escaped() -> None:
     names = {"inputs": [(NASTY, "</script>")], "outputs": [("y\"'&", "<img src=x onerror=alert(2)>")]}
     result = identified(**names)
-    labels = dataclasses.replace(result.problem.parametric, labels=("<b>a</b>", NASTY, "$c$", "d"))
+    labels = dataclasses.replace(result.problem.parametric, functions=("<b>a</b>", NASTY, "$c$", "d"))
     result = rid.identify(dataclasses.replace(result.problem, parametric=labels))
     found = rid.worst_case_error(result, omega=[60.0, 100.0], directions=4)
     page = Page(render_report(result, worst_case=found))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import Choice, Source
 from robustid.report import plot, render_report
 from robustid.report.sections.assumptions import CHOSEN
 from robustid.report.sections.frequency import frequency_charts
@@ -115,7 +116,8 @@ def test_a_class_that_says_little_is_amber_and_warned_of(consistent: rid.Identif
 
 
 def test_choices_of_the_program_are_shown_and_escaped(simple: rid.Identification) -> None:
-    noted = dataclasses.replace(simple, notes=(f"K = 1 from {NASTY}", "rho = 1.1"))
+    prior, rate = (Choice(1.0, Source.DATA, words) for words in (f"K = 1 from {NASTY}", "rho = 1.1"))
+    noted = dataclasses.replace(simple, choices={"prior": prior, "rate": rate})
     page, text = Page(render_report(noted)), printed(noted)
     for words in (CHOSEN, *noted.notes):
         assert words[1:] in page.text  # where it begins with a capital

@@ -101,8 +101,9 @@ def identify(
 
 
 def _applied(console: Any, how: Identify, result: Any) -> Any:
-    """The identification with the change of the most likely cause, where that makes the data consistent; said in its notes."""
+    """The identification with the change of the most likely cause, where that makes the data consistent; one of its choices."""
     from robustid.advice import diagnose
+    from robustid.core import Choice, Source
     from robustid.identification import identify as solve
 
     with shown(console, _HELPS) as show:
@@ -113,7 +114,8 @@ def _applied(console: Any, how: Identify, result: Any) -> Any:
     words = f"Applied: {cause.option or cause.change}, because {cause.cause} ({cause.evidence})."
     say(console, words)
     changed = solve(cause.problem, **how.arguments)
-    return dataclasses.replace(changed, notes=(words, *result.notes, *changed.notes))
+    applied = {"applied": Choice(cause.change, Source.PROGRAM, words)}
+    return dataclasses.replace(changed, choices=applied | result.choices | changed.choices)
 
 
 def _with_pairs(modes: Modes, texts: list[str] | None, dt: float | None) -> Modes:
@@ -143,7 +145,7 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
 
 
 def identified(console: Any, how: Identify, **data: Any) -> tuple[Any, Any]:
-    """Return the identification of data, as `propose` takes them, with the choices as its notes, and the box of its poles."""
+    """Return the identification of data, as `propose` takes them, with the choices that were made, and the box of its poles."""
     from robustid.app.proposal import propose
     from robustid.identification import identify as solve
 
@@ -156,7 +158,7 @@ def identified(console: Any, how: Identify, **data: Any) -> tuple[Any, Any]:
         words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
         with shown(console, words) as show:
             result = solve(problem, **how.arguments, progress=counted(show, words))
-    return dataclasses.replace(result, notes=(*result.notes, *proposal.choices)), proposal.box
+    return dataclasses.replace(result, choices=result.choices | proposal.choices), proposal.box
 
 
 def finish(

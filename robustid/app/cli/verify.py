@@ -107,7 +107,7 @@ def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
 
 def _sum_failures(console: Any, band: Any, exact: bool) -> list[str]:
     """Print what a band of linear certificates claims, from its multipliers; the names of what does not hold."""
-    say(console, "claimed    " + band.summary().removeprefix("guarantee  "))
+    say(console, f"claimed    {band.claim}")
     with step(console, "evaluating the sums"):
         holds = band.verify(exact)
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons

@@ -121,14 +121,15 @@ class Session(Frozen):
         """The run file of a choice, its names seen from the folder of the session."""
         run, start = self.run, self.start
         if (choice.hz, choice.damping) != (start.hz, start.damping):
-            given: dict[str, Any] = {"hz": choice.hz, "damping": choice.damping, "note": _BY_HAND}
+            given: dict[str, Any] = {"hz": choice.hz, "damping": choice.damping, "source": None, "note": _BY_HAND}
             modes = dataclasses.replace(run.modes, **given, hz_interval=None, damping_interval=None)
             # Modes are stated or those of a fit, and the pole-uncertainty box was that of others.
             worst_case = dataclasses.replace(run.worst_case, over_poles=False)
             run = dataclasses.replace(run, modes=modes, fit=Fit(), worst_case=worst_case)
         if (choice.gain_bound, choice.rate) != (start.gain_bound, start.rate):
             name = "decay" if self.continuous else "decay_rate"
-            given = {"gain_bound": choice.gain_bound, name: choice.rate, "note": _BY_HAND}
+            given = {"gain_bound": choice.gain_bound, name: choice.rate}
+            given |= {"source": None, "note": _BY_HAND, "curve": None}
             run = dataclasses.replace(run, prior=dataclasses.replace(run.prior, **given))
         return run.changed("frequency_points", leave_out_hz=choice.left_out_hz or None)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.data.bound import Bound
+from robustid.data.bound import Bound, Caveat
 from robustid.data.error_sets import joint_radius, stacked, variances
 from robustid.data.estimate.pooling import pool, pooled_words
 from robustid.data.estimate.scatter import Changing
@@ -31,6 +31,7 @@ class Estimate(NamedTuple):
     noise: np.ndarray | None = None  # (F, ny, nu) standard deviations
     distortion: np.ndarray | None = None
     real: np.ndarray | None = None  # (F,) lines at which everything is real
+    caveats: tuple[Caveat, ...] = ()
 
 
 def pooled(estimate: Estimate) -> Estimate:
@@ -63,4 +64,5 @@ def bound(estimate: Estimate, probability: float, about: str) -> Bound:
         probability=probability,
         dof=float(dof.min()),
         excitations=estimate.excitations,
+        caveats=estimate.caveats,
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_array, as_count
+from robustid.data.bound import Caveat
 from robustid.data.estimate.detection import detected
 from robustid.data.estimate.drift import without_drift
 from robustid.data.estimate.estimated import Estimate
@@ -67,7 +68,8 @@ def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estim
     # (K, blocks, periods, signals, experiments)
     kept = {name: _steady(records, name, period, skipped, drifts) for name in spectra}
     whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
-    return _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(*kept["y"]))
+    found = _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(*kept["y"]))
+    return found if steady else found._replace(caveats=(Caveat.UNSTEADY,))
 
 
 def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:

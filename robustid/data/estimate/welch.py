@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.data.bound import Caveat
 from robustid.data.estimate.estimated import Estimate, pooled
 from robustid.data.estimate.local import checked_lines, divided, excited_lines
 from robustid.data.time_record import TimeRecord
@@ -54,6 +55,7 @@ def welch(records: list[TimeRecord], lines: Any) -> Estimate:
         coherence=np.clip(1 - residual / np.where(power > 0, power, 1), 0, 1),
         rounding=np.full(values.shape, np.finfo(float).tiny),
         source=f"Welch: what changes within {2 / (length * first.dt):.3g} Hz is smeared, and the bound does not know it",
+        caveats=(Caveat.SMEARED,),
     )
     shared = pooled(found)
     # Neighbouring lines of Hann windows have correlations of 2/3 and 1/6: 1 + 2 (4/9 + 1/36) of them are worth one.

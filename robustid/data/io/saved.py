@@ -28,7 +28,13 @@ _ARRAYS = {
     "tangential": ("omega", "values", "right", "left", "bound"),
     "time": ("u", "y", "bound", "reference"),
 }
-_OF_BOUND = {"bound_kind": "kind", "probability": "probability", "bound_dof": "dof", "excitations": "excitations"}
+_OF_BOUND = {
+    "bound_kind": "kind",
+    "probability": "probability",
+    "bound_dof": "dof",
+    "excitations": "excitations",
+    "caveats": "caveats",
+}
 _FACTS = {
     "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint", "problems"),
     "tangential": ("dt", "note", *_OF_BOUND),
@@ -63,6 +69,8 @@ def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> di
         fields.pop("problems", None)
     if bound.excitations is not None:
         fields["excitations"] = bound.excitations
+    if bound.caveats:
+        fields["caveats"] = list(bound.caveats)
     return fields | ({"joint": bound.joint, "ellipsoid": bound.ellipsoid} if "tilt" in fields else {})
 
 

@@ -194,10 +194,10 @@ def functions_over(
     fixed = None
     if kept:
         A, B, C, D = basis.matrices
-        labels = tuple(basis.labels[k] for k in kept)
+        functions = tuple(basis.functions[k] for k in kept)
         states = np.flatnonzero(reached(basis)[list(kept)].any(axis=0))
         fixed = ParametricBasis(
-            A[np.ix_(states, states)], B[states], C[np.ix_(np.array(kept), states)], D[list(kept)], basis.dt, labels,
+            A[np.ix_(states, states)], B[states], C[np.ix_(np.array(kept), states)], D[list(kept)], basis.dt, functions,
             corner=basis.corner,
         )  # fmt: skip
     return Functions(fixed, modes, kept)

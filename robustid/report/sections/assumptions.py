@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from typing import Any, NamedTuple
 
@@ -15,7 +14,6 @@ from robustid.report.identified import DIRECTIONS, mixed, siso, started, unit, w
 from robustid.report.poles import delay_words, describe_pole, pole_rows
 from robustid.report.words import HZ, SUPERSCRIPT, number
 
-_COLUMNS = re.compile(r"\s*[-+.\deE]+(\s+[-+.\deE]+)+(\s+<- \w+)?\s*")
 _LONG = 100  # letters of the names in one cell
 CHOSEN = "Chosen by the program from these data"
 CAUTION = (
@@ -29,7 +27,7 @@ def assumptions_section(identification: Identification) -> list[Block]:
     return [
         Heading("What was assumed"),
         Facts(assumptions(identification)),
-        *(Code(_without_numbers(b.text)) if isinstance(b, Code) else b for b in chosen(identification)),
+        *chosen(identification, details=False),
         Text(CAUTION, "caution"),
         Table(
             [
@@ -41,19 +39,12 @@ def assumptions_section(identification: Identification) -> list[Block]:
     ]
 
 
-def _without_numbers(note: str) -> str:
-    """A note without lines that hold nothing but columns of numbers, and without the heads of these."""
-    lines = note.splitlines()
-    bare = [bool(_COLUMNS.fullmatch(line)) for line in lines]
-    heads = [not own and after for own, after in zip(bare, [*bare[1:], False], strict=True)]
-    return "\n".join(line for line, own, head in zip(lines, bare, heads, strict=True) if not own and not head)
-
-
-def chosen(identification: Identification) -> list[Block]:
-    """Choices of the program, with their reasons."""
-    if not identification.notes:
+def chosen(identification: Identification, *, details: bool = True) -> list[Block]:
+    """Choices of the program, with their reasons, and with the numbers behind them."""
+    choices = identification.choices.values()
+    if not choices:
         return []
-    return [Heading(CHOSEN, 3), *(Code(note) for note in identification.notes)]
+    return [Heading(CHOSEN, 3), *(Code(choice.note if details else choice.reason) for choice in choices)]
 
 
 def assumptions(identification: Identification) -> list[tuple[str, str]]:

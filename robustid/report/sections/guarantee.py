@@ -17,7 +17,7 @@ from robustid.report.sections.guarantee_charts import (
     worst_case_charts,
     worst_case_sigma_chart,
 )
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, function_words, number
+from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -230,7 +230,7 @@ def parameter_table(error: WorstCaseError) -> Table:
     for place in np.ndindex(found.lower.shape):
         if not np.isfinite(found.lower[place]):
             continue
-        label = function_words(identification.problem.parametric.labels[place[0]])
+        label = identification.problem.parametric.functions[place[0]].name
         if not siso(identification):
             label += f": {transfer(identification, *place[1:])}"
         low, high, value = (float(part[place]) for part in (found.lower, found.upper, values))

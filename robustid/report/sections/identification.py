@@ -40,7 +40,7 @@ from robustid.report.sections.tube import tube_section
 from robustid.report.sections.weights import weights_section
 from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.sections.worth import worth_section, worth_verdict
-from robustid.report.words import function_words, number
+from robustid.report.words import number
 
 if TYPE_CHECKING:
     import control
@@ -275,7 +275,7 @@ def _parameters_section(identification: Identification) -> list[Block]:
     problem = identification.problem
     if problem.parametric is None:
         return []
-    labels = [function_words(label) for label in problem.parametric.labels]
+    labels = [function.name for function in problem.parametric.functions]
     values, what = identification.parameters, unit(identification)
     if siso(identification):
         columns = [Column("Function", "text"), Column(f"Coefficient [{what}]" if what else "Coefficient", "n")]

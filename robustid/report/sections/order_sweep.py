@@ -39,8 +39,8 @@ def order_words(sweep: OrderSweep) -> str:
     noise = "known from the covariance of the data" if sweep.noise_known else "of unknown level"
     words = (
         f"Of the {sweep.orders.size} orders tried, {sweep.orders[0]} to {sweep.orders[-1]}, order {sweep.suggested}"
-        f" {sweep.reason.replace('MDL', 'description length (MDL)')}, with noise {noise}; {sweep.subspace_order} singular values"
-        " lie above the noise."
+        f" {sweep.restraint or 'has the smallest description length (MDL)'}, with noise {noise}; {sweep.subspace_order} singular"
+        " values lie above the noise."
     )
     if sweep.failures:
         words += f" Not fitted: {', '.join(f'order {order}' for order in sweep.failures)}."

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.data import Bound, FrequencyResponse, TimeRecord
+from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord
 from robustid.data.estimate import joint_radius
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
@@ -31,10 +31,10 @@ from robustid.report.words import drawn_words, number, percent, plural, title
 _LOW_COHERENCE, _FEW_DOF = 0.8, 10
 _LISTED = 6  # entries that are named
 _TOLERATED = 0.05  # part of the points that may be bad before it is worth a warning: antiresonances always are
-_NOTED = {
-    "smeared": "This is a first look by Welch's method: peaks and notches narrower than its windows are smeared, and the bound"
+_CAVEATS = {
+    Caveat.SMEARED: "This is a first look by Welch's method: peaks and notches narrower than its windows are smeared, and the bound"
     " doesn't know it. Estimate with the local method, or with periodic excitation, before you identify.",
-    "still not steady": "The record isn't in steady state even after the periods that were left out: the bounds hold for steady"
+    Caveat.UNSTEADY: "The record isn't in steady state even after the periods that were left out: the bounds hold for steady"
     " data. Leave out more of its start.",
 }
 _LEVELS = (
@@ -151,7 +151,7 @@ def response_verdict(view: ResponseView) -> Verdict:
                 f"{frf.bound.about} With a probability of {chance} what one excitation shows, noise and the distortion on unexcited"
                 f" lines, stays within the bound {where} at once."
             )
-        if any(words in frf.note for words in _NOTED):
+        if frf.bound.caveats:
             sentence += " The warnings say what this leaves out."
     alone = frf.bound is not None and frf.bound.excitations == 1
     key = "undecided" if frf.bound is None else "weak" if alone or warning_sentences(view) else "consistent"
@@ -248,7 +248,7 @@ def warnings(view: ResponseView) -> list[Text]:
 def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
     found = [f"Fault of the data: {words}." for words in view.frf.problems]
-    found += [sentence for words, sentence in _NOTED.items() if words in view.frf.note]
+    found += [] if view.frf.bound is None else [_CAVEATS[caveat] for caveat in view.frf.bound.caveats]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 
 

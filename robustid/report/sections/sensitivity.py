@@ -61,12 +61,12 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
     largest = max((row.worst for row in rows if np.isfinite(row.worst)), default=1.0)
     y = Axis(label="half-width / response [%]", range=(0.0, 112 * largest))
     axes = {
-        "gain": f"gain bound K [{unit(identification) or '–'}]",
-        "decay": "decay rate ρ [–]" if identification.problem.dt else "decay α [1/s]",
-        "lines": "frequency points [–]",
+        "gain": ("gain bound K", unit(identification) or "–"),
+        "decay": ("decay rate ρ", "–") if identification.problem.dt else ("decay α", "1/s"),
+        "lines": ("frequency points", "–"),
     }
     panels = []
-    for kind, label in axes.items():
+    for kind, (name, of) in axes.items():
         found = sorted(
             (row for row in rows if row.kind in ("stated", kind)), key=lambda row: getattr(row, _KINDS[kind])
         )
@@ -74,8 +74,8 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
             continue
         x = np.array([getattr(row, _KINDS[kind]) for row in found], dtype=float)
         room = 0.12 * np.ptp(x)
-        axis = Axis(label=label, range=(float(x.min() - room), float(x.max() + room)))
-        panels.append(Panel(title=label.split(" [")[0], x=axis, y=y, layers=_layers(found, x)))
+        axis = Axis(label=f"{name} [{of}]", range=(float(x.min() - room), float(x.max() + room)))
+        panels.append(Panel(title=name, x=axis, y=y, layers=_layers(found, x)))
     return Chart(name="sensitivity", panels=tuple(panels))
 
 
