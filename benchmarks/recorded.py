@@ -1,15 +1,16 @@
-"""Numbers of small problems of all kinds, recorded, and compared with what the package gives now: proof that none moved.
+"""Recorded numbers of small problems of all kinds, compared with what the package gives now: proof that none moved.
 
 Run: python benchmarks/recorded.py record [NAME ...]       # replaces benchmarks/recorded/NAME.json
      python benchmarks/recorded.py compare [NAME ...]      # exit code 1 where something differs
      python benchmarks/recorded.py compare --limit 1e-6    # on another machine, whose libraries round otherwise
 --quick: those that the suite runs every time.
 
-Each problem is a function in `recorded_problems/` that returns named numbers, arrays and texts. One machine gives the same bits: a
-value passes if it is identical, or where the problem names it as `near`, within 1e-9. Differences of numbers are relative to the
-largest of their array (to 1e-6, where that is smaller: so small are rounding errors). Texts are the same to the letter, apart from
-numbers with a decimal point or an exponent: those within one unit of their last digit, or both below 1e-6, are near; others are
-compared like numbers.
+Each problem is a function in `recorded_problems/` that returns named numbers, arrays and texts. One machine gives the
+same bits: a value passes if it is identical, or where the problem names it as `near`, within 1e-9. Differences are
+relative to the largest number of the array (to 1e-6 where that is smaller: so small are rounding errors). With a limit
+texts are the same to the letter apart from numbers with a decimal point or an exponent: those within one unit of their
+last digit, or both below 1e-6, are rounded otherwise; further ones are compared like numbers. Texts are kept without
+what belongs to one run: folder, versions, dates, digests, seconds and the lines of progress.
 """
 
 import argparse
@@ -99,11 +100,12 @@ def _apart(old, new):
     finite = np.isfinite(old)
     if not np.array_equal(old[~finite], new[~finite], equal_nan=True) or not np.all(np.isfinite(new[finite])):
         return np.inf
-    return float(np.abs(old - new)[finite].max() / max(np.abs(old[finite]).max(), _SMALL))
+    old, new = old[finite], new[finite]
+    return float(np.abs(old - new).max() / max(np.abs(old).max(), _SMALL))
 
 
 def _text_apart(old, new):
-    """0 if two texts are the same, inf if they are so not even without numbers with a decimal point or an exponent."""
+    """0 if two texts are the same, inf if words or whole numbers differ, else the distance of their numbers."""
     if old == new:
         return 0.0
     old, new = (
@@ -111,7 +113,8 @@ def _text_apart(old, new):
     )
     if _words(old) != _words(new):
         return np.inf
-    return max(_number_apart(*pair) for pair in zip(_NUMBER.findall(old), _NUMBER.findall(new), strict=True))
+    pairs = zip(_NUMBER.findall(old), _NUMBER.findall(new), strict=True)
+    return max((_number_apart(*pair) for pair in pairs), default=NEAR / 2)
 
 
 def _words(text):
@@ -120,7 +123,7 @@ def _words(text):
 
 
 def _number_apart(old, new):
-    """How far two printed numbers are apart beyond one unit of the last digit of the longer one; small ones are not at all."""
+    """Distance of two printed numbers beyond one unit of the last digit of the longer one; none of two small ones."""
     a, b, unit = float(old), float(new), min(_unit(old), _unit(new))
     beyond = 0.0 if max(abs(a), abs(b)) < _SMALL else max(abs(a - b) - 1.01 * unit, 0.0)
     return max(beyond / max(abs(a), _SMALL), NEAR / 2)

@@ -14,7 +14,7 @@ import robustid as rid
 from robustid.app.cli import main as cli
 
 from .data import PERIOD, periodic_records
-from .plants import HZ, modal_system, noisy, structure
+from .plants import HZ, mobility_response, modal_system, noisy, structure
 from .registry import problem
 from .runs import CLASS, DATA, SHORT, measured
 
@@ -118,3 +118,26 @@ def command_report(folder):
     found = rid.identify(structure(lines=4, samples=4))
     found.save(folder / "mine")
     return called(folder, ["report", "mine", "--no-reduce", "-o", "page.html"], ["report", "none"])
+
+
+@problem()
+def command_passive(folder):
+    rid.save(folder / "mobility.csv", mobility_response(lines=12))
+    given = [
+        "identify",
+        "--frequency",
+        "mobility.csv",
+        "--passive",
+        "positive real",
+        "--decay",
+        "5",
+        "--mode",
+        "31:0.06",
+    ]
+    return called(
+        folder,
+        [*given, "--no-reduce", "-o", "mine"],
+        ["demo", "-o", "demo"],
+        ["export", "demo/result", "-o", "model.m"],
+        ["verify", "mine", "--exact"],
+    )

@@ -137,3 +137,39 @@ def simulated_structure(_):
         "data": [data.frequency, data.time, data.truth, data.modes],
         "parametric": asked.parametric.response([0.1, 1.0]),
     }
+
+
+@problem(quick=True)
+def files_of_others(folder):
+    """Kinds of files that other programs write: HDF5, universal files, excitations, MATLAB's models."""
+    import h5py
+    import scipy.io
+
+    frf, record = matrix_response(lines=5), matrix_record(6)
+    with h5py.File(folder / "bench.h5", "w") as file:
+        file["omega"], file["values"], file["dt"] = frf.omega, frf.values, DT
+    rid.save(folder / "frf.unv", frf)
+    played().save(folder / "play.csv")
+    played().save(folder / "play.npz")
+    scipy.io.savemat(folder / "model.mat", {"num": [1.0, 0.5], "den": [1.0, 0.3, 0.1], "Ts": 0.1})
+    scipy.io.savemat(folder / "struct.mat", {"bench": {"frequency": frf.freq_hz, "response": frf.values, "Ts": DT}})
+    plays = [rid.load(folder / f"play.{kind}") for kind in ("csv", "npz")]
+    return {
+        "hdf5": rid.load(folder / "bench.h5", bound=0.1),
+        "universal": rid.load(folder / "frf.unv", dt=DT),
+        "model": rid.load(folder / "model.mat"),
+        "struct": str(rid.look(folder / "struct.mat")),
+        "plays": [of(one, "lines crest_factors dt") for one in plays],
+        "window": record.window(0.01, 0.04),
+        "entry": rid.TimeRecord(record.u * [1, 0], record.y, dt=DT).entry(0, 0),
+        "control": rid.FrequencyResponse.from_control(frf.to_control()).values,
+        "column": frf.with_column_bound(0.1).bound,
+    }
+
+
+@problem(quick=True)
+def noise_floor_of_response(_):
+    play, records = periodic_records()
+    frf = rid.estimate_frf(records, method="periodic", period=PERIOD, lines=play.lines)
+    still = rid.TimeRecord(np.zeros((800, 2)), 0.02 * np.random.default_rng(9).standard_normal((800, 2)), dt=DT)
+    return {"bound": rid.bounds_from_noise_floor(still).bound_response(frf, records, period=PERIOD).bound}

@@ -128,3 +128,16 @@ def subspace(_):
         name: {"poles": np.sort_complex(np.linalg.eigvals(one.A)), "singular values": one.singular_values}
         for name, one in {"s": found, "z": z}.items()
     }
+
+
+@problem(quick=True)
+def modal_covariance(_):
+    frf = data()
+    covariance = np.eye(4) * (0.01 * np.abs(frf.values.transpose(0, 2, 1).reshape(-1, 1, 4))) ** 2
+    fit = rid.fit_mfd(rid.FrequencyResponse(frf.omega, frf.values, covariance=covariance), order=6, modal=True)
+    spread = rid.fit_covariance(fit)
+    names = "hz_std damping_std shape drive shape_std drive_std participation"
+    return {
+        "rows": [of(row, names) for row in rid.mode_table(fit, spread)],
+        "response": spread.response_std(HIGH[::20]),
+    }

@@ -1,4 +1,4 @@
-"""Bounds of all consistent systems: sweeps, boxes of poles, bands from sums, contradictions, families, weights, margins."""
+"""Bounds of all consistent systems: sweeps, boxes of poles, bands, contradictions, families, weights, margins."""
 
 from __future__ import annotations
 
@@ -51,11 +51,12 @@ def worst_case_matrix(_):
 @problem(quick=True)
 def worst_case_poles(_):
     asked = structure(lines=4, samples=4)
-    found = rid.worst_case_over_poles(rid.identify(asked), *_both(), omega=AT[:2], directions=4, cells=2)
-    return of(found, "upper magnitude omega sigma_upper covered certified poles too_wide summary")
+    found = rid.worst_case_over_poles(rid.identify(asked), *close_box(), omega=AT[:2], directions=4, cells=2)
+    names = "upper magnitude omega sigma_upper covered certified poles too_wide claim_count not_relaxed_enough summary"
+    return of(found, names)
 
 
-def _both():
+def close_box():
     """The box of the two modes, the first known well."""
     omega, damping = BOX
     return np.vstack([HZ * np.array([[8.99, 9.01]]), omega]), np.vstack([[[0.099, 0.101]], damping])
@@ -90,7 +91,7 @@ def band_fixed(_):
 
 @problem(quick=True)
 def band_box(_):
-    band = rid.band(structure(lines=10, samples=10), box=_both(), omega=AT)
+    band = rid.band(structure(lines=10, samples=10), box=close_box(), omega=AT)
     return band_facts(band) | {"verified": band.verify()}
 
 
@@ -159,7 +160,15 @@ def family(_):
         for k, (name, gain) in enumerate({"weak": 0.8, "strong": 1.3}.items())
     ]
     found = rid.family(members, omega=[0.0, 2.0, 11.0, 20.0], directions=6, interval=(5, 13))
-    return of(found, "upper uppers sigma_upper nominal model tried drivers names not_known certified summary")
+    controller = control.ss([], [], [], 0.1, 0.1)
+    margin = found.robust_stability_margin(controller)
+    return of(found, "upper uppers sigma_upper nominal model tried drivers names not_known certified summary") | {
+        "cover": found.cover("multiplicative"),
+        "hinf": found.hinf,
+        "weight": of(found.weight(order=1), "model ratio"),
+        "margin": of(margin, "margin frequency status"),
+        "moved": found.with_model(control.ss([], [], [], 1.0, 0.1)).upper,
+    }
 
 
 @problem(quick=True)
@@ -220,3 +229,53 @@ def structured_weights(_):
         "margins": [of(one, "margin frequency status structure margins") for one in margins],
         "multiplicative": of(one, "kind model ratio certified"),
     }
+
+
+@problem()
+def growing(_):
+    """A bound at one frequency after the other, of a plant with an integrator."""
+    from robustid.guarantees import growing_error
+
+    frf = structure(time=False, lines=5).frequency[0]
+    basis = rid.integrators(dt=DT)
+    values = frf.values + (basis.response(frf.omega * DT) @ [0.01])[:, None, None]
+    asked = rid.MixedProblem(
+        frequency=rid.FrequencyResponse(frf.omega, values, bound=0.3, dt=DT),
+        prior=rid.Prior(gain_bound=200.0, decay_rate=1.02),
+        parametric=basis,
+    )
+    found = rid.identify(asked)
+    errors = list(growing_error(found, AT, directions=4, gap=0.2))
+    return {"errors": [of(one, "omega upper lower") for one in errors], "band": band_facts(rid.band(found))}
+
+
+@problem()
+def verified_exactly(_):
+    """In ball arithmetic, every rounding enclosed."""
+    asked = structure(lines=3, samples=3, extra_hz=())
+    found = rid.identify(asked)
+    box = rid.worst_case_over_poles(found, *close_box(), omega=AT[:1], directions=3, cells=1)
+    wrong = rid.contradiction(structure(hz=17.0, lines=3, samples=3))
+    return {
+        "band": rid.band(found, omega=AT, knots=12).verify(exact=True),
+        "contradiction": wrong.verify(exact=True),
+        "box": box.verify(),
+    }
+
+
+@problem()
+def many_lines(_):
+    """Enough samples for forms of few coefficients: sections, one entry and matrices, and their worst-case errors."""
+    table = {}
+    for name, asked in {
+        "discrete": structure(lines=40, samples=20),
+        "continuous": compliance_problem(lines=40),
+        "matrix": matrix_problem(matrix_response(lines=16)),
+        "symmetric": matrix_problem(matrix_response(lines=12, symmetric=True), symmetric=True),
+    }.items():
+        found = rid.identify(asked, form="sections" if asked.symmetric else "auto")
+        table[name] = of(found, "status margin form length model")
+        if name in ("discrete", "continuous"):
+            error = rid.worst_case_error(found, omega=AT[:1], directions=4, rtol=0.2)
+            table[name]["error"] = of(error, "upper lower certified")
+    return table

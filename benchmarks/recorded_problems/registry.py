@@ -13,7 +13,7 @@ import numpy as np
 
 import robustid as rid
 
-MOST = 400  # numbers of an array that are kept one by one
+MOST = 240  # numbers of an array that are kept one by one
 ANGLES = np.linspace(0.0, np.pi, 15)  # of z = exp(j angle), where responses of discrete models are kept
 OMEGA = np.geomspace(0.1, 1e4, 15)  # rad/s, of continuous models
 
@@ -21,9 +21,9 @@ OMEGA = np.geomspace(0.1, 1e4, 15)  # rad/s, of continuous models
 class Problem(NamedTuple):
     """A function from an empty folder to what it found, and whether the suite runs it every time.
 
-    Values whose last bits depend on the number of threads have a name with one of `near` in it: within 1e-9 they are the same.
-    Those with one of `loose`, or of LOOSE, depend on rounding (a step more of an iteration, one of two equal maxima, one of many
-    proofs), and are compared on the same machine only.
+    Values whose last bits depend on the number of threads have a name with one of `near` in it: within 1e-9 they are
+    the same. Those with one of `loose`, or of LOOSE, depend on rounding (a step more of an iteration, one of two equal
+    maxima, one of many proofs), and are compared on the same machine only.
     """
 
     function: Callable[[Path], Mapping[str, Any]]
@@ -104,7 +104,7 @@ def _leaf(value: Any, folder: Path) -> Any:
 
 
 def _array(values: np.ndarray) -> dict[str, Any]:
-    """All numbers, or of a large array some of them, with the sum and the root of the sum of squares; complex ones as pairs."""
+    """All numbers, or of a large array some, their sum and the root of the sum of squares; complex ones as pairs."""
     shape, flat = list(values.shape), values.ravel()
     if flat.dtype.kind == "c":
         shape, flat = [*shape, "complex"], np.stack([flat.real, flat.imag], axis=-1).ravel()
@@ -128,7 +128,7 @@ _REPLACED = (
 
 
 def plain(text: str, folder: Path) -> str:
-    """A text without what belongs to one run: the folder, the version, dates and digests; lines without trailing blanks."""
+    """A text without what belongs to one run: folder, versions, dates, digests, seconds; no blanks end a line."""
     text = text.replace(str(folder), "FOLDER")
     for pattern, word in _REPLACED:
         text = re.sub(pattern, word, text)

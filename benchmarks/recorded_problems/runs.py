@@ -1,19 +1,18 @@
-"""Run files to their results, results saved and loaded, pages and summaries as text, exports."""
+"""Run files to their results, results saved and loaded, exports."""
 
 from __future__ import annotations
 
 import contextlib
-import html.parser
-import io
 
 import numpy as np
 
 import robustid as rid
-from robustid.report import render_summary
 
-from .guarantees import member
+from .data import PERIOD, periodic_records
+from .guarantees import close_box, member
 from .identification import facts
-from .plants import HZ, matrix_problem, matrix_response, modal_system, noisy, structure
+from .pages import page
+from .plants import HZ, compliance_problem, modal_system, noisy, structure
 from .registry import of, problem
 
 CLASS = """
@@ -49,29 +48,6 @@ def made(folder, text):
     """What a run file gives."""
     (folder / "ask.toml").write_text(text)
     return rid.run(folder / "ask.toml", folder / "out")
-
-
-class Visible(html.parser.HTMLParser):
-    """The text of a page without its scripts and styles."""
-
-    def __init__(self, source):
-        super().__init__()
-        self.text, self._hidden = [], False
-        self.feed(source)
-
-    def handle_starttag(self, tag, attrs):
-        self._hidden = self._hidden or tag in ("script", "style")
-
-    def handle_endtag(self, tag):
-        self._hidden = self._hidden and tag not in ("script", "style")
-
-    def handle_data(self, data):
-        if not self._hidden and data.strip():
-            self.text.append(" ".join(data.split()))
-
-
-def page(path):
-    return "\n".join(Visible(path.read_text(encoding="utf-8")).text)
 
 
 def run_facts(found, folder):
@@ -128,7 +104,8 @@ def run_members(folder):
         lines += [f'[[members]]\nname = "{name}"\namplitude = {gain}\n[[frequency]]\nfile = "{name}.csv"']
         lines += [f'member = "{name}"\ndt = 0.1']
     lines += [
-        "[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 2.0\n[worst_case]\nat_hz = [0.3, 1.2]\ndirections = 4"
+        "[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 2.0",
+        "[worst_case]\nat_hz = [0.3, 1.2]\ndirections = 4",
     ]
     found = made(folder, "\n".join(lines))
     return {
@@ -138,48 +115,6 @@ def run_members(folder):
         "run file": (folder / "out" / "run.toml").read_text(),
         "page": page(folder / "out" / "report.html"),
     }
-
-
-def printed(result, reduction=None):
-    """The summary for a terminal, 160 columns wide."""
-    import rich.console
-
-    console = rich.console.Console(file=io.StringIO(), width=160)
-    console.print(render_summary(result, reduction))
-    return console.file.getvalue()
-
-
-@problem()
-def summaries(_):
-    found = rid.identify(structure())
-    small = rid.reduce_within_bounds(found)
-    fit = rid.fit_mfd(noisy(modal_system(), HZ * np.geomspace(4, 1200, 80)), order=6)
-    matrix = rid.identify(matrix_problem(matrix_response()))
-    return {
-        "identified": printed(found, small),
-        "inconsistent": printed(rid.identify(structure(hz=17.0))),
-        "matrix": printed(matrix),
-        "fit": printed(fit),
-        "response": printed(matrix_response()),
-        "repr": [repr(found), repr(rid.band(found)), repr(structure()), repr(fit)],
-    }
-
-
-@problem()
-def page_of_identification(folder):
-    found = rid.identify(structure())
-    small = rid.reduce_within_bounds(found)
-    error = rid.worst_case_error(found, omega=HZ * np.array([5.0, 17.4]), directions=4)
-    rid.write_report(found, folder / "page.html", reduction=small, worst_case=error, band=rid.band(found))
-    return {"page": page(folder / "page.html")}
-
-
-@problem()
-def page_of_fit_and_response(folder):
-    frf = noisy(modal_system(), HZ * np.geomspace(4, 1200, 80))
-    rid.write_report(rid.fit_mfd(frf, order=6), folder / "fit.html")
-    rid.write_report(matrix_response(), folder / "frf.html")
-    return {name: page(folder / f"{name}.html") for name in ("fit", "frf")}
 
 
 @problem(quick=True)
@@ -224,3 +159,49 @@ def exports(folder):
     for name, thing in files.items():
         rid.save(folder / name, thing)
     return {name: (folder / name).read_text() for name in files}
+
+
+@problem()
+def run_records(folder):
+    """Periodic records to a response with its bounds, whose class is chosen, one period kept out."""
+    for k, record in enumerate(periodic_records(periods=6)[1][:2]):
+        rid.save(folder / f"run{k}.csv", record)
+    names = "".join(f'[[record]]\nfile = "run{k}.csv"\n' for k in range(2))
+    text = f"{names}[estimate]\nperiod = {PERIOD}\n[frequency_points]\nevery = 4\n[worst_case]\ncompute = false\n"
+    return run_facts(made(folder, text), folder)
+
+
+@problem()
+def run_over_poles(folder):
+    """The sweep over the box of poles, and the bound on the whole axis."""
+    measured(folder)
+    box = (
+        "hz_interval = [[8.999, 9.001], [17.669, 17.671]]\ndamping_interval = [[0.0999, 0.1001], [0.00399, 0.00401]]\n"
+    )
+    found = made(folder, DATA + CLASS.replace("[prior]", box + "[prior]") + SHORT + "over_poles = true\n")
+    return run_facts(found, folder) | {"over poles": of(found.over_poles, "upper covered summary")}
+
+
+@problem()
+def run_continuous(folder):
+    rid.save(folder / "frf.csv", compliance_problem(lines=20).frequency[0])
+    text = '[[frequency]]\nfile = "frf.csv"\n[worst_case]\nat_hz = [5.0]\ndirections = 4\n'
+    return run_facts(made(folder, text), folder)
+
+
+@problem()
+def identify_reduced(_):
+    """Without files."""
+    found = rid.identify_reduced(structure(lines=8, time=False).frequency[0], worst_case=False)
+    return of(found, "findings choices model") | {"run file": found.run_file.text()}
+
+
+@problem()
+def over_poles_saved(folder):
+    asked = structure(lines=4, samples=4)
+    found = rid.worst_case_over_poles(
+        rid.identify(asked), *close_box(), omega=HZ * np.array([5.0]), directions=4, cells=2
+    )
+    found.save(folder / "box")
+    again = rid.load(folder / "box")
+    return of(again, "upper covered verify summary") | {"moved": again.with_model(rid.identify(asked).model).upper}

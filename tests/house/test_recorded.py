@@ -1,7 +1,7 @@
 """No number has moved: the recorded problems of `benchmarks/recorded.py` give what they gave, some of them every time.
 
-Compared within 1e-6, for other machines have other libraries of linear algebra, whose sums end in other digits. On the machine that
-recorded them `python benchmarks/recorded.py compare` asks for the same bits.
+Within 1e-6 only, for other machines have other libraries of linear algebra, whose sums end in other digits. On the
+machine that recorded them `python benchmarks/recorded.py compare` asks for the same bits.
 """
 
 import pathlib
