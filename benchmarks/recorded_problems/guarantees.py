@@ -231,7 +231,7 @@ def structured_weights(_):
     }
 
 
-@problem()
+@problem(near=("errors/",))
 def growing(_):
     """A bound at one frequency after the other, of a plant with an integrator."""
     from robustid.guarantees import growing_error
@@ -263,7 +263,7 @@ def verified_exactly(_):
     }
 
 
-@problem()
+@problem(near=("continuous/error/",))
 def many_lines(_):
     """Enough samples for forms of few coefficients: sections, one entry and matrices, and their worst-case errors."""
     table = {}
