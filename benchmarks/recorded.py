@@ -178,7 +178,7 @@ def main():
     parser.add_argument(
         "--limit", type=float, default=0.0, help="relative difference that passes everywhere; default: 0"
     )
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()
     if unknown := set(asked.names) - set(PROBLEMS):
         parser.error(f"no problem is called {', '.join(sorted(unknown))}; there are {', '.join(PROBLEMS)}")
     names = asked.names or [name for name, one in PROBLEMS.items() if one.quick or not asked.quick]

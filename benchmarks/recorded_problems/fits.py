@@ -100,7 +100,7 @@ def modal_forms(_):
     return {"model": form.model, "blocks": [str(b) for b in form.blocks], "error": form.error, "rows": rows}
 
 
-@problem()
+@problem(loose=("subspace_order", "singular_values", "noise_edge", "summary"))
 def orders(_):
     found = rid.suggest_order(small(), orders=range(2, 7), time_limit=None)
     return of(
