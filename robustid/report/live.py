@@ -13,12 +13,13 @@ from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Band, SampleCheck, WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Layer, Panel, behind
+from robustid.report.charts import Layer, Panel
 from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
 from robustid.report.sections.frequency import entry_chart, frequency_charts
 from robustid.report.sections.guarantee import sentence
-from robustid.report.sections.guarantee_charts import BAND, error_range, worst_case_charts
+from robustid.report.sections.guarantee_charts import BAND, worst_case_charts
 from robustid.report.sections.identification import identification_verdict, margin_interval
+from robustid.report.sections.proved_band import drawn_band, with_band
 from robustid.report.sections.proved_band import sentence as band_sentence
 from robustid.report.style import ALERT, FAINT, FURTHER, NOMINAL
 from robustid.report.with_plotly import plotly_figure
@@ -51,7 +52,7 @@ def live_figure(
         panels = _at_frequencies(error, *panels)
     panels = _with_active(identification, *panels)
     if band is not None:
-        panels = _with_band(band, *panels)
+        panels = with_band(band, panels)
     return _figure(identification, panels, left_out, withheld)
 
 
@@ -67,12 +68,12 @@ def look_figure(
     """
     name, omega, values = "response as the other samples prove it", check.omega, check.centre
     if band is not None:
-        name, (omega, values, *_) = "centre of the proved band", _drawn(band)
+        name, (omega, values, *_) = "centre of the proved band", drawn_band(band)
     above = omega > 0  # a logarithmic axis has no 0
     shown = Shown(name, None, NOMINAL if band is not None else ALERT, "dot", "")
     panels = entry_chart(check, (0, 0), [shown], omega[above], [values[above]], shown_band(check)).panels
     if band is not None:
-        return _figure(check, _with_band(band, *panels), left_out, withheld)
+        return _figure(check, with_band(band, panels), left_out, withheld)
     worst = int(np.argmax(check.ratio))
     ring = _ring(_CONTRADICTED, check.omega[[worst]], check.values[[worst]])
     first = dataclasses.replace(panels[0], layers=(*panels[0].layers, ring))
@@ -147,45 +148,6 @@ def _sample(kind: str, index: int, at: float) -> str:
     return (
         f"{kind} {index + 1} at {number(at / HZ, 5)} Hz" if kind == "frequency" else f"time {index + 1} at {at:.5g} s"
     )
-
-
-@functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
-def _drawn(band: Band) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
-    knots = band.bands[0].angles
-    angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
-    omega = np.clip(band.problem.plane.omega(angles), *band.range)
-    centre, radius = band.at(omega)
-    error = radius if band.model is None else band.error_at(omega)
-    return omega, centre[:, 0, 0], radius[:, 0, 0], error[:, 0, 0]
-
-
-def _with_band(band: Band, magnitude: Panel, phase: Panel, below: Panel | None = None) -> tuple[Panel, ...]:
-    """The panels with the proved band behind them, and the proved error of its model, or the radius."""
-    left, right = magnitude.x.range or (0.0, np.inf)
-    drawn = _drawn(band)
-    seen = (drawn[0] >= left * HZ) & (drawn[0] <= right * HZ)
-    omega, centre, radius, error = (one[seen] for one in drawn)
-    bottom, top = magnitude.y.range or (0.0, 1.0)
-    ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
-    poles = _poles(band)
-    name, x = f"proved band{poles}", omega / HZ
-    area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
-    high = ends[1][np.isfinite(radius)].max(initial=0.0)
-    first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
-    about = "proved error" if band.model is not None else "radius of the band"
-    line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
-    layers = (line, *(() if below is None else below.layers))
-    axis = Axis(label="", log=True, range=error_range(list(layers)))
-    title = "Error: no consistent system is farther" if below is None else below.title
-    return first, phase, Panel(title=title, x=magnitude.x, y=axis, layers=layers)
-
-
-def _poles(band: Band) -> str:
-    """Words on the poles, for a legend."""
-    if band.problem.parametric is None:
-        return ""
-    return ", poles as stated" if band.box is None else ", poles anywhere in their box"
 
 
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:

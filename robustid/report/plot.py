@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.guarantees import (
+    Band,
     Family,
     ResponseTube,
     RobustStabilityMargin,
@@ -39,6 +40,7 @@ from robustid.report.sections.family import family_chart, schedule_chart
 from robustid.report.sections.model import model_chart
 from robustid.report.sections.pole_box import pole_box_chart
 from robustid.report.sections.poles import pole_chart
+from robustid.report.sections.proved_band import centre_chart
 from robustid.report.sections.reduction import hankel_chart
 from robustid.report.sections.stability import stability_chart
 from robustid.report.sections.tube import tube_chart
@@ -118,13 +120,14 @@ def bode(
     ± arcsin(bound/\|value\|) of that disc; any phase where it holds 0); of a MIMO problem also the singular values. Of a
     WorstCaseError or a WorstCaseOverPoles: the range that no consistent system leaves, and the error of the model, guaranteed and
     reached; proved at their frequencies, interpolated for the eye between them; a bound on the whole circle is drawn if it
-    has been computed. Of a MatrixFraction: samples, model with its standard deviation, residual. Of a FrequencyResponse:
+    has been computed. Of a Band the same at every frequency, about its centre or its model. Of a
+    MatrixFraction: samples, model with its standard deviation, residual. Of a FrequencyResponse:
     bound, noise and distortion, singular values, coherence, and the spectra of the records. Of a StructuredWeight
     the weight of every block above its bound. Of a model its response.
 
     Parameters
     ----------
-    result : Identification, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse, StructuredWeight or
+    result : Identification, Band, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse, StructuredWeight or
         control.StateSpace
     models : mapping of str to control.StateSpace, optional
         Further models with the sample time of an identification's data, such as a reduced one.
@@ -162,6 +165,7 @@ def bode(
         Identification: (identified_bode, ("models",)),
         WorstCaseError: (guaranteed_bode, ()),
         WorstCaseOverPoles: (pole_box_chart, ()),
+        Band: (centre_chart, ()),
         StructuredWeight: (weights_chart, ()),
         MatrixFraction: (fit_bode, ("data",)),
         FrequencyResponse: (response_bode, ("records",)),

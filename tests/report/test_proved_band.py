@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from robustid.app.findings import band_words
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, stands_on
 from robustid.report.sections.proved_band import band_chart
+from support.edge_bands import edge_plant
 from support.report_pages import Page, identified, named
 
 pytestmark = pytest.mark.quick
@@ -99,3 +101,18 @@ def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(
         page = Page(render_report(error.identification, band=refined.with_polygons(polygons), worst_case=polygons))
         for name in ("band-certificates", "certificates"):
             assert ("section", {"class": f"verdict {key}", "id": name}) in page.tags
+
+
+@pytest.mark.parametrize("kind", ["discrete", "symmetric"])
+def test_a_band_draws_itself_about_its_centre_or_its_model(kind):
+    plant = edge_plant(kind, 1)
+    found = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    figure = found.plot()
+    entries = plant.problem.entries.outputs * plant.problem.entries.inputs
+    assert len(figure.axes) == 3 * entries
+    labels = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert "centre of the proved band" in labels
+    assert any(label.startswith("proved band, poles ") for label in labels)
+    model = control.ss([], [], [], np.zeros(plant.problem.entries.shape), plant.problem.dt or 0)
+    again = found.with_model(model).plot()
+    assert "model, order 0" in {text.get_text() for text in again.legends[0].get_texts()}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,13 +12,23 @@ from robustid.core import describe
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
+from robustid.report.charts import Axis, Chart, Layer, Panel, behind, lighter, named, side_by_side
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
-from robustid.report.identified import Posed, about, in_unit, shown_models, sigma_unit, siso, transfer
+from robustid.report.identified import (
+    Posed,
+    Shown,
+    about,
+    in_unit,
+    shown_band,
+    shown_models,
+    sigma_unit,
+    siso,
+    transfer,
+)
 from robustid.report.sections.assumptions import CAUTION
-from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
+from robustid.report.sections.frequency import LARGEST, entry_chart, frequency_charts, sigma_chart
 from robustid.report.sections.guarantee_charts import BAND, error_range
-from robustid.report.style import ALERT, FINE
+from robustid.report.style import ALERT, FINE, NOMINAL
 from robustid.report.words import HZ, at_most, number
 
 _TINY = np.finfo(float).tiny
@@ -200,6 +212,66 @@ def band_chart(identification: Identification, band: Band) -> Chart:
         layers=(line, *dots),
     )
     return Chart(name="proved-band", panels=(behind(panel, [area, *bars], span), errors), linked=True)
+
+
+@functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
+def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray, ...]:
+    """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
+    knots = band.bands[0].angles
+    angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
+    omega = np.clip(band.problem.plane.omega(angles), *band.range)
+    centre, radius = band.at(omega)
+    error = radius if band.model is None else band.error_at(omega)
+    return omega, *(one[:, *entry] for one in (centre, radius, error))
+
+
+def with_band(band: Band, panels: Sequence[Panel], entry: tuple[int, int] = (0, 0)) -> tuple[Panel, ...]:
+    """Magnitude, phase, and perhaps errors, with the proved band behind them, and the proved error of its model, or the radius."""
+    magnitude, phase, *rest = panels
+    below = rest[0] if rest else None
+    left, right = magnitude.x.range or (0.0, np.inf)
+    drawn = drawn_band(band, entry)
+    seen = (drawn[0] >= left * HZ) & (drawn[0] <= right * HZ)
+    omega, centre, radius, error = (one[seen] for one in drawn)
+    bottom, top = magnitude.y.range or (0.0, 1.0)
+    ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
+    poles = _poles(band)
+    name, x = f"proved band{poles}", omega / HZ
+    area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
+    high = ends[1][np.isfinite(radius)].max(initial=0.0)
+    first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
+    about = "proved error" if band.model is not None else "radius of the band"
+    line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
+    layers = (line, *(() if below is None else below.layers))
+    axis = Axis(label="", log=True, range=error_range(list(layers)))
+    title = "Error: no consistent system is farther" if below is None else below.title
+    return first, phase, Panel(title=title, x=magnitude.x, y=axis, layers=layers)
+
+
+def _poles(band: Band) -> str:
+    """Words on the poles, for a legend."""
+    if band.problem.parametric is None:
+        return ""
+    return ", poles as stated" if band.box is None else ", poles anywhere in their box"
+
+
+def centre_chart(band: Band) -> Chart:
+    """Every entry of a band about its centre, or its model: magnitude with the proved range and samples, phase, proved error."""
+    outputs, inputs = band.problem.entries.shape
+    found: list[Chart] = []
+    for entry in np.ndindex(outputs, inputs):
+        omega, centre, *_ = drawn_band(band, entry)
+        name = "centre of the proved band"
+        if band.model is not None:
+            name, centre = (
+                f"model, order {band.model.nstates}",
+                band.problem.plane.values_at(band.model, omega)[:, *entry],
+            )
+        above = omega > 0  # a logarithmic axis has no 0
+        shown = [Shown(name, None, NOMINAL, "solid", "")]
+        one = entry_chart(band, entry, shown, omega[above], [centre[above]], shown_band(band))
+        found.append(dataclasses.replace(one, panels=with_band(band, one.panels, entry)))
+    return found[0] if len(found) == 1 else side_by_side("proved-band", lighter(found), inputs)
 
 
 def _sizes(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
