@@ -19,7 +19,7 @@ _ROUNDS = 4
 _SLACK = 1 + 1e-9
 _LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
 AMPLITUDE = 2.0  # of a mode that the data cannot bound, over that of a fit: an assumption
-_WIDE = 0.5  # hyperbolic radius of a box above which nothing is tried to prove of its amplitude
+_WIDE = 0.5  # hyperbolic radius of a box above which little is tried to prove of its amplitude
 _LEAST = 1e-3  # of the largest amplitude of a fit: what is assumed at least
 _FIRST = 80  # points of the first look around a mode
 
@@ -75,19 +75,19 @@ def amplitude_targets(samples: Samples) -> Targets:
 def extract(samples: Samples) -> Extraction:
     """Search combinations that extract the amplitudes: exactly at first, then as far as what the last round proved asks for.
 
-    Modes that a box leaves very wide may cancel each other with any amplitudes: where nothing is proved of them, `AMPLITUDE` times
-    those of a fit are assumed, and said to be.
+    Modes that a box leaves very wide may cancel each other with any amplitudes: where nothing is proved of them, after a short try,
+    `AMPLITUDE` times those of a fit are assumed, and said to be.
     """
     targets = amplitude_targets(samples)
     fit = guess(samples, targets)
     nothing = np.full(samples.amplitudes, np.inf)
     sizes = AMPLITUDE * np.maximum(np.abs(fit), _LEAST * np.abs(fit).max(initial=0.0))
     wide, touching = wide_modes(samples), wide_modes(samples, touching=True)
-    found = None
-    for some in (wide & ~touching, wide):
-        if found is None or not np.all(np.isfinite(found.known.radius)):
-            found = _rounds(samples, targets, fit, np.where(some, sizes, nothing))
-    return found  # type: ignore[return-value]
+    found = _rounds(samples, targets, fit, nothing, _LARGER[:1] if wide.any() else _LARGER)
+    for some in (wide & ~touching, wide) if wide.any() else ():
+        if not np.all(np.isfinite(found.known.radius)):
+            found = _rounds(samples, targets, fit, np.where(some, sizes, nothing), _LARGER)
+    return found
 
 
 def wide_modes(samples: Samples, *, touching: bool = False) -> NDArray[np.bool_]:
@@ -100,7 +100,7 @@ def wide_modes(samples: Samples, *, touching: bool = False) -> NDArray[np.bool_]
     return np.concatenate([np.tile(own, len(samples.components)), np.zeros(samples.transients, bool)])
 
 
-def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real) -> Extraction:
+def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real, larger: tuple[float, ...]) -> Extraction:
     """The best of some rounds, each with the discs of the one before.
 
     The first matches all functions exactly; where that proves nothing, since many terms of a series ask for large multipliers, it
@@ -109,7 +109,7 @@ def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real) -> 
     stated = np.isfinite(assumed)
     large = np.abs(fit) + float(samples.gains.max())
     best = None
-    for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
+    for start in (np.full(large.size, np.inf), *(factor * large for factor in larger)):
         known = Amplitudes(np.where(stated, 0, fit), np.where(stated, assumed, start))
         for _ in range(_ROUNDS):
             points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size)
