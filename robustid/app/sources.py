@@ -48,9 +48,9 @@ def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
 
 def _recognised(roles: str) -> str:
     """Names of columns that are found without being told."""
-    from robustid.data import io
+    from robustid import formats
 
-    return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(io, roles).items())
+    return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(formats, roles).items())
 
 
 def _response_fields() -> str:
