@@ -221,7 +221,7 @@ def times(arguments):
             f"{name:12}{problem.frequency[0].omega.size:5d}{knots:7d}{searched:7.2f}{bounded:8.2f}{seconds:7.2f}"
             f"{1000 * searched / knots:8.2f}  arcs {circle.bound.size}, largest {circle.largest:.4g}"
             f" (radius up to {band.radius.max():.4g}), bar {bar} s {'held' if seconds <= bar else 'MISSED'}"
-            f"{'' if finite else '; NOT FINITE'}{assumed(band)}",
+            f"{'' if finite else '; NOT FINITE'}",
             flush=True,
         )
     problem, _ = one_entry(60, [77.0], [0.017])
@@ -238,12 +238,6 @@ def times(arguments):
     print(f"verified in ball arithmetic: {exact}, {seconds:.1f} s")
     if not arguments.cases:
         explore_steps()
-
-
-def assumed(band):
-    return (
-        f"; amplitude assumed of mode {', '.join(str(k + 1) for k in band.assumed_modes)}" if band.assumed_modes else ""
-    )
 
 
 # The sweep
@@ -533,7 +527,7 @@ def said(problem, box, fits, train, judge):
         (outside, largest, width), (refuted, _, _) = judged(band, judge), judged(band, train)
         print(
             f"    {name:6} outside {100 * outside:6.3f} % ({100 * refuted:.3f} %)  largest {largest:6.3f}"
-            f"  width {100 * width:5.3g} %  {seconds:.1f} s{assumed(band)}"
+            f"  width {100 * width:5.3g} %  {seconds:.1f} s"
             f"{'' if np.isfinite(band.radius).all() else '; NOT FINITE'}",
             flush=True,
         )

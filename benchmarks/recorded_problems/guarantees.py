@@ -63,7 +63,7 @@ def close_box():
 
 
 def band_facts(band):
-    names = "omega centre radius range amplitudes bounded narrowed assumed_modes certified open_ranges summary"
+    names = "omega centre radius range amplitudes bounded narrowed certified open_ranges summary"
     low, high = band.range
     between = np.linspace(low, 0.99 * high if np.isfinite(high) else 4 * AT[-1], 40)
     centre, radius = band.at(between)

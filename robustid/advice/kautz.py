@@ -180,7 +180,7 @@ def suggest_kautz(
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
     boxes = [pole_interval(fit, poles, int(i)) for i in kept]
     if wanted is None:
-        seen = [k for k, (box, _, _) in enumerate(boxes) if not np.allclose(box[1], DAMPING, rtol=1e-6)]
+        seen = [k for k, (box, _, _) in enumerate(boxes) if box[1, 1] < DAMPING[1] * (1 - 1e-6)]
         if len(seen) < len(kept):
             reason += (
                 f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"

@@ -311,7 +311,8 @@ class Band(Frozen, Drawable, Savable):
         Without a box they are intervals of the real coefficients of the parametric functions, in their order. With one come the
         functions that the box does not hold, then for every mode c n(x)/(1 - a x) + conj., x the delay, the complex
         c (1 - \|a_1\|^2)/(1 - a_1* a), by rising frequency: a is the pole anywhere in the box, a_1 its middle
-        (``bands[0].samples.functions.modes.middle``). Infinite where the data do not tell them apart; of `assumed_modes` assumed.
+        (``bands[0].samples.functions.modes.middle``). Modes whose boxes overlap have them together: the first is the sum of theirs.
+        Infinite where the data do not tell them apart.
         """
         found: list[tuple[Complex, Real]] = []
         for one in self.bands:
@@ -478,21 +479,6 @@ class Band(Frozen, Drawable, Savable):
         return " and ".join(hz)
 
     @property
-    def assumed_modes(self) -> tuple[int, ...]:
-        """Numbers of modes, from 0, whose box is too wide for a proof of their amplitude.
-
-        In some entry it is assumed to be at most twice that of a fit.
-        """
-        if self.box is None:
-            return ()
-        found: set[int] = set()
-        for one in self.bands:
-            samples = one.samples
-            count, first = samples.functions.amplitudes, samples.functions.fixed_count
-            found |= {int(g) % count - first for g in np.flatnonzero(np.isfinite(one.extraction.assumed))}
-        return tuple(sorted(found))
-
-    @property
     def certified(self) -> bool:
         """Return whether every disc holds when it is evaluated anew from its multipliers and the data."""
         return self.verify()
@@ -556,11 +542,6 @@ class Band(Frozen, Drawable, Savable):
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
         )
-        if self.box is not None and self.assumed_modes:
-            names = ", ".join(
-                f"{self.box[0].mean(axis=1).tolist()[k] / (2 * np.pi):.4g} Hz" for k in self.assumed_modes
-            )
-            lines.append(f"           amplitudes of the modes at {names} at most twice those of a fit")
         return "\n".join(lines)
 
 

@@ -134,8 +134,7 @@ class Contradiction(Frozen, Savable):
         exact = as_flag("exact", exact)
         with one_thread():
             again = dataclasses.replace(self.clash, extraction=dataclasses.replace(self.clash.extraction))
-            assumed = bool(np.isfinite(again.extraction.assumed).any())
-            return not assumed and again.excess > 1 and (not exact or clashes_exactly(again))
+            return again.excess > 1 and (not exact or clashes_exactly(again))
 
     def __repr__(self) -> str:
         return f"<Contradiction: {self._where}, excess {self.excess:.4g}, bounds at least {self.factor:.4g} times as large>"
@@ -188,8 +187,8 @@ def contradiction(problem: MixedProblem, *, box: Any = None) -> Contradiction | 
 
     Notes
     -----
-    Every line and some samples of records are predicted by the others; from the worst ones all samples are combined. Entries whose
-    modes have an amplitude that is assumed (`Band.assumed_modes`), or is not bounded by the data, refute nothing. Source:
+    Every line and some samples of records are predicted by the others; from the worst ones all samples are combined. Entries
+    whose modes have an amplitude that the data do not bound refute nothing. Source:
     `micchelli1977`; model validation, `inanc2001` section II.
 
     Examples

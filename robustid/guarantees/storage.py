@@ -200,7 +200,7 @@ def _unpack_band(record: Record, arrays: Arrays) -> Band:
 
 
 def _pack_amplitudes(found: Extraction) -> Arrays:
-    return under(_AMPLITUDES, {name: getattr(found, name) for name in ("about", "points", "multipliers", "assumed")})
+    return under(_AMPLITUDES, {name: getattr(found, name) for name in ("about", "points", "multipliers")})
 
 
 def _pack_contradiction(found: Contradiction) -> tuple[Record, Arrays]:

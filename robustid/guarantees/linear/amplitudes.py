@@ -18,9 +18,6 @@ from robustid.guarantees.linear.search import POINTS, nearest_points, search
 _ROUNDS = 4
 _SLACK = 1 + 1e-9
 _LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
-AMPLITUDE = 2.0  # of a mode that the data cannot bound, over that of a fit: an assumption
-_WIDE = 0.5  # hyperbolic radius of a box above which little is tried to prove of its amplitude
-_LEAST = 1e-3  # of the largest amplitude of a fit: what is assumed at least
 _FIRST = 80  # points of the first look around a mode
 
 
@@ -35,18 +32,15 @@ class Extraction(Frozen):
         From where the proof measures the amplitudes.
     points : (g, n) int array
     multipliers : (g, n + T) complex array
-    assumed : (g,) array
-        Moduli that amplitudes are assumed not to exceed, where the data cannot bound them: inf where nothing is assumed.
     """
 
     samples: Samples
     about: Complex
     points: NDArray[np.intp]
     multipliers: Complex
-    assumed: Real
 
     def __post_init__(self) -> None:
-        names = ("about", "points", "multipliers", "assumed")
+        names = ("about", "points", "multipliers")
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in names})
 
     @functools.cached_property
@@ -73,47 +67,20 @@ def amplitude_targets(samples: Samples) -> Targets:
 
 
 def extract(samples: Samples) -> Extraction:
-    """Search combinations that extract the amplitudes: exactly at first, then as far as what the last round proved asks for.
-
-    Modes that a box leaves very wide may cancel each other with any amplitudes: where nothing is proved of them, after a short try,
-    `AMPLITUDE` times those of a fit are assumed, and said to be.
-    """
-    targets = amplitude_targets(samples)
-    fit = guess(samples, targets)
-    nothing = np.full(samples.amplitudes, np.inf)
-    sizes = AMPLITUDE * np.maximum(np.abs(fit), _LEAST * np.abs(fit).max(initial=0.0))
-    wide, touching = wide_modes(samples), wide_modes(samples, touching=True)
-    found = _rounds(samples, targets, fit, nothing, _LARGER[:1] if wide.any() else _LARGER)
-    for some in (wide & ~touching, wide) if wide.any() else ():
-        if not np.all(np.isfinite(found.known.radius)):
-            found = _rounds(samples, targets, fit, np.where(some, sizes, nothing), _LARGER)
-    return found
-
-
-def wide_modes(samples: Samples, *, touching: bool = False) -> NDArray[np.bool_]:
-    """Amplitudes of modes whose box is so wide that a series of a few terms says little, (g,); or that reach the circle."""
-    functions = samples.functions
-    own = np.zeros(functions.amplitudes, bool)
-    if functions.modes is not None:
-        modes = functions.modes
-        own[functions.fixed_count :] = modes.reach > 0 if touching else modes.distance > _WIDE
-    return np.concatenate([np.tile(own, len(samples.components)), np.zeros(samples.transients, bool)])
-
-
-def _rounds(samples: Samples, targets: Targets, fit: Complex, assumed: Real, larger: tuple[float, ...]) -> Extraction:
-    """The best of some rounds, each with the discs of the one before.
+    """Search combinations that extract the amplitudes, each round as far as what the last one proved asks for.
 
     The first matches all functions exactly; where that proves nothing, since many terms of a series ask for large multipliers, it
     begins with discs that are surely too large.
     """
-    stated = np.isfinite(assumed)
+    targets = amplitude_targets(samples)
+    fit = guess(samples, targets)
     large = np.abs(fit) + float(samples.gains.max())
     best = None
-    for start in (np.full(large.size, np.inf), *(factor * large for factor in larger)):
-        known = Amplitudes(np.where(stated, 0, fit), np.where(stated, assumed, start))
+    for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
+        known = Amplitudes(fit, start)
         for _ in range(_ROUNDS):
             points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size)
-            found = Extraction(samples, np.where(stated, fit, known.centre), points, d, assumed)
+            found = Extraction(samples, known.centre, points, d)
             if best is None or found.known.radius.sum() < best.known.radius.sum():
                 best = found
             if not np.all(np.isfinite(found.known.radius)):
@@ -128,32 +95,25 @@ def discs(samples: Samples, targets: Targets, extraction: Extraction) -> Amplitu
     r"""Discs that combinations of the samples prove for all amplitudes at once.
 
     With u_g = |c_g - q_g| about any q, every combination says u <= b + E u, E >= 0 what it confuses with other amplitudes, with the
-    terms of the series and with what these leave out. Where E has a spectral radius below 1, u <= (I - E)^-1 b. An assumed
-    amplitude enters b.
+    terms of the series and with what these leave out. Where E has a spectral radius below 1, u <= (I - E)^-1 b.
     """
-    stated = np.isfinite(extraction.assumed)
-    about = np.where(stated, 0, extraction.about)
-    e, b, E = confusion(samples, targets, extraction, about)
-    e, own = np.where(stated, 0, e), ~stated
-    b = b + E[:, stated] @ extraction.assumed[stated]
-    found, count = np.where(stated, extraction.assumed, np.inf), int(own.sum())
-    part = E[np.ix_(own, own)]
-    if count and np.all(np.isfinite(part)) and np.abs(np.linalg.eigvals(part)).max() < 1:
-        solved = np.linalg.solve(np.eye(count) - part, b[own]) * _SLACK
-        if np.all(solved >= 0) and np.all(b[own] + part @ solved <= solved):
-            found[own] = solved
-    return Amplitudes(about + e, found)
+    e, b, E = confusion(samples, targets, extraction)
+    found: Real = np.full(b.size, np.inf)
+    if np.all(np.isfinite(E)) and np.abs(np.linalg.eigvals(E)).max() < 1:
+        solved = np.linalg.solve(np.eye(b.size) - E, b) * _SLACK
+        if np.all(solved >= 0) and np.all(b + E @ solved <= solved):
+            found[:] = solved
+    return Amplitudes(extraction.about + e, found)
 
 
-def confusion(samples: Samples, targets: Targets, extraction: Extraction, about: Complex) -> tuple[Complex, Real, Real]:
+def confusion(samples: Samples, targets: Targets, extraction: Extraction) -> tuple[Complex, Real, Real]:
     """Return c - about as the combinations say it, and b, E of `discs`, whose radii count from there."""
-    d, at, count = extraction.multipliers, samples.amplitude_of, samples.amplitudes
+    d, at, count, about = extraction.multipliers, samples.amplitude_of, samples.amplitudes, extraction.about
     chosen, first = choose(samples, targets, extraction.points), samples.first
     centre = np.where(first, np.where(samples.conjugate, about[at].conj(), about[at]), 0)
     missed = mismatch(chosen, targets, d)
     e: Complex = (d * chosen.y).sum(axis=1) - missed @ centre - about
     e = np.where(np.bincount(at[first], minlength=count) == 1, np.real(e), e)  # real amplitudes
-    e = np.where(np.isfinite(extraction.assumed), 0, e)
     size = np.abs(d)
     left = (size[:, :, None] * chosen.left_out).sum(axis=1)  # (g, g): times the largest amplitude
     by = np.zeros((at.size, count))

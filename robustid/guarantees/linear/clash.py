@@ -157,8 +157,7 @@ def clash_of(extraction: Extraction) -> Clash | None:
     together, from the worst ones on.
     """
     samples = extraction.samples
-    assumed = bool(np.isfinite(extraction.assumed).any())
-    if assumed or not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
+    if not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
         return None
     each = [*predicted_lines(extraction, lines_of(samples)), *_predicted_rows(extraction)]
     best = sorted(

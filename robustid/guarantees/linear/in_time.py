@@ -82,7 +82,7 @@ def step_tails(extraction: Extraction, count: int) -> Real:
     gain = samples.gains[samples.target] / samples.reach * samples.problem.weighting.peak(rho)
     first = samples.target * functions.amplitudes
     largest = extraction.known.largest[first : first + functions.amplitudes]
-    ends = np.concatenate([_tails_of_fixed(functions, count), _tails_of_modes(functions, count)], axis=1)
+    ends = np.concatenate([_tails_of_fixed(functions, count), tails_of_modes(functions, count)], axis=1)
     return (gain * rho**-t / (rho - 1) + ends @ largest) * _ONE
 
 
@@ -103,19 +103,22 @@ def _tails_of_fixed(functions: Functions, count: int) -> Real:
     return np.maximum.accumulate(every[::-1], axis=0)[::-1][: count + 1] * _ONE
 
 
-def _tails_of_modes(functions: Functions, count: int) -> Real:
+def tails_of_modes(functions: Functions, count: int) -> Real:
     r"""Bound of 2 |c a^(n + 1 - delay)/(1 - a)| over n >= t for an amplitude of 1, poles anywhere in their disc, (count + 1, M).
 
-    a = (tau + a_1)/(1 + a_1* tau) with \|tau\| <= T: a disc in the plane; and c/c' = 1/C_1 = 1/(1 + a_1* tau) in modulus.
+    a = (tau + a_1)/(1 + a_1* tau) with \|tau\| <= T: a disc in the plane; and c/c' = 1/C_1 = 1/(1 + a_1* tau) in modulus. Of
+    amplitude number l in a group, sum_n |g_n R_nl| with the coefficients g_n of that function of tau, |g_n| <= max/r^n for its
+    largest value on a circle T < r < 1 (Cauchy).
     """
     modes = functions.modes
     if modes is None:
         return np.zeros((count + 1, 0))
-    T, middle, size = modes.distance, modes.middle, np.abs(modes.middle)
+    (T, share), middle = modes.on_wider_circle, modes.middle
+    size = np.abs(middle)
     centre, radius = middle * (1 - T**2) / (1 - (T * size) ** 2), T * (1 - size**2) / (1 - (T * size) ** 2)
     room = np.maximum(np.abs(1 - centre) - radius * _ONE, 0.0)
     pole = (size + T) / (1 + size * T)
     powers = np.maximum(np.arange(count + 1) + 1 - modes.delay, 0)[:, None]
     with np.errstate(divide="ignore"):
-        found = 2 * pole**powers / (room * (1 - size * T))
+        found = share * 2 * pole**powers / (room * (1 - size * T))
     return np.where(modes.reach > 0, np.inf, found) * _ONE

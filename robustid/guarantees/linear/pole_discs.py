@@ -11,12 +11,17 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 import scipy.signal
+import scipy.sparse.csgraph
+import scipy.special
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Plane, Real, freeze
 
 _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
 _TERMS = 24  # of a series, at most
 _WIDEST, _FAR_TERMS = 0.9, 6  # distance from which a box counts as reaching the circle, and terms of its series
+_ENDLESS = 600  # terms of a sum to its end: 0.9^600 is below 1e-27
+_CLOSE = 1.5  # times the sum of the radii of two boxes
 _CELLS = 16  # of a box, along each side, on which distances are bounded
 
 
@@ -32,19 +37,25 @@ class PoleDiscs(Frozen):
     the damping is. The amplitude is c' = c C_1. In Re s < 0 the distance of poles is |(s - s_0)/(s + s_0*)|; that of a = exp(s T)
     is at most that (Schwarz and Pick).
 
+    Modes whose boxes are close may cancel each other with any amplitudes. So m of them are one group with m amplitudes that the
+    data do tell: the first m coefficients gamma_n = sum_i c_i C(a_i) tau_i^n of the series about one middle. The further ones
+    follow from them as t^n modulo prod_i (t - tau_i): gamma_n = sum_l R_nl gamma_l, whose R are Schur functions of hooks, so that
+
+    .. math:: |R_{nl}| \le \binom{n}{l} \binom{n - l - 1}{m - 1 - l} T^{n - l}, \qquad |\tau_i| \le T, \; l < m \le n.
+
     A box that reaches the circle has no such disc of use: about its middle a_1 a geometric series in (a - a_1) x/(1 - a_1 x) then
     serves at the frequencies that are farther from a_1 than all of the box, and nothing at the others.
 
     Attributes
     ----------
-    poles : tuple of complex arrays
-        The a_i of every mode in the z of the plane, in the upper half plane.
-    sizes : tuple of arrays
-        Bounds of |C_j/C_1|.
+    poles : tuple of (J,) complex arrays
+        The a_i of every group in the z of the plane, in the upper half plane.
+    sizes : tuple of (J, m) arrays
+        Bounds of |C_j/C_1|, or |R|, for each of the m amplitudes of a group; 0 of coefficients that are another amplitude.
     distance : (M,) array
-        Largest |tau_1|, below 1.
+        Largest |tau_1|, below 1, of every amplitude.
     rest : (M,) array
-        Bound of |tau_1 ... tau_J|/(1 - |tau_1|).
+        Bound of the sum of the coefficients beyond J: |tau_1 ... tau_J|/(1 - |tau_1|) of one mode.
     reach : (M,) array
         Largest |a - a_1| of boxes that reach the circle; 0 of the others.
     delay : int
@@ -62,34 +73,53 @@ class PoleDiscs(Frozen):
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("distance", "rest", "reach")})
 
     @functools.cached_property
+    def _groups(self) -> NDArray[np.intp]:
+        """Group of every amplitude, (M,)."""
+        return np.repeat(np.arange(len(self.sizes)), [sizes.shape[1] for sizes in self.sizes])
+
+    @functools.cached_property
+    def _far_groups(self) -> list[bool]:
+        """Mask of the groups that reach the circle: one mode each."""
+        return [bool(np.any(self.reach[self._groups == group] > 0)) for group in range(len(self.poles))]
+
+    @functools.cached_property
     def middle(self) -> Complex:
-        """The a_1, (M,)."""
-        return np.array([poles[0] for poles in self.poles])
+        """The a_1 of every amplitude, (M,)."""
+        first: Complex = np.array([poles[0] for poles in self.poles], dtype=complex)
+        return first[self._groups]
+
+    @functools.cached_property
+    def _pairs(self) -> tuple[tuple[int, float, bool], ...]:
+        """Amplitude, size of the coefficient and whether it is the amplitude itself, of every function and its conjugate."""
+        found: list[tuple[int, float, bool]] = []
+        for group, sizes in enumerate(self.sizes):
+            own = int(np.searchsorted(self._groups, group))
+            found += [(own + int(m), float(sizes[j, m]), int(j) < sizes.shape[1]) for j, m in np.argwhere(sizes)]
+        return tuple(found)
 
     @functools.cached_property
     def columns(self) -> tuple[tuple[int, float, bool], ...]:
-        """Mode, bound of |C_j/C_1| and whether it is the conjugate one, of every function."""
-        return tuple(
-            (mode, 1.0 if j == 0 else float(size), conjugate)
-            for mode, sizes in enumerate(self.sizes)
-            for j, size in enumerate(sizes)
-            for conjugate in (False, True)
-        )
+        """Amplitude, bound of the coefficient for an amplitude of 1, and whether it is the conjugate one, of every function."""
+        return tuple((number, size, conjugate) for number, size, _ in self._pairs for conjugate in (False, True))
 
     @functools.cached_property
     def first(self) -> tuple[bool, ...]:
-        """Mask of the functions that are the first of their mode, or the conjugate of that."""
-        return tuple(j == 0 for sizes in self.sizes for j in range(len(sizes)) for _ in range(2))
+        """Mask of the functions whose coefficient is an amplitude, or the conjugate of one."""
+        return tuple(first for *_, first in self._pairs for _ in range(2))
 
     def values(self, angles: Real) -> Complex:
-        """The functions n(x) beta_1 ... beta_(j-1)/(1 - a_j x), and with conjugate poles, at exp(j angle), (N, 2 sum J)."""
+        """The functions n(x) beta_1 ... beta_(j-1)/(1 - a_j x), and with conjugate poles, at exp(j angle), (N, columns).
+
+        One of a group to which several amplitudes contribute stands there once for each.
+        """
         x = np.exp(-1j * np.asarray(angles, dtype=float))
         found: list[Complex] = []
-        for poles, far in zip(self.poles, self.reach.tolist(), strict=True):
+        for poles, sizes, far in zip(self.poles, self.sizes, self._far_groups, strict=True):
             products = [self._numerator(x)] * 2
-            for pole in poles:
+            for pole, row in zip(poles, sizes, strict=True):
+                both = [product / (1 - a * x) for product, a in zip(products, (pole, pole.conj()), strict=True)]
+                found += both * np.count_nonzero(row)
                 for k, a in enumerate((pole, pole.conj())):
-                    found.append(products[k] / (1 - a * x))
                     products[k] = products[k] * (x if far else x - a.conj()) / (1 - a * x)
         return np.stack(found, axis=1) if found else np.zeros((x.size, 0), complex)
 
@@ -99,7 +129,7 @@ class PoleDiscs(Frozen):
     def left_out(self, angles: Real) -> Real:
         """Largest remainder of the series of every mode and its conjugate, for |c'| = 1, (N, M); inf where it does not converge."""
         x = np.exp(-1j * np.asarray(angles, dtype=float))[:, None]
-        terms = np.array([len(poles) for poles in self.poles])
+        terms = np.array([len(poles) for poles in self.poles])[self._groups]
         total = np.zeros((x.size, self.middle.size))
         for middle in (self.middle, self.middle.conj()):
             d = np.abs(1 - middle * x) * (1 - _ROUNDING)
@@ -109,14 +139,14 @@ class PoleDiscs(Frozen):
         return np.abs(self._numerator(x)) * total * (1 + _ROUNDING)
 
     def responses(self, u: Real) -> Complex:
-        """Responses of the functions to an input (T,) from zero initial conditions, (T, 2 sum J)."""
+        """Responses of the functions to an input (T,) from zero initial conditions, (T, columns)."""
         found: list[Complex] = []
         start = np.concatenate([np.zeros(self.delay), u])[: u.size].astype(complex)
-        for poles, far in zip(self.poles, self.reach.tolist(), strict=True):
+        for poles, sizes, far in zip(self.poles, self.sizes, self._far_groups, strict=True):
             before = start
-            for pole in poles:
+            for pole, row in zip(poles, sizes, strict=True):
                 one = np.asarray(scipy.signal.lfilter([1.0], [1.0, -pole], before))
-                found += [one, np.conj(one)]
+                found += [one, np.conj(one)] * np.count_nonzero(row)
                 numerator = [0.0, 1.0] if far else [-pole.conj(), 1.0]
                 before = np.asarray(scipy.signal.lfilter(numerator, [1.0, -pole], before))
         return np.stack(found, axis=1) if found else np.zeros((u.size, 0), complex)
@@ -130,38 +160,61 @@ class PoleDiscs(Frozen):
         size = np.sqrt((1 - np.abs(self.middle)) * (1 + np.abs(self.middle)))
         return norm * np.where(self.reach > 0, np.inf, 2 * self.rest / size) * (1 + _ROUNDING)
 
-    def bends(self, low: Real, high: Real) -> Real:
-        r"""Bound of the second derivative of every mode and its conjugate along arcs, for |c'| = 1, (arcs, M).
+    @functools.cached_property
+    def moments(self) -> tuple[Real, Real, Real]:
+        """Sums of the bounds of all coefficients for an amplitude of 1, and of n and n^2 times them, (M,) each."""
+        n, found = np.arange(_ENDLESS)[:, None], np.zeros((3, self.middle.size))
+        for group in range(len(self.poles)):
+            own = self._groups == group
+            every = bounds_of_coefficients(float(self.distance[own][0]), int(own.sum()))
+            found[:, own] = [(n**power * every).sum(axis=0) for power in range(3)]
+        return found[0], found[1], found[2]
 
-        Products of moduli, of n/((1 - a_0 x)(1 - tau beta)) with |beta'| = (1 - |a_0|^2)/|1 - a_0 x|^2, at the angle nearest to
-        the pole.
+    @functools.cached_property
+    def on_wider_circle(self) -> tuple[Real, Real]:
+        """Radii r >= T, and sums of |R_nl| r^-n for the largest value of a function of tau there, (M,) each.
+
+        T and 1 of one mode.
+        """
+        radius, share = np.array(self.distance, dtype=float), np.ones(self.middle.size)
+        for group in np.flatnonzero(np.bincount(self._groups) > 1):
+            own = self._groups == group
+            r = float(np.sqrt(self.distance[own][0]))
+            radius[own], m = r, int(own.sum())
+            share[own] = bounds_of_coefficients(float(self.distance[own][0]) / r, m).sum(axis=0) / r ** np.arange(m)
+        return radius, share
+
+    def bends(self, low: Real, high: Real) -> Real:
+        r"""Bound of the second derivative of the share of every amplitude along arcs, for an amplitude of 1, (arcs, M).
+
+        Of n(x) sum_k g_k beta^k/(1 - a_1 x), term by term, with |beta'| = (1 - |a_1|^2)/|1 - a_1 x|^2, at the angle nearest to the
+        pole.
         """
         total = np.zeros((low.size, self.middle.size))
-        for k, T in enumerate(self.distance.tolist()):
+        for k, (S0, S1, S2) in enumerate(zip(*self.moments, strict=True)):
             for a in (self.middle[k], self.middle[k].conj()):
                 d, size = self._nearest(low, high, a), np.abs(a)
-                turn = (1 - size) * (1 + size) / d**2 * T / (1 - T)
-                first = size / d + turn
-                second = first**2 + size / d**2 + turn * ((1 - size) * (1 + size) / d**2 + 2 * size / d) + turn**2
-                value = 1 / (d * (1 - T))
                 if self.reach[k]:
                     value = self._far(d, k)
-                    first, second = value, 2 * value**2 + value
+                    first, second = value**2, 2 * value**3 + value**2
+                else:
+                    slope, turn = size / d, (1 - size) * (1 + size) / d**2
+                    value, first = S0 / d, (slope * S0 + turn * S1) / d
+                    second = ((slope**2 + slope / d) * S0 + 4 * slope * turn * S1 + turn**2 * S2) / d
                 n = self.delay
                 if n < 0:
-                    whole = 2 * second + 2 * first + 1
+                    total[:, k] += 2 * second + 2 * first + value
                 else:  # no 0 times infinity
-                    whole = second + 2 * n * first + n**2 if n else second
-                total[:, k] += whole * value
+                    total[:, k] += second + 2 * n * first + n**2 * value if n else second
         return total * (1 + 1e-9)
 
     def largest_on(self, low: Real, high: Real) -> Real:
-        """Bound of the modulus of every mode and its conjugate on arcs, for |c'| = 1, (arcs, M)."""
+        """Bound of the modulus of the same on arcs, (arcs, M)."""
         total = np.zeros((low.size, self.middle.size))
-        for k, T in enumerate(self.distance.tolist()):
+        for k, whole in enumerate(self.moments[0].tolist()):
             for a in (self.middle[k], self.middle[k].conj()):
                 d = self._nearest(low, high, a)
-                value = self._far(d, k) if self.reach[k] else 1 / (d * (1 - T))
+                value = self._far(d, k) if self.reach[k] else whole / d
                 total[:, k] += (2.0 if self.delay < 0 else 1.0) * value
         return total * (1 + 1e-9)
 
@@ -195,7 +248,7 @@ def hull(omega: Real, damping: Real) -> Complex:
     return np.asarray(np.concatenate([corners, tip[..., None]], axis=-1), dtype=complex)
 
 
-def distances(points: Complex, s: complex) -> Real:
+def distances(points: Complex, s: complex | Complex) -> Real:
     """Hyperbolic distances in Re s < 0 of points from another, below 1."""
     return np.abs((points - s) / (points + np.conj(s)))
 
@@ -217,6 +270,32 @@ def middle_of(points: Complex) -> complex:
     return min((of(found.x), of(np.zeros(2))), key=radius)
 
 
+def bounds_of_coefficients(T: float, m: int) -> Real:
+    """Bounds of |R_nl| for poles within T of the middle, n along the rows, of the m amplitudes of a group, (_ENDLESS, m)."""
+    n = np.arange(m, _ENDLESS)
+    found = np.zeros((_ENDLESS, m))
+    for one in range(m):
+        size = scipy.special.comb(n, one) * scipy.special.comb(n - one - 1, m - 1 - one)
+        found[m:, one] = size * T ** (n - float(one)) * (1 + _ROUNDING)
+        found[one, one] = 1
+    return found
+
+
+def groups_of(points: Complex) -> list[NDArray[np.intp]]:
+    """Modes whose discs around the points of their boxes (M, 5) are close, directly or through others, each group by its first one.
+
+    Closer than `_CLOSE` times the sum of the radii, in the hyperbolic metric artanh of the distance: there the second term of a
+    series looks like the difference of two modes. Boxes that reach the circle stay alone.
+    """
+    middle = np.array([middle_of(corners) for corners in points])
+    own = np.array([float(distances(corners, s).max()) for corners, s in zip(points, middle, strict=True)])
+    radius = np.arctanh(np.where(own > _WIDEST, 0.0, own))
+    apart = np.arctanh(np.minimum(distances(middle[:, None], middle), 1 - _ROUNDING))
+    close = apart < _CLOSE * (radius + radius[:, None])
+    count, number = scipy.sparse.csgraph.connected_components(close, directed=False)
+    return [np.flatnonzero(number == k) for k in range(count)]
+
+
 def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real) -> PoleDiscs:
     """Series for the boxes (M, 2), long enough for remainders below a part `wanted` (M,) of the amplitudes."""
 
@@ -227,21 +306,44 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
     poles: list[Complex] = []
     sizes: list[Real] = []
     numbers: list[tuple[float, float, float]] = []
-    for ends, dampings, part in zip(omega, damping, wanted.tolist(), strict=True):
-        s, size, distance, rest = _series(ends, dampings, part)
-        points, far = hull(ends, dampings), 0.0
-        if distance > _WIDEST:
-            s = np.full(_FAR_TERMS, (points.real.min() + points.real.max()) / 2 + 1j * points[:4].imag.mean())
-            far = float(_apart(plane, points, complex(s[0])).max()) * (1 + 1e-9)
-        a = in_z(s)
-        inside: Real = (1 - np.abs(a)) * (1 + np.abs(a))
-        # sqrt((1 - |a_j|^2)/(1 - |a_1|^2)) of |C_j/C_1|.
-        size = far ** np.arange(_FAR_TERMS) if far else np.sqrt(inside / inside[0]) * size * (1 + _ROUNDING)
-        poles.append(a)
-        sizes.append(np.asarray(size, dtype=float))
-        numbers.append((distance, rest, far))
-    distances_, rests, reaches = np.array(numbers).T
-    return PoleDiscs(tuple(poles), tuple(sizes), distances_, rests, reaches, delay)
+    points = hull(omega, damping)
+    for group in groups_of(points):
+        part = float(wanted[group].min())
+        if group.size > 1 and (together := _series_of_group(points[group].ravel(), group.size, part)):
+            s, size, distance, rests = together
+            poles.append(in_z(s))
+            sizes.append(size)
+            numbers += [(distance, rest, 0.0) for rest in rests.tolist()]
+            continue
+        for k, corners in zip(
+            group.tolist(), points, strict=True
+        ):  # overlapping ones of no disc: the data do not tell them apart
+            s, size, distance, rest = _series(omega[k], damping[k], float(wanted[k]))
+            far = 0.0
+            if distance > _WIDEST:
+                s = np.full(_FAR_TERMS, (corners.real.min() + corners.real.max()) / 2 + 1j * corners[:4].imag.mean())
+                far = float(_apart(plane, corners, complex(s[0])).max()) * (1 + 1e-9)
+            a = in_z(s)
+            inside: Real = (1 - np.abs(a)) * (1 + np.abs(a))
+            # sqrt((1 - |a_j|^2)/(1 - |a_1|^2)) of |C_j/C_1|.
+            size = far ** np.arange(_FAR_TERMS) if far else np.sqrt(inside / inside[0]) * size * (1 + _ROUNDING)
+            poles.append(a)
+            sizes.append(np.append(1.0, size[1:])[:, None])
+            numbers.append((distance, rest, far))
+    distances_, rests_, reaches = np.array(numbers).T
+    return PoleDiscs(tuple(poles), tuple(sizes), distances_, rests_, reaches, delay)
+
+
+def _series_of_group(points: Complex, m: int, wanted: float) -> tuple[Complex, Real, float, Real] | None:
+    """Poles in s, sizes (J, m), distance and remainders (m,) of m modes around these points; None where they reach the circle."""
+    middle = middle_of(points)
+    distance = float(distances(points, middle).max()) + _ROUNDING
+    if distance > _WIDEST:
+        return None
+    every = bounds_of_coefficients(distance, m)
+    rest = np.cumsum(every[::-1], axis=0)[::-1]
+    terms = min(max(int(np.argmax(np.all(rest <= wanted, axis=1))), m + 1), _TERMS)
+    return np.full(terms, middle), every[:terms], distance, rest[terms] * (1 + _ROUNDING)
 
 
 def _apart(plane: Plane, s: Complex, middle: complex) -> Real:

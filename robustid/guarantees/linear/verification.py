@@ -194,10 +194,6 @@ class Sums:
             return True  # nothing is claimed
         arb, samples, targets = self.flint.arb, self.samples, amplitude_targets(self.samples)
         for row, (points, d) in enumerate(zip(extraction.points, extraction.multipliers, strict=True)):
-            if np.isfinite(extraction.assumed[row]):
-                if known.radius[row] < extraction.assumed[row] or known.centre[row] != 0:
-                    return False
-                continue
             proved = self.radius(targets, row, points, d, known)
             # The combination's own value for the amplitude, against the stated centre: real amplitudes by their real parts.
             value = self.centre(targets, row, points, d, known)

@@ -146,15 +146,6 @@ def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
         ),
         ("Poles", f"The band holds {poles_words(band)}."),
     ]
-    if band.assumed_modes:
-        names = ", ".join(f"{number(band.box[0][k].mean() / HZ, 4)} Hz" for k in band.assumed_modes)
-        found.append(
-            (
-                "Amplitudes",
-                f"The boxes of the modes at {names} are so wide that the data do not bound their amplitudes: these are"
-                " assumed to be at most twice those of a fit. Frequency points around these modes would help.",
-            )
-        )
     if band.assumes_amplitudes:
         found.append(
             (

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from robustid.core import SPlane, ZPlane
+from robustid.guarantees.linear.functions import Functions
+from robustid.guarantees.linear.in_time import tails_of_modes
 from robustid.guarantees.linear.pole_discs import discs_of
 from support.pairwise import every_two
 
@@ -142,3 +144,80 @@ def test_modes_and_their_second_derivatives_stay_below_their_bounds_on_arcs(plac
     if width == "narrow":  # near the resonance, where they decide, the bounds are of use
         assert np.all(most[:6].max(axis=1) <= 4 * seen[0, :6].max(axis=1))
         assert np.all(bends[:6].max(axis=1) <= 40 * seen[1, :6].max(axis=1))
+
+
+def group_of(place, count, seed):
+    """Series of modes whose boxes overlap, as one group; their poles and amplitudes that nearly cancel, (8, count) each."""
+    plane, delay = PLANES[place]
+    rng = np.random.default_rng([seed, delay + 1, count])
+    damping = rng.uniform(0.005, 0.05) * np.array([0.8, 1.2]) * rng.uniform(0.9, 1.1, (count, 1))
+    omega = rng.uniform(30, 120) * (1 + damping.mean() * (np.arange(count)[:, None] * 0.3 + [-0.3, 0.3]))
+    series = discs_of(plane, omega, damping, delay, 10 ** rng.uniform(-5, -2, count))
+    share = rng.choice([0.0, 1.0, 0.3, 0.8], (2, 8, count))
+    w, d = (ends[:, 0] + part * np.diff(ends, axis=1)[:, 0] for ends, part in zip((omega, damping), share, strict=True))
+    s = (-d + 1j * np.sqrt(1 - d**2)) * w
+    c = 10 ** rng.uniform(0, 2, (8, 1)) * np.exp(2j * np.pi * rng.random((8, count)))
+    c[:, -1] = -c[:, :-1].sum(axis=1) + np.exp(2j * np.pi * rng.random(8))
+    return series, (np.exp(s * plane.dt) if plane.dt else (plane.corner + s) / (plane.corner - s)), c, rng
+
+
+def parts_of_group(series, a, c, terms):
+    """The coefficients of sum c_i/(1 - a_i x) in the functions of the group, as far as asked."""
+    middle = series.middle[0]
+    first = c * (1 - abs(middle) ** 2) / (1 - np.conj(middle) * a)
+    return np.array([np.sum(first * ((a - middle) / (1 - np.conj(middle) * a)) ** n) for n in range(terms)])
+
+
+def of_group(series, a, c, angles):
+    """The sum of the modes and their conjugates."""
+    return sum(c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj() for a, c in zip(a, c, strict=True))
+
+
+@pytest.mark.parametrize("place", PLANES)
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_modes_whose_boxes_overlap_are_bounded_by_amplitudes_that_the_data_tell(place, count, seed):
+    series, poles, cs, rng = group_of(place, count, seed)
+    assert len(series.poles) == 1
+    assert series.middle.size == count
+    angles = np.angle(series.middle[0]) + (1 - abs(series.middle[0])) * 10 ** rng.uniform(-1, 1, 60) * rng.choice(
+        [-1, 1], 60
+    )
+    low, step = angles[:8], 1e-5
+    high = low + 10 ** rng.uniform(-3, -1, 8)
+    most, bends = series.largest_on(low, high), series.bends(low, high)
+    fine = (low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 60))[..., None] + step * np.arange(-1, 2)
+    values, columns = series.values(angles), series.columns
+    for a, c in zip(poles, cs, strict=True):
+        size = (np.abs(c) * np.abs([mode(series, one, angles) for one in a]).T).sum(axis=1)
+        parts = parts_of_group(series, a, c, len(series.poles[0]))
+        largest = np.abs(parts[:count])
+        assert np.all(np.abs(parts[count:]) <= series.sizes[0][count:] @ largest + 1e-11 * np.abs(c).sum())
+        approached, used = 0, [row[0] for row in (np.flatnonzero(row) for row in series.sizes[0])]
+        numbers = iter(range(0, len(columns), 2))
+        for n, row in enumerate(series.sizes[0]):
+            for m in np.flatnonzero(row):
+                k = next(numbers)
+                assert columns[k][0] == m
+                if m == used[n]:
+                    approached = approached + values[:, [k, k + 1]] @ [parts[n], parts[n].conj()]
+        off = of_group(series, a, c, angles) - approached
+        assert np.all(np.abs(off) <= series.left_out(angles) @ largest + 1e-10 * size)
+        whole = of_group(series, a, c, fine)
+        rounding = 1e-13 * np.abs(c).max() * np.abs(mode(series, a[0], fine)).max() / step**2
+        bent = np.abs(whole[..., 0] - 2 * whole[..., 1] + whole[..., 2]).max(axis=1) / step**2
+        assert np.all(np.abs(whole[..., 1]).max(axis=1) <= (most @ largest) * (1 + 1e-9))
+        assert np.all(bent <= (bends @ largest) * (1 + 1e-3) + rounding)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tails_of_steps_of_a_group_are_bounded(seed):
+    series, poles, cs, _ = group_of("delay 1", 2, seed)
+    found = tails_of_modes(Functions(None, series, ()), 60)
+    n = np.arange(61)[:, None]
+    for a, c in zip(poles, cs, strict=True):
+        tail = 2 * np.abs(((c * a**n) / (1 - a)).sum(axis=1).real)
+        worst = np.maximum.accumulate(tail[::-1])[::-1]
+        assert np.all(
+            worst <= found @ np.abs(parts_of_group(series, a, c, 2)) + 1e-11 * np.abs(c).sum() / np.abs(1 - a).min()
+        )
