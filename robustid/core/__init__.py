@@ -3,6 +3,7 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.choice import Choice, Source
+from robustid.core.description import Arrays, Record, digest, fields_of, fingerprint, stored
 from robustid.core.files import atomic_write
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.progress import show_progress
@@ -24,20 +25,14 @@ from robustid.core.state_space import (
     simulate,
 )
 from robustid.core.storage import (
-    Arrays,
-    Record,
     Savable,
-    describe,
-    digest,
     keep,
     load_saved,
     part,
     paths,
     read_arrays,
-    rebuild,
     save,
     saved_kind,
-    text_array,
     under,
     written_by,
 )
@@ -92,8 +87,9 @@ __all__ = [
     "balancing",
     "bilinear_in_s",
     "bilinear_in_z",
-    "describe",
     "digest",
+    "fields_of",
+    "fingerprint",
     "freeze",
     "input_states",
     "keep",
@@ -106,7 +102,6 @@ __all__ = [
     "points_of",
     "projected",
     "read_arrays",
-    "rebuild",
     "response",
     "response_at",
     "responses",
@@ -116,7 +111,7 @@ __all__ = [
     "series_at",
     "show_progress",
     "simulate",
-    "text_array",
+    "stored",
     "threads_for",
     "time_words",
     "under",

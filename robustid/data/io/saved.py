@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import atomic_write
-from robustid.data.bound import Bound
+from robustid.core import atomic_write, stored
+from robustid.data.bound import Bound, Caveat
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.io.lookup import Lookup
 from robustid.data.io.readers import FORMAT
@@ -224,3 +224,6 @@ def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]
 def _stack(table: Table, names: Iterator[str]) -> np.ndarray:
     lookup = Lookup(table, {})
     return np.column_stack([lookup.column(name, name) for name in names])
+
+
+stored(Bound, Caveat, FrequencyResponse, TangentialResponse, TimeRecord)
