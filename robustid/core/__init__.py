@@ -3,7 +3,7 @@
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.budget import Budget, Progress
 from robustid.core.choice import Choice, Source
-from robustid.core.description import Arrays, Record, digest, fields_of, fingerprint, stored
+from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.progress import show_progress
@@ -87,6 +87,7 @@ __all__ = [
     "balancing",
     "bilinear_in_s",
     "bilinear_in_z",
+    "described",
     "digest",
     "fields_of",
     "fingerprint",
@@ -95,6 +96,7 @@ __all__ = [
     "keep",
     "lengths",
     "load_saved",
+    "made",
     "one_thread",
     "part",
     "paths",

@@ -5,7 +5,7 @@ from robustid.data.io.files import Origin, origin, read_file, read_said
 from robustid.data.io.model_files import load_model, save_model
 from robustid.data.io.names import FREQUENCY, NAMES, TIME
 from robustid.data.io.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
-from robustid.data.io.saved import WRITERS, flat_fields, from_fields
+from robustid.data.io.saved import WRITERS
 
 __all__ = [
     "FREQUENCY",
@@ -16,8 +16,6 @@ __all__ = [
     "Item",
     "Origin",
     "contents",
-    "flat_fields",
-    "from_fields",
     "is_network",
     "load_model",
     "origin",
