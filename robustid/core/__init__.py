@@ -1,14 +1,13 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.balancing import Balancing, balancing
-from robustid.core.budget import Budget, Progress
 from robustid.core.choice import Choice, Source
 from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
+from robustid.core.frozen import Frozen, freeze
+from robustid.core.least_squares import Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
-from robustid.core.progress import show_progress
-from robustid.core.projection import Projection, projected
-from robustid.core.scales import lengths
+from robustid.core.progress import Budget, Progress, show_progress
 from robustid.core.state_space import (
     Complex,
     Real,
@@ -38,7 +37,6 @@ from robustid.core.storage import (
 )
 from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
-    Frozen,
     Signal,
     as_array,
     as_bound,
@@ -49,7 +47,6 @@ from robustid.core.validation import (
     as_kind,
     as_positive,
     as_signals,
-    freeze,
 )
 from robustid.core.workers import Workers, worker_pool
 

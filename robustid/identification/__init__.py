@@ -1,6 +1,7 @@
 """The convex question and its answer: the problem, identify(), its result and its proofs."""
 
 from robustid.identification import storage as storage  # registers what can be saved
+from robustid.identification.bilinear_image import from_image, image_of, in_image
 from robustid.identification.certificate import (
     Functional,
     MarginCertificate,
@@ -11,7 +12,6 @@ from robustid.identification.certificate import (
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
-from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
