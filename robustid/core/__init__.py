@@ -32,7 +32,6 @@ from robustid.core.storage import (
     read_arrays,
     save,
     saved_kind,
-    under,
     written_by,
 )
 from robustid.core.threads import one_thread, threads_for
@@ -113,7 +112,6 @@ __all__ = [
     "stored",
     "threads_for",
     "time_words",
-    "under",
     "worker_pool",
     "written_by",
 ]

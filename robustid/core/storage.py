@@ -28,7 +28,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 
 PathLike = str | os.PathLike[str]
 
-_KIND = "kind"  # array that shows a saved result
+_KIND = "robustid.kind"  # array that shows a saved result
 _ABOUT = ("format", "version", "summary")  # what stands beside the evidence
 
 
@@ -222,11 +222,6 @@ def read_arrays(path: PathLike) -> Arrays:
 def part(arrays: Arrays, prefix: str) -> Arrays:
     """The arrays whose names begin so, without that beginning."""
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
-
-
-def under(prefix: str, arrays: Arrays) -> Arrays:
-    """Return the arrays with names that begin so."""
-    return {prefix + name: array for name, array in arrays.items()}
 
 
 stored(Choice, Source, Signal, StateMatrices)

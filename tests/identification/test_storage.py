@@ -143,7 +143,10 @@ def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
         (lambda record: record["claim"].update({"$class": "Prior"}), "of its Prior is"),
         (lambda record: record.update(prior=record["claim"]), "'prior' of its Identification can't be a Claim"),
         (lambda record: record.update(objective=["center"]), "'objective' of its Identification can't be a tuple"),
-        (lambda record: record.update(coefficients={"$array": "kind"}), "'coefficients' of its Identification"),
+        (
+            lambda record: record.update(coefficients={"$array": "robustid.kind"}),
+            "'coefficients' of its Identification",
+        ),
         (lambda record: record.update(coefficients={"$array": "nothing"}), "lacks 'nothing'"),
         (lambda record: record.update(sections={"$call": "print"}), "no meaning"),
         (lambda record: record.update(timing={"all": "long"}), "'timing' of its Identification"),
