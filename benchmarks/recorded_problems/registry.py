@@ -122,7 +122,7 @@ _REPLACED = (
     (r"(?<![.\w])(?=[0-9]*[a-f])[0-9a-f]{16,}\b", "DIGEST"),
     (r"\b(Python|numpy|scipy|cvxpy|clarabel|control) \d+(?:\.\w+)+", r"\1 VERSION"),
     (r"(?m)^Time: .* s\.$", "Time: SECONDS"),
-    (r'"timing_s": \{[^}]*\}', '"timing_s": SECONDS'),
+    (r'"timing": \{[^}]*\}', '"timing": SECONDS'),
     (r"─{2,}", "──"),  # frames are as wide as the terminal
 )
 

@@ -9,13 +9,13 @@ from typing import Any
 from robustid.app.files import load_result
 from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import RunFile, read_run_file
-from robustid.core import Source, atomic_write, digest, paths, save, text_array
+from robustid.core import Source, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.fitting import MatrixFraction
 from robustid.formats import save_model
 from robustid.guarantees import Band
-from robustid.identification import Identification, MixedProblem, describe_problem
+from robustid.identification import Identification, MixedProblem
 
 RUN_FILE = "run.toml"
 _NUMBERS = ("identification", "band", "worst_case", "over_poles", "family", "fit")
@@ -110,7 +110,7 @@ class RunFolder:
         if place is None or not self.resume or not paths(place)[1].is_file():
             return None
         found = load_result(place, "identification")
-        return found if found.objective == objective and _digest(found.problem) == _digest(problem) else None
+        return found if found.objective == objective and fingerprint(found.problem) == fingerprint(problem) else None
 
     def identified(self, result: Identification, *, member: int | None = None) -> None:
         """Keep it, if it came to its end."""
@@ -154,8 +154,3 @@ class RunFolder:
         save_model(result.family.model, self.folder / _MODEL)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
-
-
-def _digest(problem: MixedProblem) -> str:
-    arrays, text = describe_problem(problem)
-    return digest(arrays | {"text": text_array(text)})

@@ -24,7 +24,7 @@ from robustid.app.options import (
 from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.app.toml import read_toml, write_toml
-from robustid.core import Choice, Frozen, Source, digest, text_array
+from robustid.core import Choice, Frozen, Source, digest
 from robustid.errors import InputError, InputTypeError
 
 MODES_NOTE = "Modes taken from the frequency response:\n"
@@ -212,7 +212,7 @@ def _check_modes(run: RunFile) -> None:
 
 
 def _digest(choice: Choice) -> str:
-    return digest({"value": text_array(choice.value)})
+    return digest({}, choice.value)
 
 
 def _without_digests(run: RunFile) -> RunFile:

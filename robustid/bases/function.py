@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import Any
 
 
 class FunctionKind(enum.StrEnum):
@@ -38,10 +37,6 @@ class Function:
         return self.words or self.label
 
     @classmethod
-    def of(cls, value: Any) -> Function:
-        """The function that a label names, or that `dataclasses.asdict` described."""
-        if isinstance(value, Function):
-            return value
-        if isinstance(value, str):
-            return cls(value)
-        return cls(value["label"], FunctionKind(value["kind"]), value["words"])
+    def of(cls, value: Function | str) -> Function:
+        """The function itself, or that which a label names."""
+        return cls(value) if isinstance(value, str) else value

@@ -1,13 +1,13 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.balancing import Balancing, balancing
-from robustid.core.budget import Budget, Progress
 from robustid.core.choice import Choice, Source
+from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
+from robustid.core.frozen import Frozen, freeze
+from robustid.core.least_squares import Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
-from robustid.core.progress import show_progress
-from robustid.core.projection import Projection, projected
-from robustid.core.scales import lengths
+from robustid.core.progress import Budget, Progress, show_progress
 from robustid.core.state_space import (
     Complex,
     Real,
@@ -24,26 +24,18 @@ from robustid.core.state_space import (
     simulate,
 )
 from robustid.core.storage import (
-    Arrays,
-    Record,
     Savable,
-    describe,
-    digest,
     keep,
     load_saved,
     part,
     paths,
     read_arrays,
-    rebuild,
     save,
     saved_kind,
-    text_array,
-    under,
     written_by,
 )
 from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
-    Frozen,
     Signal,
     as_array,
     as_bound,
@@ -54,7 +46,6 @@ from robustid.core.validation import (
     as_kind,
     as_positive,
     as_signals,
-    freeze,
 )
 from robustid.core.workers import Workers, worker_pool
 
@@ -92,13 +83,16 @@ __all__ = [
     "balancing",
     "bilinear_in_s",
     "bilinear_in_z",
-    "describe",
+    "described",
     "digest",
+    "fields_of",
+    "fingerprint",
     "freeze",
     "input_states",
     "keep",
     "lengths",
     "load_saved",
+    "made",
     "one_thread",
     "part",
     "paths",
@@ -106,7 +100,6 @@ __all__ = [
     "points_of",
     "projected",
     "read_arrays",
-    "rebuild",
     "response",
     "response_at",
     "responses",
@@ -116,10 +109,9 @@ __all__ = [
     "series_at",
     "show_progress",
     "simulate",
-    "text_array",
+    "stored",
     "threads_for",
     "time_words",
-    "under",
     "worker_pool",
     "written_by",
 ]

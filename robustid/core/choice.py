@@ -29,8 +29,3 @@ class Choice:
     def note(self) -> str:
         """The reason, then the table."""
         return "\n".join(part for part in (self.reason, self.details) if part)
-
-    @classmethod
-    def read(cls, record: dict[str, Any]) -> Choice:
-        """The choice that `dataclasses.asdict` described."""
-        return cls(**{**record, "source": Source(record["source"])})

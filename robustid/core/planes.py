@@ -7,8 +7,8 @@ import dataclasses
 
 import numpy as np
 
+from robustid.core.frozen import Frozen
 from robustid.core.state_space import Complex, Real, StateMatrices, StateSpace, points_of, response_at, series_at
-from robustid.core.validation import Frozen
 
 
 class Plane(abc.ABC):

@@ -37,6 +37,12 @@ class StateMatrices(NamedTuple):
         A, B, C, D = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C, model.D))
         return cls(A, B, C, D)
 
+    def model(self, dt: float) -> StateSpace:
+        """The model with a sample time in s, 0 in continuous time."""
+        import control
+
+        return control.ss(*self, dt)
+
     def transposed(self) -> StateMatrices:
         """The realisation of the transposed response."""
         return StateMatrices(self.A.T, self.C.T, self.B.T, self.D.T)

@@ -1,14 +1,13 @@
 """Saving and loading: one register of what can be kept, and one form in which results are kept; never pickle.
 
 A result is two files, bound to each other by a digest: its numbers in NAME.npz and everything else as readable text in NAME.json.
-The room that has a result says how its numbers and its text are made, and how the result is made from them (`keep`); the result
-itself knows only `save`. Measurements, excitations and models are single files, written by a function of their room (`written_by`).
+The room that has a result says what of it is evidence, and how it is made from that (`keep`); the result itself knows only `save`.
+Measurements, excitations and models are single files, written by a function of their room (`written_by`).
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import pathlib
@@ -20,33 +19,33 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid._version import __version__
+from robustid.core.choice import Choice, Source
+from robustid.core.description import Arrays, Record, digest, form_of, stored
 from robustid.core.files import atomic_write
-from robustid.core.validation import as_kind
+from robustid.core.state_space import StateMatrices
+from robustid.core.validation import Signal, as_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
-Arrays = dict[str, np.ndarray]
-Record = dict[str, Any]
 PathLike = str | os.PathLike[str]
 
-# Arrays that show a saved result: an identification, which bounds have inside too, or a fit.
-_INSIDE = frozenset({"claim/x.npy", "fit/nodes/denominators.npy"})
+_KIND = "robustid.kind"  # array that shows a saved result
+_ABOUT = ("format", "version", "summary")  # what stands beside the evidence
 
 
 class _Kept(NamedTuple):
-    """Form of the results of one class."""
+    """Name of the results of a class in files, and in messages."""
 
     kind: str
     words: str
-    pack: Callable[[Any], tuple[Record, Arrays]]
-    unpack: Callable[[Record, Arrays], Any]
+    cls: type
 
     @property
     def format(self) -> str:
         return f"robustid {self.kind} 1"
 
 
-_RESULTS: dict[type[Any], _Kept] = {}
-_FILES: dict[type[Any], Callable[[PathLike, Any], None]] = {}
+_RESULTS: dict[type, _Kept] = {}
+_FILES: dict[type, Callable[[PathLike, Any], None]] = {}
 
 
 def keep(
@@ -54,8 +53,9 @@ def keep(
     kind: str,
     *,
     words: str | None = None,
-    pack: Callable[[Any], tuple[Record, Arrays]],
-    unpack: Callable[[Record, Arrays], Any],
+    evidence: Callable[[Any], Record] | None = None,
+    make: Callable[..., Any] | None = None,
+    verify: Callable[[Any], None] | None = None,
 ) -> None:
     """Register how the results of a class are saved and loaded.
 
@@ -66,12 +66,16 @@ def keep(
         Its name in the files, in lower-case words: it stays what it is for as long as old files are to load.
     words : str, optional
         Its name in messages; default `kind`.
-    pack : callable
-        From a result to its text, which JSON can hold, and its arrays by name.
-    unpack : callable
-        The way back; it verifies every claim again. ValueError, TypeError and KeyError mean files that were edited.
+    evidence : callable, optional
+        From a result to the fields that are stored: of what follows from others, nothing. Default: those from which it is made.
+    make : callable, optional
+        The way back, which verifies every claim again, from these fields by name and with their types. ValueError, TypeError
+        and KeyError mean files that were edited. Default: the class itself.
+    verify : callable, optional
+        Raises ValueError where a result that was made so claims more than its own numbers support.
     """
-    _RESULTS[cls] = _Kept(kind, words or kind, pack, unpack)
+    stored(cls, evidence=evidence, make=make, verify=verify)
+    _RESULTS[cls] = _Kept(kind, words or kind, cls)
 
 
 def written_by(cls: type, write: Callable[[PathLike, Any], None]) -> None:
@@ -92,9 +96,15 @@ def save(path: PathLike, thing: Any) -> None:
     if (write := _of(_FILES, thing.__class__)) is not None:
         write(path, thing)
         return
-    record, arrays = describe(thing)
+    if (kept := _of(_RESULTS, thing.__class__)) is None:
+        names = ", ".join(sorted(cls.__name__ for cls in (*_RESULTS, *_FILES)))
+        raise InputTypeError(f"`thing` must be one of {names} or a control.StateSpace; got {type(thing).__name__}")
     numbers, text = paths(path)
-    record |= {"digest": digest(arrays)}
+    arrays: Arrays = {_KIND: np.array(kept.kind)}
+    record: Record = {"format": kept.format, "version": __version__} | form_of(kept.cls).described(thing, "", arrays)
+    if summary := getattr(thing, "summary", None):
+        record["summary"] = summary().splitlines()
+    record |= {"digest": digest(arrays, record)}
     try:
         with atomic_write(numbers, "wb") as binary, atomic_write(text, "w") as file:
             np.savez_compressed(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
@@ -111,23 +121,6 @@ class Savable:
     def save(self, path: PathLike) -> None:
         """Write it for `robustid.load`: a result as `path`.npz and `path`.json, all else as one file; see `robustid.save`."""
         save(path, self)
-
-
-def describe(thing: Any) -> tuple[Record, Arrays]:
-    """Text and arrays that are written of a result."""
-    if (kept := _of(_RESULTS, thing.__class__)) is None:
-        names = ", ".join(sorted(cls.__name__ for cls in (*_RESULTS, *_FILES)))
-        raise InputTypeError(f"`thing` must be one of {names} or a control.StateSpace; got {type(thing).__name__}")
-    record, arrays = kept.pack(thing)
-    return {"format": kept.format, "version": __version__} | record, arrays
-
-
-def rebuild(record: Record, arrays: Arrays) -> Any:
-    """Make the result again that `describe` described; its claims are verified anew."""
-    kept = next((kept for kept in _RESULTS.values() if kept.format == record["format"]), None)
-    if kept is None:
-        raise ValueError(f"their format is {record['format']!r}")
-    return kept.unpack(record, arrays)
 
 
 def _of(register: dict[type[Any], Any], cls: type[Any]) -> Any:
@@ -157,15 +150,18 @@ def load_saved(path: PathLike, *kinds: str) -> Any:
         arrays = read_arrays(numbers)
         if record["format"] not in formats:
             raise ValueError(f"their format is {record['format']!r}")
-        intact = record["digest"] == digest(arrays)
+        intact = record.pop("digest") == digest(arrays, record)
     except FileNotFoundError as error:
         raise FileFormatError(f"{error.filename} is missing; saved {words} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"{text} and {numbers.name} are not a saved {words} ({error})") from None
     if not intact:
-        raise FileFormatError(f"{numbers} does not belong to {text} (its digest differs); restore both files")
+        raise FileFormatError(
+            f"{numbers} does not belong to {text}, or one of them was edited (its digest differs); restore both files"
+        )
     with _usable(numbers, text):
-        return rebuild(record, arrays)
+        fields = {name: item for name, item in record.items() if name not in _ABOUT}
+        return form_of(formats[record["format"]].cls).made(fields, arrays)
 
 
 @contextlib.contextmanager
@@ -175,7 +171,15 @@ def _usable(numbers: pathlib.Path, text: pathlib.Path) -> Generator[None, None, 
         yield
     except KeyError as error:
         raise FileFormatError(f"{text} lacks {error}; was it edited?") from None
-    except (TypeError, ValueError, np.linalg.LinAlgError) as error:
+    except (
+        TypeError,
+        ValueError,
+        AttributeError,
+        IndexError,
+        OverflowError,
+        RecursionError,
+        np.linalg.LinAlgError,
+    ) as error:
         raise FileFormatError(f"{text} and {numbers.name} can't be used: {error}") from None
 
 
@@ -195,7 +199,7 @@ def saved_kind(path: PathLike) -> str | None:
         return found[1]
     try:
         with zipfile.ZipFile(numbers) as archive:
-            return "result" if _INSIDE.intersection(archive.namelist()) else None
+            return "result" if f"{_KIND}.npy" in archive.namelist() else None
     except Exception:  # zipfile has many for damaged bytes; a file of measurements, whose reader has the sentence
         return None
 
@@ -215,26 +219,9 @@ def read_arrays(path: PathLike) -> Arrays:
         return {name: archive[name] for name in archive.files}
 
 
-def digest(arrays: Arrays) -> str:
-    """SHA-256 of arrays with their names, types and shapes."""
-    total = hashlib.sha256()
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        total.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        total.update(array.tobytes())
-    return total.hexdigest()
-
-
-def text_array(text: Any) -> np.ndarray:
-    """Text of any structure as an array, for digests."""
-    return np.frombuffer(json.dumps(text, sort_keys=True).encode(), np.uint8)
-
-
 def part(arrays: Arrays, prefix: str) -> Arrays:
     """The arrays whose names begin so, without that beginning."""
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
-def under(prefix: str, arrays: Arrays) -> Arrays:
-    """Return the arrays with names that begin so."""
-    return {prefix + name: array for name, array in arrays.items()}
+stored(Choice, Source, Signal, StateMatrices)

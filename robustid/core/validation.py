@@ -1,16 +1,14 @@
-"""The only validation helpers: shapes, finiteness, freezing."""
+"""The only validation helpers: shapes, finiteness, signals."""
 
 from __future__ import annotations
 
-import dataclasses
 import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core.printing import short_repr
+from robustid.core.frozen import freeze
 from robustid.errors import InputError, InputTypeError
 
 Kind = TypeVar("Kind")
@@ -25,97 +23,6 @@ class Signal(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-
-_SMALL = 100  # numbers that are sent as they are
-
-
-class Frozen:
-    """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only.
-
-    They print in at most a screen (`short_repr`).
-    """
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Keep the dataclass from writing a `__repr__` that prints every number."""
-        super().__init_subclass__(**options)
-        if "__repr__" not in cls.__dict__:
-            cls.__repr__ = cls.__repr__  # in the class itself, where the decorator looks for one
-
-    def __repr__(self) -> str:
-        return short_repr(self)
-
-    def _repr_html_(self) -> str | None:
-        """Head of the page about it, which notebooks show."""
-        from robustid.figures import head
-
-        return head(self)
-
-    def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
-        fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
-        return _rebuild, (type(self), fields)
-
-    def _set(self, **values: Any) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-
-def _rebuild(cls: type[Any], fields: dict[str, Any]) -> Any:
-    return cls(**{name: _unpack(value) for name, value in fields.items()})
-
-
-class _PackedModel(NamedTuple):
-    """The parts of a `control.StateSpace`: the object itself holds lambdas, which can't be pickled."""
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    dt: Any
-    inputs: list[str]
-    outputs: list[str]
-    name: str
-
-
-class _PackedRows(NamedTuple):
-    """An array of which at least half of the rows are zero: what is known of a part, among the numbers of the whole."""
-
-    length: int
-    rows: np.ndarray
-    values: np.ndarray
-
-
-def _pack(value: Any) -> Any:
-    if type(value).__module__.startswith("control.") and type(value).__name__ == "StateSpace":
-        matrices = (value.A, value.B, value.C, value.D)
-        return _PackedModel(*matrices, value.dt, value.input_labels, value.output_labels, value.name)
-    return _without_zeros(cast("NDArray[Any]", value)) if isinstance(value, np.ndarray) else value
-
-
-def _without_zeros(array: NDArray[Any]) -> NDArray[Any] | _PackedRows:
-    if array.ndim not in (1, 2) or array.size <= _SMALL:
-        return array
-    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1))
-    return _PackedRows(len(array), rows, array[rows]) if 2 * rows.size <= len(array) else array
-
-
-def _unpack(value: Any) -> Any:
-    if isinstance(value, _PackedModel):
-        import control
-
-        return control.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
-    if isinstance(value, _PackedRows):
-        whole = np.zeros((value.length, *value.values.shape[1:]), value.values.dtype)
-        whole[value.rows] = value.values
-        return whole
-    return value
-
-
-def freeze(array: np.ndarray) -> np.ndarray:
-    """A read-only array that nobody else can write to."""
-    array = np.array(array)
-    array.flags.writeable = False
-    return array
 
 
 def as_array(name: str, value: Any, *, dtype: type = float, ndim: int | None = None, finite: bool = True) -> np.ndarray:

@@ -7,7 +7,7 @@ from robustid.formats.files import Origin, origin, read_file, read_said
 from robustid.formats.model_files import load_model, save_model
 from robustid.formats.names import FREQUENCY, NAMES, TIME
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
-from robustid.formats.saved import WRITERS, flat_fields, from_fields
+from robustid.formats.saved import WRITERS
 
 __all__ = [
     "FREQUENCY",
@@ -19,8 +19,6 @@ __all__ = [
     "Origin",
     "contents",
     "datasets",
-    "flat_fields",
-    "from_fields",
     "is_network",
     "load_excitation",
     "load_model",

@@ -160,7 +160,7 @@ def origin(
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path, decimal)
     if table.meta is not None and not fields:
-        return Origin(table.meta["kind"], True, table.meta.get("dt"), "stored with the data", "as it was saved")
+        return Origin(table.meta["kind"], True, table.meta["data"].get("dt"), "stored with the data", "as it was saved")
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
             table = from_structure(table, kind, None)
@@ -195,7 +195,7 @@ def _loaded(build: Any, table: Table) -> Any:
         return build()
     except (InputError, InputTypeError, FileFormatError) as error:
         raise error.at(table.path.name) from None
-    except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError):
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError, RecursionError):
         if table.meta is None:
             raise
         raise FileFormatError(

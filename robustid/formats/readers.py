@@ -117,8 +117,8 @@ def export(table: Table) -> str:
 def _checked(path: Path, meta: str) -> dict[str, Any]:
     try:
         said: dict[str, Any] = json.loads(meta)
-        version, kind = said["robustid"], said["kind"]
-    except (ValueError, KeyError, TypeError, RecursionError):
+        version, kind, _ = said["robustid"], said["kind"], said["data"].items()
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise FileFormatError(f"{path.name}: the description that robustid.save wrote is damaged; save again") from None
     if version != FORMAT or kind not in ("frequency", "tangential", "time"):
         raise FileFormatError(

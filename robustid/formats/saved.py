@@ -13,109 +13,54 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import atomic_write
-from robustid.data import Bound, FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.core import Arrays, Record, atomic_write, described, made, stored
+from robustid.data import Bound, Caveat, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
 from robustid.formats.lookup import Lookup
 from robustid.formats.readers import FORMAT
 from robustid.formats.table import Table
 
-_ARRAYS = {
-    "frequency": ("omega", "values", "bound", "tilt", "noise", "distortion", "coherence", "covariance", "ellipsoid"),
-    "tangential": ("omega", "values", "right", "left", "bound"),
-    "time": ("u", "y", "bound", "reference"),
+Measured = FrequencyResponse | TangentialResponse | TimeRecord
+CLASSES: dict[str, type[Measured]] = {
+    "frequency": FrequencyResponse,
+    "tangential": TangentialResponse,
+    "time": TimeRecord,
 }
-_OF_BOUND = {
-    "bound_kind": "kind",
-    "probability": "probability",
-    "bound_dof": "dof",
-    "excitations": "excitations",
-    "caveats": "caveats",
-}
-_FACTS = {
-    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint", "problems"),
-    "tangential": ("dt", "note", *_OF_BOUND),
-    "time": ("dt", "initial", "past_input_bound", "note", *_OF_BOUND),
-}
-_KINDS = {
-    "noise_floor": "rest",
-    "confidence": "statistical",
-}  # names in files, which stay for as long as old ones are to load
-_OLD_KINDS = {old: kind for kind, old in _KINDS.items()}
-CLASSES = {"frequency": FrequencyResponse, "tangential": TangentialResponse, "time": TimeRecord}
 _FACTORS = ("covariance_inputs", "covariance_outputs")
 _COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left", *_FACTORS)
 _LARGE, _ROUNDING = 16, 1e-13  # entries from which on a covariance is stored by its factors, and their error
 _ROWS = 20_000
 
-
-def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> dict[str, Any]:
-    """Parts of a response or record, by the names that files keep: the parts of its bound beside everything else."""
-    bound = Bound(np.inf) if data.bound is None else data.bound
-    fields: dict[str, Any] = {}
-    for field in dataclasses.fields(data):
-        fields[field.name] = getattr(data, field.name)
-        if field.name == "bound" and isinstance(data, FrequencyResponse):
-            fields["tilt"] = bound.tilt
-    fields |= {"bound": None if data.bound is None else bound.radius, "bound_kind": _KINDS.get(bound.kind, bound.kind)}
-    if bound.probability is not None or not isinstance(data, TimeRecord):
-        fields["probability"] = bound.probability
-    if bound.dof != _implied_dof(fields):
-        fields["bound_dof"] = bound.dof
-    if not fields.get("problems"):
-        fields.pop("problems", None)
-    if bound.excitations is not None:
-        fields["excitations"] = bound.excitations
-    if bound.caveats:
-        fields["caveats"] = list(bound.caveats)
-    return fields | ({"joint": bound.joint, "ellipsoid": bound.ellipsoid} if "tilt" in fields else {})
+stored(Bound, Caveat, *CLASSES.values())
 
 
-def _implied_dof(fields: dict[str, Any]) -> float | None:
-    """Degrees of freedom of a bound where nothing is said: with a probability, those of the covariance."""
-    return None if fields.get("probability") is None else fields.get("dof")
-
-
-def from_fields(cls: type, fields: dict[str, Any]) -> Any:
-    """The response or record that consists of this; of files of older versions too, which know fewer names."""
-    fields = {"bound_dof": _implied_dof(fields)} | fields
-    fields = {name: value for name, value in fields.items() if value is not None}
-    parts = {part: fields.pop(name) for name, part in _OF_BOUND.items() if name in fields}
-    parts |= {name: fields.pop(name) for name in ("tilt", "joint", "ellipsoid") if name in fields}
-    kind = parts.get("kind", "hard")
-    parts["kind"] = _OLD_KINDS.get(kind, kind)
-    if parts["kind"] == "hard":  # older versions let one state a probability here too
-        parts.pop("probability", None)
-        parts.pop("dof", None)
-    if "bound" in fields or "ellipsoid" in parts:
-        fields["bound"] = Bound(fields.get("bound"), **parts)
-    return cls(**fields)
-
-
-def _described(data: Any, kind: str, layout: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays, and everything else."""
-    fields = flat_fields(data)
-    arrays = {name: fields[name] for name in _ARRAYS[kind] if fields[name] is not None}
-    if (
-        kind == "frequency"
-        and "covariance" in arrays
-        and (factors := _factors(arrays["covariance"], data.values.shape))
-    ):
-        arrays |= dict(zip(_FACTORS, factors, strict=True))
+def _described(data: Measured, kind: str, layout: str) -> tuple[Arrays, Record]:
+    """The arrays by their names in files, and everything else."""
+    by_path: Arrays = {}
+    text = described(data, "", by_path)
+    arrays = {_name(path): array for path, array in by_path.items()}
+    if isinstance(data, FrequencyResponse) and (factors := _factors(data.covariance, data.values.shape)) is not None:
         del arrays["covariance"]
-    meta = {name: fields[name] for name in (*_FACTS[kind], "inputs", "outputs") if name in fields}
-    meta["shapes"] = {name: array.shape[1:] for name, array in arrays.items()}
+        arrays |= dict(zip(_FACTORS, factors, strict=True))
+    shapes = {name: array.shape[1:] for name, array in arrays.items()}
     samples = len(next(iter(arrays.values())))
-    return arrays, meta | {"robustid": FORMAT, "kind": kind, "samples": samples, "layout": layout}
+    meta = {"robustid": FORMAT, "kind": kind, "layout": layout, "samples": samples, "shapes": shapes}
+    return arrays, meta | {"paths": {path: _name(path) for path in by_path}, "data": text}
 
 
-def _factors(covariance: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray] | None:
+def _name(path: str) -> str:
+    """Name in a file: that of the field, and `bound` of its radius."""
+    field = path.rpartition("/")[2]
+    return "bound" if field == "radius" else field
+
+
+def _factors(covariance: np.ndarray | None, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray] | None:
     """R (F, nu, nu) and C (F, ny, ny) of a large covariance that is their Kronecker product to rounding; None of any other.
 
     That of periodic experiments is one: noise of the outputs, through the inverse of the inputs. 28 x 2 entries need a fourth.
     """
     points, ny, nu = shape
-    if ny * nu < _LARGE or min(ny, nu) == 1:
+    if covariance is None or ny * nu < _LARGE or min(ny, nu) == 1:
         return None
     apart = covariance.reshape(points, nu, ny, nu, ny).transpose(0, 1, 3, 2, 4)
     traces = np.einsum("fabii->fab", apart)
@@ -132,13 +77,13 @@ def _product(R: np.ndarray, C: np.ndarray) -> np.ndarray:
     return np.einsum("fab,fij->faibj", R, C).reshape(len(R), size, size)
 
 
-def _write_npz(path: str | os.PathLike[str], data: Any, kind: str) -> None:
+def _write_npz(path: str | os.PathLike[str], data: Measured, kind: str) -> None:
     arrays, meta = _described(data, kind, ".npz")
     with atomic_write(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays, robustid=np.array(json.dumps(meta)))
 
 
-def _write_csv(path: str | os.PathLike[str], data: Any, kind: str) -> None:
+def _write_csv(path: str | os.PathLike[str], data: Measured, kind: str) -> None:
     arrays, meta = _described(data, kind, ".csv")
     columns = {"time": data.time} if isinstance(data, TimeRecord) else {}
     for name, array in arrays.items():
@@ -155,7 +100,7 @@ def _write_csv(path: str | os.PathLike[str], data: Any, kind: str) -> None:
             writer.writerows(table[start : start + _ROWS].tolist())
 
 
-def _write_mat(path: str | os.PathLike[str], data: Any, kind: str) -> None:
+def _write_mat(path: str | os.PathLike[str], data: Measured, kind: str) -> None:
     import scipy.io
 
     arrays, meta = _described(data, kind, ".mat")
@@ -177,27 +122,27 @@ def _column_names(name: str, shape: tuple[int, ...], part: str) -> Iterator[str]
         yield base + ("" if alone else str(index[0]) if len(shape) == 1 else "".join(f"_{i}" for i in index))
 
 
-def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Any:
+def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Measured:
     """Object that `save` wrote, with the arguments given to `load` in place of what is stored."""
-    meta: dict[str, Any] = table.meta
+    meta: Record = table.meta
     if kind not in (None, meta["kind"]):
         raise InputError(f"`kind` = {kind!r}, but the file holds {meta['kind']} data; leave `kind` out")
     arrays = {name: _array(table, meta, name, tuple(shape)) for name, shape in meta["shapes"].items()}
     if _FACTORS[0] in arrays:
         arrays["covariance"] = _product(*(arrays.pop(name) for name in _FACTORS))
-    facts = {name: meta[name] for name in _FACTS[meta["kind"]] if name in meta}  # older files know fewer
-    names = {side: [tuple(channel) for channel in meta[side]] for side in ("inputs", "outputs")}
-    if meta["kind"] != "time":
-        options.pop("initial", None)
-    data = from_fields(CLASSES[meta["kind"]], {**arrays, **facts, **names})
-    if len(arrays["u" if meta["kind"] == "time" else "omega"]) != meta["samples"]:
+    data = made(meta["data"], {path: arrays[name] for path, name in meta["paths"].items()})
+    if not isinstance(data, CLASSES[meta["kind"]]):
+        raise FileFormatError(f"the file holds no {meta['kind']} data, as its description says")
+    if len(data.u if isinstance(data, TimeRecord) else data.omega) != meta["samples"]:
         raise FileFormatError(f"the file was written with {meta['samples']} samples and has fewer or more now")
+    if not isinstance(data, TimeRecord):
+        options.pop("initial", None)
     bound = options.pop("bound", None)
     data = data if bound is None else data.with_bound(bound)
     return dataclasses.replace(data, **options) if options else data
 
 
-def _array(table: Table, meta: dict[str, Any], name: str, shape: tuple[int, ...]) -> np.ndarray:
+def _array(table: Table, meta: Record, name: str, shape: tuple[int, ...]) -> np.ndarray:
     column: Any = table.columns.get(name)
     if meta["layout"] == ".npz":
         return column

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Progress, Real, digest, text_array, threads_for
+from robustid.core import Budget, Complex, Progress, Real, fingerprint, threads_for
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.functions import pairs_of
@@ -17,7 +17,7 @@ from robustid.guarantees.sweep import Folder, Known
 from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, describe_problem, identify
+from robustid.identification import Identification, MixedProblem, identify
 
 Polygons = WorstCaseError | WorstCaseOverPoles
 Box = tuple[Real, Real]
@@ -68,7 +68,7 @@ def check_polygons(polygons: Any, problem: MixedProblem, box: Box | None) -> Non
             "`polygons` must be a WorstCaseError, or over a box a WorstCaseOverPoles; got " + type(polygons).__name__
         )
     other = polygons.identification.problem
-    if other is not problem and _identity(other) != _identity(problem):
+    if other is not problem and fingerprint(other) != fingerprint(problem):
         raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
     if isinstance(polygons, WorstCaseError):
         if box is not None:
@@ -86,11 +86,6 @@ def check_polygons(polygons: Any, problem: MixedProblem, box: Box | None) -> Non
             raise InputError(
                 f"`polygons` must cover the box of the band; their `{name}` is {mine.tolist()}, its {ends.tolist()}"
             )
-
-
-def _identity(problem: MixedProblem) -> str:
-    arrays, text = describe_problem(problem)
-    return digest(arrays | {"text": text_array(text)})
 
 
 def polygons_hold(polygons: Polygons, exact: bool = False) -> bool:

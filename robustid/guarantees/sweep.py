@@ -13,15 +13,15 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Progress, Real, atomic_write, digest, read_arrays, text_array
+from robustid.core import Budget, Complex, Progress, Real, atomic_write, fingerprint, read_arrays
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
 from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.spread import Spread, spread
 from robustid.guarantees.value_set import ValueSet
-from robustid.identification import describe_problem
 
 _log = logging.getLogger("robustid")
 
@@ -213,14 +213,12 @@ class _Store:
                 " make room, and run the same again"
             ) from error
 
-    def _bound(self, omega: float) -> Real:
+    def _bound(self, omega: float) -> NDArray[Any]:
         directions, gap = self._settings
-        return text_array([self._digest, directions, gap, omega])
+        return np.array(fingerprint((self._digest, directions, gap, omega)))
 
 
 def _identity(consistent: ConsistentSet) -> str:
     """Digest of everything that the values and their certificates are about: data, assumptions, basis, level."""
-    arrays, text = describe_problem(consistent.posed.problem)
     pair = consistent.data.sarason.pair
-    level = np.array([consistent.level])
-    return digest(arrays | {"basis/A": pair.A, "basis/c": pair.c, "level": level, "text": text_array(text)})
+    return fingerprint((consistent.posed.problem, pair.A, pair.c, consistent.level))

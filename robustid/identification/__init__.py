@@ -1,5 +1,7 @@
 """The convex question and its answer: the problem, identify(), its result and its proofs."""
 
+from robustid.identification import storage as storage  # registers what can be saved
+from robustid.identification.bilinear_image import from_image, image_of, in_image
 from robustid.identification.certificate import (
     Functional,
     MarginCertificate,
@@ -10,7 +12,6 @@ from robustid.identification.certificate import (
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS
-from robustid.identification.image import from_image, image_of, in_image
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
@@ -25,7 +26,6 @@ from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
-from robustid.identification.storage import describe_problem, read_problem
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
 from robustid.identification.verification import Check, Claim
 from robustid.identification.weighting import PriorWeight, as_weight
@@ -59,7 +59,6 @@ __all__ = [
     "class_value",
     "contradictions",
     "describe_poles",
-    "describe_problem",
     "entry_name",
     "evaluate_support",
     "excited_lines",
@@ -75,7 +74,6 @@ __all__ = [
     "prior_fields",
     "prior_from",
     "prove_margin",
-    "read_problem",
     "validate",
     "verify_margin_exactly",
     "verify_support_exactly",

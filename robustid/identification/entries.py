@@ -20,12 +20,6 @@ class Entries(Frozen):
 
     Entry by entry, row by row; of symmetric matrices the upper triangle, its off-diagonal entries times sqrt(2).
 
-    Parameters
-    ----------
-    outputs, inputs : int
-        p and q.
-    symmetric : bool
-
     Examples
     --------
     >>> from robustid.identification.entries import Entries
@@ -34,8 +28,8 @@ class Entries(Frozen):
            [0., 3.]])
     """
 
-    outputs: int = 1
-    inputs: int = 1
+    outputs: int = 1  # p
+    inputs: int = 1  # q
     symmetric: bool = False
 
     @functools.cached_property

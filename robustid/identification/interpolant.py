@@ -30,29 +30,17 @@ class Interpolants(Frozen):
     Of p x q functions A, c stand for A (x) I, c (x) I, and the order is n q (or (n - 1) q); with fewer outputs than inputs all is
     done with the transposed function, of order n p.
 
-    Attributes
-    ----------
-    V : (n+1, n+1) array; of matrices (nq+p, nq+q), of transposed ones with p and q exchanged
-    outer, inner : (n+1, 1) arrays; of matrices (nq+p, p) and (nq+q, q)
-        u_r and u_d.
-    smallest : float
-        Smallest eigenvalue of M.
-    kept : (n, r) array
-        Orthonormal basis of the states of the central interpolant.
-    transposed : bool
-        Whether the function is the transpose of that of these arrays.
-
     Notes
     -----
     Source: `ball1990` (the set of all solutions); in purpose equation (22) of `inanc2001`, without its inverses.
     """
 
-    V: Real
-    outer: Real
-    inner: Real
-    smallest: float
-    kept: Real
-    transposed: bool = False
+    V: Real  # (n+1, n+1); of matrices (nq+p, nq+q), of transposed ones with p and q exchanged
+    outer: Real  # (n+1, 1), of matrices (nq+p, p): u_r
+    inner: Real  # (n+1, 1), of matrices (nq+q, q): u_d
+    smallest: float  # smallest eigenvalue of M
+    kept: Real  # (n, r), orthonormal basis of the states of the central interpolant
+    transposed: bool = False  # whether the function is the transpose of that of these arrays
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("V", "outer", "inner", "kept")})

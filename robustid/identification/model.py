@@ -31,20 +31,11 @@ _EDGE_UNBOUNDED = 1e-5  # of positive-real classes: X is not bounded, and its ro
 
 @dataclasses.dataclass(frozen=True)
 class Nominal:
-    """The model of a point: of the central interpolant itself, or but for `error` in the H-infinity norm.
-
-    Attributes
-    ----------
-    model : control.StateSpace
-    states : int
-        Number of states of the non-parametric part; they come first.
-    error : float
-        Bound of |model - interpolant| at any frequency, over the weight of the class; 0 where no state was left out.
-    """
+    """The model of a point: of the central interpolant itself, or but for `error` in the H-infinity norm."""
 
     model: Any
-    states: int
-    error: float
+    states: int  # number of states of the non-parametric part; they come first
+    error: float  # bound of |model - interpolant| at any frequency, over the weight of the class; 0 where no state was left out
 
 
 def level_of(objective: str, margin: float, accuracy: float, prior: Prior) -> float:

@@ -126,14 +126,9 @@ class HalfPlane(Frozen, Region):
     r"""Re s > -alpha, seen from q = (b - s)/(b + s): a disc that touches the circle of the frequencies at s = infinity.
 
     .. math:: \zeta = \frac{q}{1 + \kappa + \kappa q}, \qquad \kappa = \alpha/b
-
-    Attributes
-    ----------
-    ratio : float
-        kappa > 0.
     """
 
-    ratio: float
+    ratio: float  # kappa > 0
 
     depth_name = "largest pole of the non-parametric part, in the variable in which Re s = -alpha is the unit circle"
 

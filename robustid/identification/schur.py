@@ -31,11 +31,6 @@ class TaylorInterpolants(Frozen):
     E = 0 is the central one, a ratio of polynomials of degree L - 1 at most. Same set as `Interpolants` of a pair
     without frequency points, for any L: that one needs matrices of size L.
 
-    Attributes
-    ----------
-    gamma : (L,) array
-        Schur parameters, all inside (-1, 1).
-
     Notes
     -----
     Values come from the maps above, which contract the hyperbolic metric of the disc; the polynomials of `central` lose
@@ -44,7 +39,7 @@ class TaylorInterpolants(Frozen):
     Source: Schur 1917; `ball1990` for the set of all solutions.
     """
 
-    gamma: Real
+    gamma: Real  # (L,), Schur parameters, all inside (-1, 1)
 
     def __post_init__(self) -> None:
         self._set(gamma=freeze(self.gamma))

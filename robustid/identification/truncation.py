@@ -27,24 +27,14 @@ _ROUNDING = 10
 
 
 class Truncation(NamedTuple):
-    """A small discrete model, with the impulse response D, C B, C A B, ...
+    """A small discrete model, with the impulse response D, C B, C A B, ..."""
 
-    Attributes
-    ----------
-    A, B, C, D : (r, r), (r, 1), (1, r), (1, 1) arrays
-        Leading part of a balanced realisation; A has spectral radius below 1.
-    hankel : (r,) array
-        The Hankel singular values that are kept, descending, in units of the response.
-    bound : float
-        Of max over frequency of the error, in units of the response: twice the sum of the others.
-    """
-
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    hankel: NDArray[np.float64]
-    bound: float
+    A: NDArray[np.float64]  # (r, r), of spectral radius below 1: leading part of a balanced realisation, as B and C
+    B: NDArray[np.float64]  # (r, 1)
+    C: NDArray[np.float64]  # (1, r)
+    D: NDArray[np.float64]  # (1, 1)
+    hankel: NDArray[np.float64]  # (r,), the Hankel singular values that are kept, descending, in units of the response
+    bound: float  # of max over frequency of the error, in units of the response: twice the sum of the others
 
 
 def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Truncation:

@@ -107,16 +107,9 @@ ONE = PriorWeight((), (), 1.0, 0.0)
 
 @dataclasses.dataclass(frozen=True)
 class Weighting(Frozen):
-    """The weight of a problem, on the circle of its plane: G = W phi, phi in the ball of the prior.
+    """The weight of a problem, on the circle of its plane: G = W phi, phi in the ball of the prior."""
 
-    Attributes
-    ----------
-    own : PriorWeight
-        `ONE` where the prior has none.
-    plane : Plane
-    """
-
-    own: PriorWeight
+    own: PriorWeight  # `ONE` where the prior has none
     plane: Plane
 
     @property

@@ -1,7 +1,5 @@
 """robustid.load and robustid.save: whatever the library writes goes through one door and comes back."""
 
-import pathlib
-
 import control
 import numpy as np
 import pytest
@@ -11,8 +9,6 @@ import robustid as rid
 from support.problems import random_problem
 
 pytestmark = pytest.mark.quick
-
-SAVED = pathlib.Path(__file__).parents[1] / "support" / "saved_before"
 
 
 @pytest.fixture(scope="module")
@@ -149,19 +145,3 @@ def test_a_stranger_s_text_beside_data_does_no_harm(tmp_path):
     (tmp_path / "plain.json").write_text('{"format": "robustid identification 2"}')
     with pytest.raises(rid.errors.FileFormatError, match="their format is 'robustid identification 2'"):
         rid.load(tmp_path / "plain.npz")
-
-
-@pytest.mark.parametrize("name", ["identification", "worst_case", "poles"])
-def test_files_of_the_version_before_load_and_verify(name):
-    """Written by 0.1.0 before its results were saved through one register: two modes, three frequency points, one sample."""
-    again = rid.load(SAVED / name)
-    if name == "identification":
-        assert again.consistent
-        assert abs(again.margin) < 1e-9
-        assert again.problem.frequency[0].inputs[0].unit == "A"
-    else:
-        assert again.certified
-        np.testing.assert_allclose(again.upper.max(), {"worst_case": 0.11621146, "poles": 8.53159861}[name], rtol=1e-7)
-    if name == "worst_case":
-        assert again.circle.bound.size == 25
-        assert abs(again.hinf - 7.366673395784134) < 1e-12

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.formats import flat_fields, from_fields
+from robustid.core import described, made
 from support.mimo_data import KINDS, complex_normal, response, same
 
 pytestmark = pytest.mark.quick
@@ -143,20 +143,7 @@ def test_words():
     assert "share one bound" in response(1, "column").bound.shape_words
 
 
-def test_fields_of_older_files():
-    old = {
-        "omega": [1.0],
-        "values": [1.0],
-        "bound": [[[0.1]]],
-        "bound_kind": "statistical",
-        "probability": 0.9,
-        "dof": 4.0,
-    }
-    frf = from_fields(rid.FrequencyResponse, old | {"joint": "entry", "tilt": None})
-    assert (frf.bound.kind, frf.bound.probability, frf.bound.dof, frf.dof) == ("confidence", 0.9, 4.0, 4.0)
-    same(from_fields(rid.FrequencyResponse, flat_fields(frf)), frf)
-    record = {"u": [1.0], "y": [1.0], "dt": 1.0, "bound": [0.1], "bound_kind": "rest"}
-    assert from_fields(rid.TimeRecord, record).bound.kind == "noise_floor"
-    hard = from_fields(rid.FrequencyResponse, {"omega": [1.0], "values": [1.0], "bound": [0.1], "probability": 0.9})
-    assert (hard.bound.kind, hard.bound.probability) == ("hard", None)
-    assert from_fields(rid.TimeRecord, {"u": [1.0], "y": [1.0], "dt": 1.0, "bound_kind": "hard"}).bound is None
+@pytest.mark.parametrize(("joint", "missing"), KINDS)
+def test_described_and_made_again_it_is_the_same(joint, missing):
+    frf, arrays = response(1, joint, missing=missing), {}
+    same(made(described(frf, "", arrays), arrays), frf)

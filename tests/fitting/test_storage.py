@@ -2,7 +2,6 @@
 
 import contextlib
 import functools
-import json
 import pickle
 
 import control
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.forging import forge
 from support.mfd_systems import noisy, random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)
@@ -63,21 +63,18 @@ def test_it_draws_reports_and_pickles(tmp_path):
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
-        (lambda text: text["fit"].update(cost=0.5 * text["fit"]["cost"]), "its cost is"),
-        (lambda text: text["fit"]["fraction"].update(scale=2 * text["fit"]["fraction"]["scale"]), "state-space model"),
-        (lambda text: text["fit"].pop("nodes"), "can't be used"),
-        (lambda text: text.update(fit={"$class": "Popen"}), "lacks 'Popen'"),
-        (lambda text: text.update(fit=text["fit"]["nodes"]), "holds no fit"),
+        (lambda text: text.update(cost=0.5 * text["cost"]), "its cost is"),
+        (lambda text: text["fraction"].update(scale=2 * text["fraction"]["scale"]), "state-space model"),
+        (lambda text: text.pop("nodes"), "can't be used"),
+        (lambda text: text.update(modal={"$class": "Popen"}), "'Popen', which is no class that can be stored"),
+        (lambda text: text.update(problem=text["nodes"]), "'problem' of its MatrixFraction can't be a NodeFraction"),
     ],
 )
 def test_edited_files_are_refused(tmp_path, edit, words):
     fitted().save(tmp_path / "fit")
-    path = tmp_path / "fit.json"
-    text = json.loads(path.read_text(encoding="utf-8"))
-    edit(text)
-    path.write_text(json.dumps(text), encoding="utf-8")
+    forge(tmp_path / "fit", text=edit)
     with pytest.raises(rid.errors.FileFormatError, match=words):
-        rid.load(path)
+        rid.load(tmp_path / "fit")
 
 
 def test_a_fit_without_its_text_is_named_as_a_result(tmp_path):

@@ -1,13 +1,12 @@
 """Saved families: exact, verified again, refused once they are forged."""
 
-import json
-
 import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.errors import FileFormatError
 from support.families import DT, identified
+from support.forging import forge
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,6 @@ def test_a_bound_on_the_circle_survives(two, tmp_path):
 @pytest.mark.parametrize("change", [{"members": []}, {"interval": [1]}, {"tried": 3}])
 def test_edited_text_is_refused(two, tmp_path, change):
     two.save(tmp_path / "a")
-    text = tmp_path / "a.json"
-    text.write_text(json.dumps(json.loads(text.read_text()) | change))
+    forge(tmp_path / "a", text=lambda record: record.update(change))
     with pytest.raises(FileFormatError):
         rid.load(tmp_path / "a")

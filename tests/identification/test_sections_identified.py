@@ -1,7 +1,6 @@
 """identify() in powers of an all-pass function: margins, certificates, models."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from robustid.identification.formulation import formulate_in
 from robustid.identification.residuals import model_residuals
 from robustid.identification.truncation import BalancedContraction
 from robustid.reduction import hankel_singular_values
+from support.forging import forge
 from support.problems import random_problem
 from support.sections_of_lines import CIRCLE, coordinates, lines, oversampled, random_member
 from support.taylor_members import at
@@ -163,10 +163,9 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert np.array_equal(again.model.A, result.model.A)
     assert again.verification.checks == result.verification.checks
-    text = tmp_path / "sections.json"
-    record = json.loads(text.read_text())
-    record["sections"]["repeats"] += 1
-    text.write_text(json.dumps(record))
+    forge(
+        tmp_path / "sections", text=lambda record: record["sections"].update(repeats=record["sections"]["repeats"] + 1)
+    )
     with pytest.raises(rid.errors.FileFormatError, match="its sections do not belong to its coefficients"):
         rid.load(tmp_path / "sections")
 

@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.bases import FunctionKind
 from robustid.core import Choice, Source
-from support.forging import damage_is_named
+from support.forging import damage_is_named, forge
 from support.problems import CASES, random_problem
 
 
@@ -61,17 +61,6 @@ def test_choices_and_kinds_of_functions_survive(saved):
     assert all(function.kind is FunctionKind.MODE for function in again.problem.parametric.functions)
 
 
-def test_notes_of_older_files_are_read_as_sentences(saved):
-    _, path = saved
-    text = path.with_suffix(".json")
-    record = json.loads(text.read_text())
-    del record["choices"]
-    text.write_text(json.dumps(record | {"notes": ["Modes taken from somewhere", "another"]}))
-    found = rid.load(path)
-    assert found.notes == ("Modes taken from somewhere", "another")
-    assert all(choice.source is Source.STATED for choice in found.choices.values())
-
-
 @pytest.mark.parametrize("suffix", [".npz", ".json"])
 def test_truncated_or_missing_files_are_named(saved, suffix):
     _, path = saved
@@ -88,12 +77,16 @@ def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
 
 def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
     _, path = saved
-    text = path.with_suffix(".json")
-    record = json.loads(text.read_text())
-    record["certificate"]["value"] = record["margin"]
-    record["margin_lower"] = record["margin"]
-    text.write_text(json.dumps(record))
+    forge(path, text=lambda record: record["claim"]["certificate"].update(value=record["claim"]["margin"]))
     assert not rid.load(path).verification.passed
+
+
+def test_an_edited_text_is_not_that_of_the_numbers(saved):
+    _, path = saved
+    text = path.with_suffix(".json")
+    text.write_text(json.dumps(json.loads(text.read_text()) | {"objective": "gain"}))
+    with pytest.raises(rid.errors.FileFormatError, match="edited"):
+        rid.load(path)
 
 
 def test_a_pickle_inside_is_refused(saved):
@@ -127,31 +120,50 @@ def test_problems_and_results_can_be_pickled_and_stay_read_only():
         {"margin": -5.0},
         {"margin": 0.0},
         {"margin": 1.5},
-        {"status": "CONSISTENT"},
-        {"margin_lower": 0.5},
         {"accuracy": 1e-30},
+        {"margin": "0.5"},
+        {"solver": 3},
+        {"certificate": None},
+        {"status": "CONSISTENT"},
     ],
 )
 def test_edited_text_is_refused_or_fails_its_verification(saved, edit):
     _, path = saved
-    text = path.with_suffix(".json")
-    text.write_text(json.dumps(json.loads(text.read_text()) | edit))
+    forge(path, text=lambda record: record["claim"].update(edit))
     with contextlib.suppress(rid.errors.FileFormatError):
         assert not rid.load(path).verification.passed
 
 
-@pytest.mark.parametrize("name", ["result/coefficients", "certificate/samples", "claim/p"])
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (lambda record: record.update(margin_lower=0.5), "'margin_lower' of its Identification is unknown"),
+        (lambda record: record.pop("prior"), "'prior' of its Identification is missing"),
+        (lambda record: record["claim"].update({"$class": "Popen"}), "'Popen', which is no class that can be stored"),
+        (lambda record: record["claim"].update({"$class": "Prior"}), "of its Prior is"),
+        (lambda record: record.update(prior=record["claim"]), "'prior' of its Identification can't be a Claim"),
+        (lambda record: record.update(objective=["center"]), "'objective' of its Identification can't be a tuple"),
+        (
+            lambda record: record.update(coefficients={"$array": "robustid.kind"}),
+            "'coefficients' of its Identification",
+        ),
+        (lambda record: record.update(coefficients={"$array": "nothing"}), "lacks 'nothing'"),
+        (lambda record: record.update(sections={"$call": "print"}), "no meaning"),
+        (lambda record: record.update(timing={"all": "long"}), "'timing' of its Identification"),
+    ],
+)
+def test_fields_are_those_of_the_class_and_of_their_types(saved, edit, words):
+    _, path = saved
+    forge(path, text=edit)
+    with pytest.raises(rid.errors.FileFormatError, match=words):
+        rid.load(path)
+
+
+@pytest.mark.parametrize("name", ["coefficients", "claim/certificate/samples", "claim/p"])
 @pytest.mark.parametrize("damage", ["short", "nan"])
 def test_damaged_numbers_under_a_matching_digest_are_seen(saved, name, damage):
-    from robustid.core import digest
-
     _, path = saved
-    with np.load(path.with_suffix(".npz")) as archive:
-        arrays = {key: archive[key] for key in archive.files}
-    arrays[name] = arrays[name][:-1] if damage == "short" else arrays[name] * np.nan
-    np.savez(path.with_suffix(".npz"), **arrays)
-    text = path.with_suffix(".json")
-    text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
+    forge(path, lambda a: {name: a[name][:-1] if damage == "short" else a[name] * np.nan})
     try:
         again = rid.load(path)
     except rid.errors.FileFormatError:

@@ -9,14 +9,17 @@ import robustid as rid
 from robustid.core import digest
 
 
-def forge(path, change):
-    """Change the arrays and bind the text to them again, as an author of forgeries would."""
-    with np.load(path.with_suffix(".npz")) as archive:
+def forge(path, change=lambda _: {}, text=lambda _: None):
+    """Change the arrays and the text, and bind both to each other again, as an author of forgeries would."""
+    numbers, words = path.with_suffix(".npz"), path.with_suffix(".json")
+    with np.load(numbers) as archive:
         arrays = {name: archive[name] for name in archive.files}
     arrays |= change(arrays)
-    np.savez(path.with_suffix(".npz"), **arrays)
-    text = path.with_suffix(".json")
-    text.write_text(json.dumps(json.loads(text.read_text()) | {"digest": digest(arrays)}))
+    np.savez(numbers, **arrays)
+    record = json.loads(words.read_text(encoding="utf-8"))
+    del record["digest"]
+    text(record)
+    words.write_text(json.dumps(record | {"digest": digest(arrays, record)}), encoding="utf-8")
 
 
 def lower(name, by=1e-6):

@@ -20,23 +20,12 @@ Parts = dict[tuple[int, int], Any]  # of the same corners: what a kind of produc
 
 
 class Inequalities(NamedTuple):
-    """||X(x)|| <= b as b C_k + sum_j u_j A_kj >= 0 for every block k.
+    """||X(x)|| <= b as b C_k + sum_j u_j A_kj >= 0 for every block k."""
 
-    Attributes
-    ----------
-    constants : tuple of arrays
-        C_k.
-    coefficients : tuple of arrays (n, s, s)
-        A_kj.
-    change : (n, n) array or None
-        x = change u; None where u is x.
-    multiplier : callable
-        Of the multipliers Z_k of the blocks: the Y with <Y, X> <= ||Y||_* on the ball.
-    """
-
-    constants: tuple[Real, ...]
-    coefficients: tuple[Real, ...]
-    change: Real | None
+    constants: tuple[Real, ...]  # C_k
+    coefficients: tuple[Real, ...]  # (n, s, s), A_kj
+    change: Real | None  # (n, n), x = change u; None where u is x
+    # Of the multipliers Z_k of the blocks: the Y with <Y, X> <= ||Y||_* on the ball.
     multiplier: Callable[[list[Real]], Real]
 
 

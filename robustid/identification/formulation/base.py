@@ -38,10 +38,6 @@ class Formulation(Frozen, Functions):
     Whatever depends on the kind of basis is asked here. Where something is left out, the functions of the ball with the
     coefficients x are represented but for a remainder, which the tails of the rows bound.
 
-    Parameters
-    ----------
-    problem : MixedProblem
-
     Attributes
     ----------
     name : str

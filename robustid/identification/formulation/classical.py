@@ -26,22 +26,12 @@ class ClassicalForm(Frozen):
     ``[M0^{-1} Z; Z' M0] >= 0`` with M0 = V'V the Gram matrix of the kernel functions and Z the matrix of the data:
     diagonal for nodes (a conjugate pair as a 2x2 rotation), upper-triangular Toeplitz for Taylor coefficients. V maps
     to the orthonormal basis, X = V Z V^{-1}; the condition number of M0 is that of V squared, and M0 is inverted.
-
-    Attributes
-    ----------
-    V : (n, n) array
-    gram : (n, n) array
-        M0.
-    data_basis : (n, n, n) array
-        Z of each real unknown.
-    to_orthonormal : (n, n) array
-        The coefficients x of each unknown (columns).
     """
 
-    V: NDArray[np.float64]
-    gram: NDArray[np.float64]
-    data_basis: NDArray[np.float64]
-    to_orthonormal: NDArray[np.float64]
+    V: NDArray[np.float64]  # (n, n)
+    gram: NDArray[np.float64]  # (n, n), M0
+    data_basis: NDArray[np.float64]  # (n, n, n), Z of each real unknown
+    to_orthonormal: NDArray[np.float64]  # (n, n), the coefficients x of each unknown (columns)
 
     def __post_init__(self) -> None:
         self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self)})

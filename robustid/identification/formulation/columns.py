@@ -13,15 +13,9 @@ from robustid.core import Frozen, freeze
 
 
 class Columns(Frozen, abc.ABC):
-    """A complex matrix E (N, n) that acts on real unknowns, with the products that the proofs need.
+    """A complex matrix E (N, n) that acts on real unknowns, with the products that the proofs need."""
 
-    Attributes
-    ----------
-    stored : bool
-        Whether the matrix itself is kept, so that `dense` costs nothing.
-    """
-
-    stored: ClassVar[bool] = False
+    stored: ClassVar[bool] = False  # whether the matrix itself is kept, so that `dense` costs nothing
 
     @property
     @abc.abstractmethod
@@ -75,14 +69,9 @@ class Design(abc.ABC):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DenseColumns(Columns):
-    """E as a stored array.
+    """E as a stored array."""
 
-    Attributes
-    ----------
-    array : (N, n) complex array; real where all samples are
-    """
-
-    array: NDArray[Any]
+    array: NDArray[Any]  # (N, n)
     stored: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -121,13 +110,7 @@ class DenseColumns(Columns):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ColumnPart(Frozen):
-    """Some rows of E that act on some neighbouring columns only.
-
-    Attributes
-    ----------
-    rows, columns : slice
-    block : Columns
-    """
+    """Some rows of E that act on some neighbouring columns only."""
 
     rows: slice
     columns: slice
@@ -136,17 +119,10 @@ class ColumnPart(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BlockColumns(Columns):
-    """E of a MIMO problem: every part of the rows sees one entry, one row, or all of its coefficients.
+    """E of a MIMO problem: every part of the rows sees one entry, one row, or all of its coefficients."""
 
-    Attributes
-    ----------
-    parts : tuple of ColumnPart
-        Their rows follow each other.
-    extent : (N, n)
-    """
-
-    parts: tuple[ColumnPart, ...]
-    extent: tuple[int, int]
+    parts: tuple[ColumnPart, ...]  # their rows follow each other
+    extent: tuple[int, int]  # (N, n)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -111,23 +111,10 @@ class ConvexData(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Candidate:
-    """Numbers that a solver returned, unverified.
+    """Numbers that a solver returned, unverified."""
 
-    Attributes
-    ----------
-    x : (n,) array
-        Coefficients of the non-parametric part, all entries.
-    p : (m,) array
-        Scaled parameters.
-    samples : (N,) complex array
-        Multipliers of the samples.
-    ball : (np, nq) array
-        Multiplier of the contraction X.
-    solver : str
-    """
-
-    x: NDArray[np.float64]
-    p: NDArray[np.float64]
-    samples: NDArray[Any]
-    ball: NDArray[np.float64]
+    x: NDArray[np.float64]  # (n,), coefficients of the non-parametric part, all entries
+    p: NDArray[np.float64]  # (m,), scaled parameters
+    samples: NDArray[Any]  # (N,), multipliers of the samples
+    ball: NDArray[np.float64]  # (np, nq), multiplier of the contraction X
     solver: str

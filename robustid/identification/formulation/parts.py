@@ -25,27 +25,17 @@ class Part(Frozen):
     Blocks of contractions are contractions: the entries of whatever is consistent with all data are in this set too. So an
     upper bound over it is one over the consistent systems, and its multipliers, with zeros for all other samples and
     blocks, prove it there. Nothing is lost where the ball does not tie the entries together.
-
-    Attributes
-    ----------
-    data : ConvexData
-    samples, x, p : index arrays
-        Which samples, coefficients and parameters of the whole problem its own are.
-    factor : float
-        A coefficient of the whole problem times this is one of the part: below 1 off the diagonal of symmetric matrices.
-    outputs, inputs : index arrays
-    whole : tuple of int
-        Number of samples, outputs and inputs of the whole problem.
     """
 
     data: ConvexData
-    samples: Index
+    samples: Index  # which samples, coefficients and parameters of the whole problem its own are
     x: Index
     p: Index
+    # A coefficient of the whole problem times this is one of the part: below 1 off the diagonal of symmetric matrices
     factor: float
     outputs: Index
     inputs: Index
-    whole: tuple[int, int, int]
+    whole: tuple[int, int, int]  # number of samples, outputs and inputs of the whole problem
 
     def sees(self, x: Real, p: Real) -> bool:
         """Say whether weights of coefficients and parameters of the whole are zero outside of the part."""

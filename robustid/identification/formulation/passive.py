@@ -74,18 +74,11 @@ class RealPart(Ball):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PassiveMap(SarasonMap):
-    """The map x -> X(x) with the condition X + X' >= -2 I.
-
-    Attributes
-    ----------
-    pair : InputNormalPair
-    entries : Entries
-    growth : tuple of float
-        a and b: ||X|| <= a + b s for all functions that keep every residual within s bounds (`harnack_bound`).
-    """
+    """The map x -> X(x) with the condition X + X' >= -2 I."""
 
     pair: InputNormalPair
     entries: Entries = SINGLE
+    # a and b: ||X|| <= a + b s for all functions that keep every residual within s bounds (`harnack_bound`)
     growth: tuple[float, float] = (np.inf, 0.0)
 
     entrywise: ClassVar[bool] = False
@@ -152,15 +145,9 @@ class PassiveMap(SarasonMap):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PassiveInterpolants(Frozen):
-    """Functions g with 1 + g positive real and given data: g = 2 phi (1 - phi)^-1, phi in the unit ball.
+    """Functions g with 1 + g positive real and given data: g = 2 phi (1 - phi)^-1, phi in the unit ball."""
 
-    Attributes
-    ----------
-    contractive : Interpolants
-        Every phi.
-    """
-
-    contractive: Interpolants
+    contractive: Interpolants  # every phi
 
     def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
         """State space (alpha, beta, gamma, delta) of g, with the free parameter E of phi."""

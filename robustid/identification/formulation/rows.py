@@ -28,42 +28,21 @@ class Rows(Frozen):
     Where a bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1.
     Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
     with the coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
-
-    Attributes
-    ----------
-    y : (N,) complex array
-    E : Columns (N, n)
-        Of the coefficients x of G/K in the orthonormal basis.
-    P : (N, m) complex array
-        Of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
-    fixed : (M,) array
-        Part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it.
-    tail : (M,) array
-        Zero where n coefficients determine the samples (the exact form).
-    discs : int
-        Number of complex samples.
-    column_scale : (m,) array
-    parameters : int
-        How many of the columns of P are parameters.
-    ends : (m, 2) array
-        Lower and upper end of every scaled parameter, known beforehand; -inf and inf where it is free.
-    cone : (N,) int array or None
-        Which of the M bounds a sample belongs to; None where every sample has its own, M = N.
-    reach : float
-        Largest norm of x, of functions of the unit ball.
     """
 
-    y: NDArray[Any]
-    E: Columns
+    y: NDArray[Any]  # (N,)
+    E: Columns  # (N, n), of the coefficients x of G/K in the orthonormal basis
+    # (N, m), of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
     P: NDArray[Any]
-    fixed: Real
-    tail: Real
-    discs: int
-    column_scale: Real
-    parameters: int
-    ends: Real
+    fixed: Real  # (M,), part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it
+    tail: Real  # (M,), zero where n coefficients determine the samples (the exact form)
+    discs: int  # number of complex samples
+    column_scale: Real  # (m,)
+    parameters: int  # how many of the columns of P are parameters
+    ends: Real  # (m, 2), lower and upper end of every scaled parameter, known beforehand; -inf and inf where it is free
+    # (N,), number of the bound to which a sample belongs; None where every sample has its own, M = N.
     cone: NDArray[np.intp] | None = None
-    reach: float = 1.0
+    reach: float = 1.0  # largest norm of x, of functions of the unit ball
 
     def __post_init__(self) -> None:
         self._set(**{n: freeze(getattr(self, n)) for n in ("y", "P", "fixed", "tail", "column_scale", "ends")})

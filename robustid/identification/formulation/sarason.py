@@ -36,20 +36,6 @@ class SarasonMap(Frozen, abc.ABC):
     Matrix functions, p x q, have n coefficients an entry, and the condition is the same for X(x) = sum_j X(e_j) (x) x_j
     (Kronecker products), of size np x nq.
 
-    Attributes
-    ----------
-    pair : InputNormalPair
-    entries : Entries
-        Outputs and inputs; x is a vector of `size` numbers.
-    graded : bool
-        Whether the columns of the samples fall in size along the basis, or it is small: else their axes are computed.
-    conic : bool
-        Whether the condition is for general semidefinite solvers in the first place.
-    entrywise : bool
-        Whether blocks of functions of the class are in such a class themselves.
-    inside : str
-        What `norm` of at most 1 says, in words.
-
     Notes
     -----
     Source: Sarason; Caratheodory-Fejer for A a shift, Nevanlinna-Pick for distinct nodes. `inanc2001` Theorem 1 is
@@ -57,10 +43,12 @@ class SarasonMap(Frozen, abc.ABC):
     """
 
     pair: InputNormalPair
-    entries: Entries
+    entries: Entries  # outputs and inputs; x is a vector of `size` numbers
+    # whether the columns of the samples fall in size along the basis, or it is small: else their axes are computed
     graded: ClassVar[bool] = True
-    conic: ClassVar[bool] = False
-    entrywise: ClassVar[bool] = True
+    conic: ClassVar[bool] = False  # whether the condition is for general semidefinite solvers in the first place
+    entrywise: ClassVar[bool] = True  # whether blocks of functions of the class are in such a class themselves
+    # what `norm` of at most 1 says, in words
     inside: ClassVar[str] = "size of the non-parametric part over its bound: it is in the ball"
 
     @property

@@ -29,26 +29,13 @@ class ShiftColumns(Columns):
     """E of L Taylor coefficients: E_kj = gain_k rho^-j exp(-i theta_k j) at frequency points, never stored, then the rows `real`.
 
     Of tilted samples E + kappa conj(E): E'x is tilted, and Re E'^H l = Re E^H (l + kappa conj(l)), since that map is symmetric.
-
-    Attributes
-    ----------
-    angles : (F,) array
-        theta = omega T in rad.
-    gain : (F,) array
-        K/bound; complex where the class has a weight W, K W/bound.
-    decay : (L,) array
-        rho^-j.
-    real : (N - F, L) array
-        Rows of the time samples.
-    tilt : (F,) complex array or None
-        kappa.
     """
 
-    angles: NDArray[np.float64]
-    gain: NDArray[Any]
-    decay: NDArray[np.float64]
-    real: NDArray[np.float64]
-    tilt: NDArray[np.complex128] | None = None
+    angles: NDArray[np.float64]  # (F,), theta = omega T in rad
+    gain: NDArray[Any]  # (F,), K/bound; complex where the class has a weight W, K W/bound
+    decay: NDArray[np.float64]  # (L,), rho^-j
+    real: NDArray[np.float64]  # (N - F, L), rows of the time samples
+    tilt: NDArray[np.complex128] | None = None  # (F,), kappa
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("angles", "gain", "decay", "real")})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from robustid.core import describe, digest
+from robustid.core import fingerprint
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Check, Identification
 from robustid.report.document import Column, Table, Verdict
@@ -61,7 +61,8 @@ def checked(name: str, value: Any, kind: type, function: str, identification: Id
 
 def same(one: Identification, other: Identification) -> bool:
     """Return whether both are one result, as two that were loaded from its files are."""
-    if one is other:
-        return True
-    (first, numbers), (second, others) = describe(one), describe(other)
-    return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)
+    return one is other or _numbers(one) == _numbers(other)
+
+
+def _numbers(result: Identification) -> str:
+    return fingerprint((result.problem, result.claim, result.coefficients, result.scaled_parameters))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import describe
+from robustid.core import fingerprint
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
@@ -60,12 +60,11 @@ def check_band(identification: Identification, band: Band) -> None:
         raise InputTypeError(f"`band` must be a Band, from band(); got {type(band).__name__}")
     if band.model is None:
         raise InputError("`band` has no model that errors are measured from; give band.with_model(model)")
-    if band.problem is not identification.problem:
-        digests = describe(band)[0]["problem_digest"], describe(identification)[0]["problem_digest"]
-        if digests[0] != digests[1]:
-            raise InputError(
-                "`band` is about another problem than the identification reported; compute band(identification)"
-            )
+    mine, other = band.problem, identification.problem
+    if mine is not other and fingerprint(mine) != fingerprint(other):
+        raise InputError(
+            "`band` is about another problem than the identification reported; compute band(identification)"
+        )
 
 
 def poles_words(band: Band) -> str:

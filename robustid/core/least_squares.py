@@ -1,10 +1,11 @@
-"""Separable least squares: the unknowns that enter linearly taken out by a projection (variable projection, `golub1973`)."""
+"""Least squares: linear unknowns taken out by a projection (variable projection, `golub1973`), and lengths to divide by."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core.state_space import Real
 
@@ -41,3 +42,10 @@ def projected(columns: Real, values: Real) -> Projection:
     basis, triangle = np.linalg.qr(columns)
     along = basis.T @ values
     return Projection(basis, triangle, along, values - basis @ along)
+
+
+def lengths(matrix: NDArray[np.inexact], axis: int = 0, *, keepdims: bool = False) -> Real:
+    """Euclidean norms of the columns (axis 0) or rows (axis 1), 1 where all entries are zero: what they can be divided by."""
+    size: Real = np.linalg.norm(matrix, axis=axis, keepdims=keepdims)
+    size[size == 0] = 1.0
+    return size

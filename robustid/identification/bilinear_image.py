@@ -18,15 +18,9 @@ _DT = 1.0  # s: frequencies in rad/s are angles
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class ImageProblem(MixedProblem):
-    """A problem of continuous time in z = (corner + s)/(corner - s), as one of sample time 1 s.
+    """A problem of continuous time in z = (corner + s)/(corner - s), as one of sample time 1 s."""
 
-    Parameters
-    ----------
-    corner : float, rad/s
-        That of its plane; the prior, with its decay in 1/s, is that of continuous time.
-    """
-
-    corner: float
+    corner: float  # that of its plane; the prior, with its decay in 1/s, is that of continuous time
 
     def _region(self) -> Region:
         return region_of(self.prior, SPlane(self.corner))

@@ -1,0 +1,160 @@
+"""Values that nobody can change: frozen dataclasses, which copy, pickle and print well, and arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SMALL = 100  # numbers that are sent as they are
+_FEW = 6  # numbers, items or fields that are written out
+_LINE = 100  # characters of one value
+_SCREEN = 24  # fields
+
+
+class Frozen:
+    """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only.
+
+    They print in at most a screen (`short_repr`).
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Keep the dataclass from writing a `__repr__` that prints every number."""
+        super().__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = cls.__repr__  # in the class itself, where the decorator looks for one
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    def _repr_html_(self) -> str | None:
+        """Head of the page about it, which notebooks show."""
+        from robustid.figures import head
+
+        return head(self)
+
+    def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
+        fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
+        return _rebuild, (type(self), fields)
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+def _rebuild(cls: type[Any], fields: dict[str, Any]) -> Any:
+    return cls(**{name: _unpack(value) for name, value in fields.items()})
+
+
+class _PackedModel(NamedTuple):
+    """The parts of a `control.StateSpace`: the object itself holds lambdas, which can't be pickled."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dt: Any
+    inputs: list[str]
+    outputs: list[str]
+    name: str
+
+
+class _PackedRows(NamedTuple):
+    """An array of which at least half of the rows are zero: what is known of a part, among the numbers of the whole."""
+
+    length: int
+    rows: np.ndarray
+    values: np.ndarray
+
+
+def _pack(value: Any) -> Any:
+    if type(value).__module__.startswith("control.") and type(value).__name__ == "StateSpace":
+        matrices = (value.A, value.B, value.C, value.D)
+        return _PackedModel(*matrices, value.dt, value.input_labels, value.output_labels, value.name)
+    return _without_zeros(cast("NDArray[Any]", value)) if isinstance(value, np.ndarray) else value
+
+
+def _without_zeros(array: NDArray[Any]) -> NDArray[Any] | _PackedRows:
+    if array.ndim not in (1, 2) or array.size <= _SMALL:
+        return array
+    rows = np.flatnonzero(array.reshape(len(array), -1).any(axis=1))
+    return _PackedRows(len(array), rows, array[rows]) if 2 * rows.size <= len(array) else array
+
+
+def _unpack(value: Any) -> Any:
+    if isinstance(value, _PackedModel):
+        import control
+
+        return control.ss(*value[:4], value.dt, inputs=value.inputs, outputs=value.outputs, name=value.name)
+    if isinstance(value, _PackedRows):
+        whole = np.zeros((value.length, *value.values.shape[1:]), value.values.dtype)
+        whole[value.rows] = value.values
+        return whole
+    return value
+
+
+def freeze(array: np.ndarray) -> np.ndarray:
+    """A read-only array that nobody else can write to."""
+    array = np.array(array)
+    array.flags.writeable = False
+    return array
+
+
+def short_repr(thing: Any) -> str:
+    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size.
+
+    Examples
+    --------
+    >>> import dataclasses, numpy as np
+    >>> from robustid.core import Frozen
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Found(Frozen):
+    ...     order: int
+    ...     hankel: np.ndarray
+    >>> Found(4, np.zeros(200))
+    Found(order=4, hankel=<(200,) float64 array>)
+    """
+    fields = [field.name for field in dataclasses.fields(thing) if field.repr]
+    parts = [f"{name}={_value(getattr(thing, name))}" for name in fields[:_SCREEN]]
+    parts += [f"... {len(fields) - _SCREEN} more"] if len(fields) > _SCREEN else []
+    line = f"{type(thing).__qualname__}({', '.join(parts)})"
+    return line if len(line) <= _LINE else f"{type(thing).__qualname__}(\n  " + ",\n  ".join(parts) + "\n)"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return _array(cast(NDArray[Any], value))
+    if isinstance(value, enum.Enum):
+        return f"{type(value).__name__}.{value.name}"
+    if hasattr(value, "nstates"):
+        dt = "continuous" if value.dt == 0 else f"dt={value.dt}"
+        return f"<StateSpace: {value.nstates} states, {value.noutputs}x{value.ninputs}, {dt}>"
+    if type(value) in (tuple, list) or isinstance(value, Mapping):
+        return _several(cast(Mapping[Any, Any] | Sequence[Any], value))
+    text = repr(value)
+    return text if len(text) <= _LINE and "\n" not in text else f"<{type(value).__name__}>"
+
+
+def _array(value: NDArray[Any]) -> str:
+    if value.size <= _FEW and value.ndim <= 1:
+        text = np.array2string(value, separator=", ", precision=6, max_line_width=10 * _LINE)
+        if len(text) <= _LINE:
+            return text
+    return f"<{value.shape} {value.dtype} array>"
+
+
+def _several(value: Mapping[Any, Any] | Sequence[Any]) -> str:
+    """Items of a few that are short; else how many there are."""
+    if len(value) <= _FEW:
+        if isinstance(value, Mapping):
+            text = "{" + ", ".join(f"{key!r}: {_value(item)}" for key, item in value.items()) + "}"
+        else:
+            text = ", ".join(map(_value, value))
+            text = f"[{text}]" if isinstance(value, list) else f"({text}{',' * (len(value) == 1)})"
+        if len(text) <= _LINE and "\n" not in text:
+            return text
+    return f"<{type(value).__name__} of {len(value)}>"
