@@ -26,11 +26,11 @@ from robustid.core import (
 )
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
-from robustid.guarantees.box_functions import ends_of, functions_of
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.arcs import arc_bounds, centre_and_radius
 from robustid.guarantees.linear.entry_band import EntryBand, entry_band, quick_band
+from robustid.guarantees.linear.functions import ends_of, functions_of
 from robustid.guarantees.linear.in_time import response_discs, step_tails
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
@@ -44,9 +44,8 @@ from robustid.guarantees.refinement import (
     polygons_hold,
     polygons_of,
 )
-from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Folder
+from robustid.guarantees.sweep import Folder, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, MixedProblem
@@ -186,7 +185,7 @@ class Band(Frozen, Drawable, Savable):
         omega: Any = None,
         time_limit: float | None = None,
         progress: Progress | None = None,
-        executor: Spread = None,
+        executor: Processes = None,
         resume: Folder | None = None,
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.

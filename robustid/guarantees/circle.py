@@ -15,8 +15,7 @@ from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.sweep import Folder, Processes, value_sets
 from robustid.guarantees.value_set import (
     FINE,
     Errors,
@@ -196,7 +195,7 @@ def refine(
     settings: tuple[int, float],
     rtol: float,
     everywhere: bool,
-    spread: tuple[Spread, Progress | None, Folder | None],
+    spread: tuple[Processes, Progress | None, Folder | None],
     budget: Budget,
 ) -> CircleBound:
     """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol, until a budget is over.

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from robustid.core import Real
 from robustid.guarantees.band import Band
-from robustid.guarantees.box_functions import functions_of
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import Extraction, wide_modes
 from robustid.guarantees.linear.entry_band import EntryBand
+from robustid.guarantees.linear.functions import functions_of
 from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies
 from robustid.guarantees.refinement import polygons_hold

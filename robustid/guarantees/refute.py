@@ -13,7 +13,7 @@ from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for, t
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
-from robustid.guarantees.horizon import consistent_outputs
+from robustid.guarantees.outputs import consistent_outputs
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
 _GAP = 5e-3  # of the ends that are proved

@@ -11,7 +11,7 @@ from robustid.core import Arrays, Record, as_count, describe, digest, keep, part
 from robustid.guarantees.band import Band
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
-from robustid.guarantees.families import Family
+from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.multipliers import band_of_multipliers

@@ -27,9 +27,16 @@ from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
 from robustid.guarantees.curvature import known_part
-from robustid.guarantees.drive import as_entry, as_samples, as_signal, driven
-from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.outputs import (
+    Outputs,
+    as_entry,
+    as_samples,
+    as_signal,
+    consistent_outputs,
+    driven,
+    tail_bounds,
+)
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
 from robustid.identification import Identification, SupportCertificate, check_gain, check_sampled

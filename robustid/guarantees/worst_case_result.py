@@ -27,15 +27,13 @@ from robustid.core import (
 from robustid.errors import InputError, TimeLimitError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
-from robustid.guarantees.claims import SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.pole_cells import has_single_pairs
-from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Folder
-from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
+from robustid.guarantees.sweep import Folder, Processes
+from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, check_gain
 
@@ -237,7 +235,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """Return the same guarantees around another nominal; nothing is solved anew."""
         return dataclasses.replace(self, model=as_nominal(model, self.identification))
 
-    def completed(self, *, executor: Spread = None) -> WorstCaseError:
+    def completed(self, *, executor: Processes = None) -> WorstCaseError:
         """Return the result with the intervals of all parameters: itself, unless a time limit left some out."""
         if self.parameters.complete:
             return self
@@ -248,7 +246,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         rtol: float = 0.05,
         *,
         everywhere: bool = False,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
         resume: Folder | None = None,
         time_limit: float | None = None,
@@ -300,7 +298,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         kind: str = "additive",
         order: int | None = None,
         below: float | None = None,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> UncertaintyWeight:
