@@ -1,7 +1,8 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
 from robustid.guarantees import storage as storage  # registers the results that can be saved
-from robustid.guarantees.band import Band, band
+from robustid.guarantees.band import band
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set

@@ -12,7 +12,7 @@ import numpy as np
 from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, plane_of, time_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.band import Band
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.worst_case_result import WorstCaseError

@@ -10,6 +10,7 @@ from robustid.core import Budget, Complex, Progress, Real, digest, text_array, t
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.functions import pairs_of
+from robustid.guarantees.linear.proved_discs import Box
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.pole_proofs import union_of
 from robustid.guarantees.sweep import Folder, Known, Processes
@@ -19,7 +20,6 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem, describe_problem, identify
 
 Polygons = WorstCaseError | WorstCaseOverPoles
-Box = tuple[Real, Real]
 
 SAME = 1e-9  # relative distance up to which two frequencies are one
 

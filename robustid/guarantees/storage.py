@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Arrays, Record, as_count, describe, digest, keep, part, rebuild, text_array, under
-from robustid.guarantees.band import Band
+from robustid.guarantees.band import band_of_multipliers
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.member import Member, as_members
-from robustid.guarantees.multipliers import band_of_multipliers
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
