@@ -48,8 +48,7 @@ _log = logging.getLogger("robustid")
 class ResponseTube(Frozen, Drawable):
     """The response to a known input of every consistent system with zero initial conditions: lower <= y_k <= upper, both proved.
 
-    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
-    the samples. Data can refute these, never prove them.
+    Assumed is what the identification assumes: gain bound, decay rate, parametric poles, and the bounds of the samples.
 
     Attributes
     ----------
@@ -128,10 +127,7 @@ class ResponseTube(Frozen, Drawable):
 
     @property
     def peak(self) -> float:
-        """Guaranteed bound of max |y_k| over the whole horizon.
-
-        Of samples that were left out: the nominal and the bound of its error there (see `error_peak`).
-        """
+        """Guaranteed bound of max |y_k| over the whole horizon; see `error_peak` for samples that were left out."""
         bounds = np.abs(self._simulated) + self._errors
         bounds[self.samples] = np.maximum(np.abs(self.lower), np.abs(self.upper))
         return float(bounds.max())
