@@ -20,7 +20,7 @@ from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.linear.functions import has_box
-from robustid.guarantees.linear.sample_check import SampleCheck, check_samples
+from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors

@@ -33,7 +33,7 @@ from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
 from robustid.guarantees.pole_sweep import affordable, bounded, default_frequencies, searched
 from robustid.guarantees.sweep import Folder, Known, Processes
-from robustid.guarantees.value_set import RefutationClaim, SupportClaim, norm_of_bounds
+from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of, norm_of_bounds
 from robustid.identification import Identification
 
 _log = logging.getLogger("robustid")
@@ -360,9 +360,7 @@ def worst_case_over_poles(
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
-    gap = as_positive("rtol", rtol) / 5
-    if problem.entries.single:  # of matrices the sides follow the gap
-        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    gap = gap_of(as_positive("rtol", rtol), directions, problem.entries.single)
     grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):

@@ -78,8 +78,7 @@ def parameter_intervals(
         if problem.entries.symmetric:
             ends[index, *entry[::-1]] = ends[index, *entry]
     certificates = [one.certificate for each in wanted for one in found[each]]
-    if problem.entries.single:
-        ends = ends[:, 0, 0]
+    ends = problem.entries.as_given(ends)
     return ParameterIntervals(ends[..., 0], ends[..., 1], ends[..., 2:], tuple(certificates))
 
 

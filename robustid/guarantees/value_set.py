@@ -208,6 +208,12 @@ def directions_at(omega: float, dt: float, count: int) -> Real:
     return 2 * np.pi * np.arange(count) / count
 
 
+def gap_of(rtol: float, directions: int, single: bool) -> float:
+    """Part of the distance from the centre to which sides are found; of matrices they follow it, of one entry they are given."""
+    gap = rtol / 5
+    return min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1)) if single else gap
+
+
 def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[SupportClaim]:
     """Claims of the polygons of one frequency, side by side; without a solver."""
     problem, omega = consistent.posed.problem, found[0].omega

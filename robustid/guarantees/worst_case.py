@@ -21,7 +21,7 @@ from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.polygons import value_set
 from robustid.guarantees.sweep import Folder, Known, Processes, spread_order, value_sets
-from robustid.guarantees.value_set import ValueSet
+from robustid.guarantees.value_set import ValueSet, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
 
@@ -112,13 +112,10 @@ def worst_case_error(
     directions = as_count("directions", directions, least=LEAST)
     if directions > MOST:
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
-    rtol = as_positive("rtol", rtol)
+    gap = gap_of(as_positive("rtol", rtol), directions, identification.problem.entries.single)
     model = as_nominal(model, identification)
     grid = default_grid(identification.problem) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
-    gap = rtol / 5
-    if identification.problem.entries.single:  # of matrices the sides follow the gap
-        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     budget = Budget(time_limit)
     values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model, known)
     intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor, budget)
