@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Plane, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
+from robustid.fitting import fit_mfd
 from robustid.guarantees.member import Bounded, corners
 from robustid.guarantees.nominal import as_nominal
 from robustid.identification import Identification
-from robustid.mfd import fit_mfd
 
 _OUTSIDE = 1 + 1e-12  # of a radius: what rounding may put a point of the rim outside
 _ROUNDING = 1e-15  # of the extent of the points, besides
