@@ -78,7 +78,7 @@ def band_words(band: Band, error: WorstCaseError | None) -> str:
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
         f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
-        f" order {band.model.nstates} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
+        f" order {band.order} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
         f" {stands_on(band, error)}"
     ).rstrip()
 

@@ -1,27 +1,35 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
 from robustid.guarantees import storage as storage  # registers the results that can be saved
-from robustid.guarantees.band import Band, band
+from robustid.guarantees.band import band
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
-from robustid.guarantees.box_functions import has_box
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
+from robustid.guarantees.coverage import (
+    Coverage,
+    Ranked,
+    ResponseDiscs,
+    band_of_others,
+    chance_of_order,
+    coverage,
+    ranked,
+)
 from robustid.guarantees.diameter import Diameter, diameter
-from robustid.guarantees.families import Driver, Family
-from robustid.guarantees.growing import growing_error
-from robustid.guarantees.horizon import output_errors
-from robustid.guarantees.linear.sample_check import SampleCheck, check_samples
+from robustid.guarantees.family import family, frequencies_of
+from robustid.guarantees.family_result import Driver, Family
+from robustid.guarantees.linear.functions import has_box
+from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, default_grid
+from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.refute import Refutation, refute
-from robustid.guarantees.scores import Ranked, chance_of_order, ranked
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
-from robustid.guarantees.unite import family, frequencies_of
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.weight_structures import (
@@ -31,8 +39,7 @@ from robustid.guarantees.weight_structures import (
     structured_weights,
 )
 from robustid.guarantees.widening import bounds_of_entries
-from robustid.guarantees.withheld import Coverage, ResponseDiscs, band_of_others, coverage
-from robustid.guarantees.worst_case import LEAST, MOST, worst_case_error
+from robustid.guarantees.worst_case import LEAST, MOST, growing_error, worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 
 __all__ = [

@@ -15,8 +15,7 @@ from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, value_sets
+from robustid.guarantees.sweep import Folder, Processes, value_sets
 from robustid.guarantees.value_set import (
     FINE,
     Errors,
@@ -33,7 +32,7 @@ _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between o
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
 _DOUBLES, _LITTLE = 4, 0.1  # of the highest frequency point, and of the weight there
 _PIECES = 64  # of the arc from the highest frequency point to infinity
-_ROUNDS, _LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
+_ROUNDS, LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -82,17 +81,13 @@ class CircleBound(Frozen):
 
 
 class Remembered:
-    """The smallest bound on the circle that has been computed for a result, the only part of it that changes.
+    """The smallest bound on the circle that has been computed for a result, the only part of it that changes."""
 
-    `unfinished` is one that an attribute began: not stated, but gone on from.
-    """
-
-    def __init__(self, bound: CircleBound | None = None) -> None:
-        self.bound, self.unfinished = bound, bound
+    def __init__(self) -> None:
+        self.bound: CircleBound | None = None
 
     def take(self, bound: CircleBound) -> None:
         """Remember a bound, unless one at most as large is known; of two as large (without end, say) that of more arcs."""
-        self.unfinished = None
         if self.bound is None or (bound.largest, -bound.bound.size) < (self.bound.largest, -self.bound.bound.size):
             self.bound = bound
 
@@ -166,12 +161,12 @@ class ModelError:
         ball = prior.gain_bound * max(self.curvature.weight(a, b) for a, b in pairs)
         return (ball * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
 
-    def bend(self, low: float, high: float, pieces: int = 1) -> Real:
+    def bend(self, low: float, high: float) -> Real:
         """Bound of how far the error exceeds the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
         plane = self.identification.problem.plane
         a, b = (float(plane.angles(np.array(end))) for end in (low, high))
         width = (high - low) * plane.dt if plane.dt else b - a
-        return self.curvature.largest(a, b, pieces) * width**2 / 8
+        return self.curvature.largest(a, b) * width**2 / 8
 
     def at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
         """Bounds at frequencies, from the value sets of their entries."""
@@ -196,14 +191,15 @@ def refine(
     settings: tuple[int, float],
     rtol: float,
     everywhere: bool,
-    spread: tuple[Spread, Progress | None, Folder | None],
+    means: tuple[Processes, Progress | None, Folder | None],
     budget: Budget,
+    most: int = LARGEST,
 ) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol, until a budget is over.
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
 
-    `values` and those of a bound `before` are used again; `settings` are the directions and the gap of a fine value set.
-    New ends of arcs get a coarse value set, which does for most of them, and a fine one where the arc is short enough for it to
-    matter.
+    Until a budget is over, or more than `most` frequencies would be needed. `values` and those of a bound `before` are used again;
+    `settings` are the directions and the gap of a fine value set. New ends of arcs get a coarse value set, which does for most of
+    them, and a fine one where the arc is short enough for it to matter.
     """
     plane, (bottom, top) = error.identification.problem.plane, error.range
     further = error.beyond() if top > error.end else np.zeros((0, *error.model.D.shape))
@@ -227,7 +223,7 @@ def refine(
                 break
             # The ends of the circle, first of all, whatever they take.
             limit = budget if rounds > 1 else None
-            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *spread, limit, error.model)
+            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *means, limit, error.model)
             found = by_frequency(sets_there)
             known |= found
             fine |= set(found) & set(sharp)
@@ -240,8 +236,7 @@ def refine(
         arcs = list(itertools.pairwise(edges.tolist()))
         limits |= {(a, b): error.bend(a, b) for a, b in arcs if (a, b) not in limits}
         bends = np.array([limits[arc] for arc in arcs])
-        bounds = np.maximum(entries[:-1], entries[1:]) + bends
-        bend, bound = norm_of_bounds(bends), _norms(bounds, upper, bends)
+        bounds, bound = _between(entries, upper, bends)
         open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
         sets = tuple(one for w in edges.tolist() for one in known[w])
         result = CircleBound(
@@ -253,16 +248,15 @@ def refine(
             np.concatenate([bounds, further]),
         )
         coarse, sharp = [], []
-        for k in open_arcs:
-            rough = [
-                w for w, u in zip(arcs[k], upper[k : k + 2], strict=True) if w not in fine and u + bend[k] > peak[k]
-            ]
-            if bend[k] <= 0.5 * rtol * peak[k] and rough:
+        for k, bend in zip(open_arcs, norm_of_bounds(bends[open_arcs]), strict=True):
+            ends_of_arc = zip(arcs[k], upper[k : k + 2], strict=True)
+            rough = [w for w, u in ends_of_arc if w not in fine and u + bend > peak[k]]
+            if bend <= 0.5 * rtol * peak[k] and rough:
                 sharp += rough
             else:
-                coarse.append(plane.middle(arcs[k][0], arcs[k][1]))
+                coarse.append(plane.middle(*arcs[k]))
         sharp = sorted(set(sharp))
-        if result.converged or cut or edges.size + len(coarse) > _LARGEST or rounds == _ROUNDS:
+        if result.converged or cut or edges.size + len(coarse) > most or rounds == _ROUNDS:
             return result
 
 
@@ -276,21 +270,16 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
         return False
     entries, upper, _ = error.arrays_at(sets)
     further = error.beyond() if top > last else np.zeros((0, *error.model.D.shape))
-    arcs = list(itertools.pairwise(omega.tolist()))
-    # Earlier versions bounded the curvature in other coordinates: at least that of the quarters of an arc.
-    for pieces in (1, 4):
-        bends = np.array([error.bend(a, b, pieces) for a, b in arcs])
-        bounds = np.maximum(entries[:-1], entries[1:]) + bends
-        norms = np.append(_norms(bounds, upper, bends), norm_of_bounds(further))
-        bounds = np.concatenate([bounds, further])
-        if np.all(bounds <= circle.entries * (1 + 1e-9)) and np.all(norms <= circle.bound * (1 + 1e-9)):
-            return True
-    return False
+    bends = np.array([error.bend(a, b) for a, b in itertools.pairwise(omega.tolist())])
+    bounds, norms = _between(entries, upper, bends)
+    bounds, norms = np.concatenate([bounds, further]), np.append(norms, norm_of_bounds(further))
+    return bool(np.all(bounds <= circle.entries * (1 + 1e-9)) and np.all(norms <= circle.bound * (1 + 1e-9)))
 
 
-def _norms(bounds: Real, upper: Real, bends: Real) -> Real:
-    """Bound of the largest singular value on every arc, (C,): from the bounds of the entries or its own at the ends."""
-    return np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
+def _between(entries: Real, upper: Real, bends: Real) -> tuple[Real, Real]:
+    """Bounds of the entries (C, ny, nu) on the arcs between edges, and of the largest singular value (C,), also from its own."""
+    bounds = np.maximum(entries[:-1], entries[1:]) + bends
+    return bounds, np.minimum(norm_of_bounds(bounds), np.maximum(upper[:-1], upper[1:]) + norm_of_bounds(bends))
 
 
 def norms_of_samples(problem: MixedProblem, nominal: Complex, omega: Real) -> Real:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Savable, as_flag, as_kind, freeze, one_thread
 from robustid.errors import InputError
-from robustid.guarantees.box_functions import ends_of, functions_of
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.clash import Clash, clash_of
+from robustid.guarantees.linear.entry_band import extraction_fits, multipliers_fit
+from robustid.guarantees.linear.functions import ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
-from robustid.guarantees.multipliers import extraction_fits, multipliers_fit
 from robustid.identification import MixedProblem
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 from typing import Any
 
 import numpy as np
@@ -45,14 +44,8 @@ class Curvature:
     reach: Real
     inside: bool
 
-    def largest(self, low: float, high: float, pieces: int = 1) -> Real:
-        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold.
-
-        In pieces of the arc it comes out smaller.
-        """
-        if pieces > 1:
-            ends = itertools.pairwise(np.linspace(low, high, pieces + 1).tolist())
-            return np.max([self.largest(*each) for each in ends], axis=0)
+    def largest(self, low: float, high: float) -> Real:
+        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
         known = second_derivative(*self.known, low, high)
         ball = self.problem.prior.scales(*known.shape) * (self._of_class(low, high) * (1 + 1e-6))
         total = ball + (np.minimum(known, ball) if self.inside else known)

@@ -26,16 +26,14 @@ from robustid.core import (
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound, Remembered
-from robustid.guarantees.claims import RefutationClaim, SupportClaim
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
 from robustid.guarantees.pole_sweep import affordable, bounded, default_frequencies, searched
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, Known
-from robustid.guarantees.value_set import norm_of_bounds
+from robustid.guarantees.sweep import Folder, Known, Processes
+from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of, norm_of_bounds
 from robustid.identification import Identification
 
 _log = logging.getLogger("robustid")
@@ -195,7 +193,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         rtol: float = 0.05,
         *,
         everywhere: bool = False,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> CircleBound:
@@ -217,7 +215,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         InputError
             A cell is so wide that no sample says anything of all its poles at once.
         """
-        from robustid.guarantees.pole_circle import circle_over_poles
+        from robustid.guarantees.pole_sweep import circle_over_poles
 
         rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
         budget, problem = Budget(time_limit, progress), self.identification.problem
@@ -298,7 +296,7 @@ def worst_case_over_poles(
     directions: int = 8,
     rtol: float = 0.1,
     cells: int = 32,
-    executor: Spread = None,
+    executor: Processes = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
     time_limit: float | None = None,
@@ -362,9 +360,7 @@ def worst_case_over_poles(
     whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
-    gap = as_positive("rtol", rtol) / 5
-    if problem.entries.single:  # of matrices the sides follow the gap
-        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
+    gap = gap_of(as_positive("rtol", rtol), directions, problem.entries.single)
     grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):

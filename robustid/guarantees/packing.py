@@ -76,7 +76,7 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
         else:
             cut = high[k] * ranks[k]
             left, right = parts[:cut].reshape(high[k], ranks[k]), parts[cut:].reshape(wide[k], ranks[k])
-        left, right = _spread(left, left_rows[k]), _spread(right, right_rows[k])
+        left, right = _with_zero_rows(left, left_rows[k]), _with_zero_rows(right, right_rows[k])
         found.append(SupportCertificate(samples[k], left, right, float(arrays["level"][k]), float(arrays["value"][k])))
     return tuple(found)
 
@@ -101,7 +101,7 @@ def _used(arrays: Arrays, orders: Any, widths: Any) -> tuple[Any, list[Any], lis
     return everywhere.reshape(count, -1), left, right
 
 
-def _spread(factor: Real, rows: Any) -> Real:
+def _with_zero_rows(factor: Real, rows: Any) -> Real:
     """The factor with rows of zeros where it was packed without them."""
     whole = np.zeros((rows.size, factor.shape[1]))
     whole[rows] = factor

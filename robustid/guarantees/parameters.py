@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Budget, Frozen, Real, freeze
-from robustid.guarantees.claims import SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries, which
-from robustid.guarantees.spread import Spread, spread
+from robustid.guarantees.sweep import Processes, answers
+from robustid.guarantees.value_set import SupportClaim
 from robustid.identification import Functional, SupportCertificate
 
 _GAP, _LOOSE = 1e-3, 0.02  # of an interval of a SISO plant, and of one of many of a matrix
@@ -51,7 +51,7 @@ class ParameterIntervals(Frozen):
 
 
 def parameter_intervals(
-    consistent: ConsistentSet, executor: Spread = None, budget: Budget | None = None
+    consistent: ConsistentSet, executor: Processes = None, budget: Budget | None = None
 ) -> ParameterIntervals:
     """Smallest and largest value of every parametric coefficient over the set, to a thousandth; of matrices to a fiftieth.
 
@@ -65,7 +65,7 @@ def parameter_intervals(
     found: dict[tuple[Entry, int], tuple[Extreme, Extreme]] = {}
     if budget is None or not budget.over:
         name = "parameter {0[1]} of entry {0[0]}".format
-        with contextlib.closing(spread(_both_ends, consistent, wanted, executor, name)) as each:
+        with contextlib.closing(answers(_both_ends, consistent, wanted, executor, name)) as each:
             for one, both in each:
                 found[one] = both
                 if budget is not None and budget.over:
@@ -78,8 +78,7 @@ def parameter_intervals(
         if problem.entries.symmetric:
             ends[index, *entry[::-1]] = ends[index, *entry]
     certificates = [one.certificate for each in wanted for one in found[each]]
-    if problem.entries.single:
-        ends = ends[:, 0, 0]
+    ends = problem.entries.as_given(ends)
     return ParameterIntervals(ends[..., 0], ends[..., 1], ends[..., 2:], tuple(certificates))
 
 

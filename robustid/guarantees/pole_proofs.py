@@ -8,10 +8,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real
-from robustid.guarantees.claims import RefutationClaim, RelaxedClaim, SupportClaim
 from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
-from robustid.guarantees.value_set import ValueSet, by_frequency, closes, value_set_claims
+from robustid.guarantees.value_set import (
+    RefutationClaim,
+    RelaxedClaim,
+    SupportClaim,
+    ValueSet,
+    by_frequency,
+    closes,
+    value_set_claims,
+)
 from robustid.identification import MarginCertificate, MixedProblem
 from robustid.identification.formulation import Candidate, Formulation, formulate
 

@@ -1,28 +1,33 @@
-"""Cells of a pole-uncertainty box: split until their relaxation costs little, refuted, bounded at every frequency."""
+"""Cells of a pole-uncertainty box: split until the relaxation costs little, refuted, bounded at frequencies and on the circle."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from robustid.core import Budget, Progress, Real, as_count, worker_pool
+from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.consistent_set import ConsistentSet, set_of
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, Known, value_sets
-from robustid.guarantees.value_set import ValueSet, by_frequency
+from robustid.guarantees.sweep import Folder, Known, Processes, value_sets
+from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
 from robustid.guarantees.widening import smallest_bounds
-from robustid.identification import MixedProblem, prove_margin
+from robustid.guarantees.worst_case import worst_case_error
+from robustid.identification import MixedProblem, identify, prove_margin
 
 _log = logging.getLogger("robustid")
 
 _ENOUGH = 24  # frequencies, for which cells are left undivided where the time is short
 _MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
+_DIRECTIONS, _FIRST = 6, 12  # of the first look at a cell: directions, frequencies
+_ACCURACY = 1e-2
 
 
 def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
@@ -84,7 +89,7 @@ def bounded(
     sets: list[tuple[PoleCell, ConsistentSet | None]],
     grid: Real,
     settings: tuple[int, float],
-    means: tuple[Spread, Progress | None, Folder | None],
+    means: tuple[Processes, Progress | None, Folder | None],
     budget: Budget,
     model: Any,
     known: Known | None = None,
@@ -117,3 +122,67 @@ def bounded(
             found.append((cell, values))
     kept = [KeptCell(c, () if v is None else tuple(one for w in grid.tolist() for one in v[w])) for c, v in found]
     return tuple(kept), grid
+
+
+def circle_over_poles(
+    problem: MixedProblem,
+    kept: Sequence[KeptCell],
+    model: Any,
+    omega: Real,
+    rtol: float,
+    *,
+    everywhere: bool,
+    executor: Processes,
+    budget: Budget,
+) -> CircleBound:
+    """Bound of |F - model| on every arc over all systems with poles in a cell that may contain them.
+
+    Every system of a cell is one of its relaxed problem and at most the remainder of the expansion away; so on every arc it is
+    within the bound of that problem on the circle, and the largest remainder on the arc.
+    """
+    circles: list[CircleBound] = []
+    for number, item in enumerate(kept, start=1):
+        found = _of_cell(
+            problem, item.cell, model, omega, rtol, everywhere, executor, budget.share(1 / (len(kept) - number + 1))
+        )
+        circles += [] if found is None else [found]
+        budget.tell(number, len(kept))
+    if not circles:
+        raise InconsistentDataError(
+            "no system with poles in the pole-uncertainty box fits the data: every cell of it is refuted"
+        )
+    return union_of_circles(circles)
+
+
+def _of_cell(
+    problem: MixedProblem,
+    cell: PoleCell,
+    model: Any,
+    omega: Real,
+    rtol: float,
+    everywhere: bool,
+    executor: Processes,
+    budget: Budget,
+) -> CircleBound | None:
+    """The bound over the systems of a cell; None where it is proved to have none."""
+    relaxed = cell.relaxed(problem)
+    found = None if relaxed is None else identify(relaxed, accuracy=_ACCURACY)
+    if found is not None and found.status is Status.INCONSISTENT:
+        return None
+    if found is None or not found.consistent:
+        raise InputError(
+            "a cell of the pole-uncertainty box is too wide for a bound on the circle: no sample says anything of all its poles"
+            " at once; bound it with more `cells`, or state a smaller box"
+        )
+    at = omega[np.unique(np.linspace(0, omega.size - 1, _FIRST).round().astype(int))]
+    error = worst_case_error(found, model=model, omega=at, directions=_DIRECTIONS, rtol=rtol, executor=executor)
+    circle = error.on_circle(rtol, everywhere=everywhere, executor=executor, time_limit=budget.seconds)
+    slack = cell.slack_on(circle.edges[:-1], circle.edges[1:])
+    return CircleBound(
+        circle.edges,
+        circle.bound + norm_of_bounds(slack),
+        circle.lower,
+        circle.converged,
+        (),
+        circle.entries + slack,
+    )

@@ -10,17 +10,16 @@ from robustid.core import Budget, Complex, Progress, Real, fingerprint, threads_
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.functions import pairs_of
+from robustid.guarantees.linear.proved_discs import Box
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.pole_proofs import union_of
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, Known
+from robustid.guarantees.sweep import Folder, Known, Processes
 from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem, identify
 
 Polygons = WorstCaseError | WorstCaseOverPoles
-Box = tuple[Real, Real]
 
 SAME = 1e-9  # relative distance up to which two frequencies are one
 
@@ -28,7 +27,7 @@ SAME = 1e-9  # relative distance up to which two frequencies are one
 class Spent(NamedTuple):
     """Workers, receiver of progress, folder of finished frequencies and time of a refinement."""
 
-    executor: Spread
+    executor: Processes
     progress: Progress | None
     resume: Folder | None
     budget: Budget

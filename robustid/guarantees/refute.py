@@ -13,7 +13,7 @@ from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for, t
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
-from robustid.guarantees.horizon import consistent_outputs
+from robustid.guarantees.outputs import consistent_outputs
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
 _GAP = 5e-3  # of the ends that are proved
@@ -236,7 +236,7 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
             found.append((ratio, attainable))
             proofs += planes
         ratio, attainable = np.array(found).T
-        frequency, used = isinstance(item, FrequencyResponse), _used(item)
+        frequency, used = isinstance(item, FrequencyResponse), np.argwhere(item.bound.used)
         kind, axis = ("frequency", item.omega) if frequency else ("time", item.time)
         entries = used[:, 1:] if frequency else np.column_stack([used[:, 1], np.zeros(len(used), int)])
         samples.append(Judged(kind, number, axis[used[:, 0]], ratio, attainable, tuple(proofs), entries))
@@ -279,7 +279,7 @@ class _Place:
 
 def _places(identification: Identification, item: Any, wanted: set[int] | None) -> Iterator[_Place]:
     """The used samples of one experiment, or those `wanted` of them."""
-    used = _used(item)
+    used = np.argwhere(item.bound.used)  # frequency, output and input; or sample and output
     if isinstance(item, TimeRecord):
         outputs = consistent_outputs(identification, item.u[: used[:, 0].max() + 1])
         for number, (k, i) in enumerate(used.tolist()):
@@ -337,11 +337,6 @@ def _nearest(errors: Complex) -> complex:
     return min(mixed, single, key=abs)
 
 
-def _used(item: Any) -> NDArray[np.intp]:
-    """Indices of the samples with a bound: (N, 3) frequency, output and input, or (N, 2) sample and output."""
-    return np.argwhere(item.bound.used)
-
-
 def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
     """Return whether the half-planes hold and prove the ratios; a sample without one is proved to be 0 away."""
     proved = np.zeros(judged.ratio.size)
@@ -386,11 +381,8 @@ def _check(item: Any, problem: MixedProblem) -> None:
             "`new_data` needs a bound of every entry; a bound that entries share tells nothing of one alone"
         )
     if isinstance(item, TimeRecord) and item.initial != "rest":
-        hint = (
-            "identify with the old and the new data together"
-            if item.initial == "free"
-            else "use `estimate_frf` and its frequency response"
-        )
+        joined = "identify with the old and the new data together"
+        hint = joined if item.initial == "free" else "use `estimate_frf` and its frequency response"
         raise InputError(
             f"`new_data` must have zero initial conditions; got a record with initial={item.initial!r}: {hint}"
         )

@@ -43,7 +43,7 @@ class Scaling(NamedTuple):
 
     def loop(self, values: NDArray[Any]) -> NDArray[Any]:
         """``diag(beta) M diag(alpha)``, (K, nu, ny), of M or of radii around it."""
-        columns, rows = (_spread(part, size) for part, size in zip(self, values.shape[1:], strict=True))
+        columns, rows = (_for_signals(part, size) for part, size in zip(self, values.shape[1:], strict=True))
         return np.exp(columns)[:, :, None] * values * np.exp(rows)[:, None, :]
 
     def uncertainty(self, bound: Real) -> Real:
@@ -51,7 +51,7 @@ class Scaling(NamedTuple):
         return np.exp(-self.rows)[:, :, None] * bound * np.exp(-self.columns)[:, None, :]
 
 
-def _spread(part: Real, size: int) -> Real:
+def _for_signals(part: Real, size: int) -> Real:
     """One number for every signal from one for each group of them: a group is a single signal, or all."""
     return np.broadcast_to(part, (part.shape[0], size))
 

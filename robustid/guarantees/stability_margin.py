@@ -14,10 +14,9 @@ from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.bilinear import Image
-from robustid.guarantees.cells import INPUT, KINDS, Pieces, check_plant, enclose
+from robustid.guarantees.cells import INPUT, KINDS, Pieces, as_bounds, check_plant, enclose, structure_of
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
-from robustid.guarantees.structures import as_bounds, structure_of
 from robustid.identification import check_model
 from robustid.reduction import doubtful_distance
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
-from robustid.guarantees.band import Band
+from robustid.guarantees.band import band_of_multipliers
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
-from robustid.guarantees.families import Family
+from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.member import Bounded, Member, as_members
-from robustid.guarantees.multipliers import band_of_multipliers
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values

@@ -1,4 +1,4 @@
-"""Value sets at many frequencies: spread over any executor, streamed to a folder from which an interrupted sweep goes on."""
+"""Value sets at many frequencies: over any executor, streamed to a folder from which an interrupted sweep goes on."""
 
 from __future__ import annotations
 
@@ -8,28 +8,74 @@ import itertools
 import logging
 import os
 import pathlib
+import pickle
 import zipfile
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
+from concurrent.futures import Executor
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Progress, Real, atomic_write, fingerprint, read_arrays
+from robustid.core import (
+    Budget,
+    Complex,
+    Progress,
+    Real,
+    Workers,
+    atomic_write,
+    fingerprint,
+    read_arrays,
+    threads_for,
+)
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
 from robustid.guarantees.polygons import value_sets_at
-from robustid.guarantees.spread import Spread, spread
 from robustid.guarantees.value_set import ValueSet
 
-_log = logging.getLogger("robustid")
+Processes = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
+Asked = TypeVar("Asked", bound=Hashable)
+Found = TypeVar("Found")
+_log = logging.getLogger("robustid")
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
-
 _LOOSE = 8.0  # radius of a known disc over the half-width of an ellipsoid inside the set, where it may be twice what can be proved
 _TOGETHER = 24  # frequencies whose widths are estimated at once, where each is a node of its own
+
+
+def answers(
+    ask: Callable[[ConsistentSet, Asked], Found],
+    consistent: ConsistentSet,
+    wanted: Iterable[Asked],
+    executor: Processes,
+    name: Callable[[Asked], str],
+) -> Generator[tuple[Asked, Found]]:
+    """(question, answer) as they are found; `ask` is a function of a module, or a partial of one, `name` a question in words."""
+    wanted = list(wanted)
+    if executor is None or not wanted:
+        for one in wanted:
+            yield one, _limited(ask, consistent, one)
+        return
+    # Packed once, and unpacked once by every worker: what it derives from the arrays serves all its questions.
+    packed = pickle.dumps(consistent)
+    with Workers(executor) as workers:
+        yield from workers.run(_packed, (ask, packed), wanted, name)
+
+
+def _limited(ask: Callable[[ConsistentSet, Asked], Found], consistent: ConsistentSet, one: Asked) -> Found:
+    with threads_for(consistent.data.sarason.pair.order):
+        return ask(consistent, one)
+
+
+def _packed(ask: Callable[[ConsistentSet, Asked], Found], packed: bytes, one: Asked) -> Found:
+    return _limited(ask, _unpacked(packed), one)
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> ConsistentSet:
+    return pickle.loads(packed)
 
 
 class Known(Protocol):
@@ -50,7 +96,7 @@ def value_sets(
     omega: Real,
     directions: int,
     gap: float,
-    executor: Spread = None,
+    executor: Processes = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
     budget: Budget | None = None,
@@ -79,7 +125,7 @@ def value_sets(
         # Closed at once, whatever happens: the processes of our own end with it.
         about = {} if model is None else _values_of(model, missing, consistent)
         ask = functools.partial(_one, directions=directions, gap=gap, about=about)
-        with contextlib.closing(spread(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
+        with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
             for w, value in each:
                 if store is not None:
                     store.write(value)

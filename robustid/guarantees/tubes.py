@@ -27,9 +27,16 @@ from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
 from robustid.guarantees.curvature import known_part
-from robustid.guarantees.drive import as_entry, as_samples, as_signal, driven
-from robustid.guarantees.horizon import Outputs, consistent_outputs, tail_bounds
 from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.outputs import (
+    Outputs,
+    as_entry,
+    as_samples,
+    as_signal,
+    consistent_outputs,
+    driven,
+    tail_bounds,
+)
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
 from robustid.identification import Identification, SupportCertificate, check_gain, check_sampled
@@ -41,8 +48,7 @@ _log = logging.getLogger("robustid")
 class ResponseTube(Frozen, Drawable):
     """The response to a known input of every consistent system with zero initial conditions: lower <= y_k <= upper, both proved.
 
-    The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
-    the samples. Data can refute these, never prove them.
+    Assumed is what the identification assumes: gain bound, decay rate, parametric poles, and the bounds of the samples.
 
     Attributes
     ----------
@@ -121,10 +127,7 @@ class ResponseTube(Frozen, Drawable):
 
     @property
     def peak(self) -> float:
-        """Guaranteed bound of max |y_k| over the whole horizon.
-
-        Of samples that were left out: the nominal and the bound of its error there (see `error_peak`).
-        """
+        """Guaranteed bound of max |y_k| over the whole horizon; see `error_peak` for samples that were left out."""
         bounds = np.abs(self._simulated) + self._errors
         bounds[self.samples] = np.maximum(np.abs(self.lower), np.abs(self.upper))
         return float(bounds.max())

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from robustid.core import Arrays, Frozen, Real, freeze
 from robustid.figures import Drawable
 from robustid.guarantees.bilinear import bilinear, discrete
-from robustid.guarantees.cells import check_plant
+from robustid.guarantees.cells import STRUCTURES, as_bounds, check_plant, implied, log_volume, shape_of, structure_of
 from robustid.guarantees.stability_margin import RobustStabilityMargin, robust_stability_margin
-from robustid.guarantees.structures import STRUCTURES, as_bounds, implied, log_volume, shape_of, structure_of
 from robustid.guarantees.weight import UncertaintyWeight, magnitude_weight
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from robustid.core import (
     Budget,
     Progress,
+    Real,
     as_count,
     as_kind,
     as_positive,
@@ -17,12 +19,14 @@ from robustid.errors import InputError
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import parameter_intervals
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, Known, value_sets
+from robustid.guarantees.polygons import value_set
+from robustid.guarantees.sweep import Folder, Known, Processes, spread_order, value_sets
+from robustid.guarantees.value_set import ValueSet, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
 
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
+_NO_TIME = 1e-9  # seconds: the coefficients of the parametric part stay without intervals
 
 
 def worst_case_error(
@@ -32,7 +36,7 @@ def worst_case_error(
     omega: Any = None,
     directions: int = 16,
     rtol: float = 0.05,
-    executor: Spread = None,
+    executor: Processes = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
     time_limit: float | None = None,
@@ -108,13 +112,10 @@ def worst_case_error(
     directions = as_count("directions", directions, least=LEAST)
     if directions > MOST:
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
-    rtol = as_positive("rtol", rtol)
+    gap = gap_of(as_positive("rtol", rtol), directions, identification.problem.entries.single)
     model = as_nominal(model, identification)
     grid = default_grid(identification.problem) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
-    gap = rtol / 5
-    if identification.problem.entries.single:  # of matrices the sides follow the gap
-        gap = min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1))
     budget = Budget(time_limit)
     values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model, known)
     intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor, budget)
@@ -127,3 +128,56 @@ def worst_case_error(
         gap=gap,
         missing=grid[~np.isin(grid, [one.omega for one in values])],
     )
+
+
+def growing_error(
+    identification: Identification, omega: Real, *, directions: int, gap: float, progress: Progress | None = None
+) -> Iterator[WorstCaseError]:
+    """Worst-case errors of the nominal model of a SISO plant at one frequency, at two, ..., for those who watch.
+
+    Every one is guaranteed, as that of `worst_case_error`, which takes finer ones; the coefficients have no intervals. The
+    frequencies come in an order of which every beginning is spread over all of them.
+
+    Parameters
+    ----------
+    identification : Identification
+        Consistent, of one input and one output.
+    omega : (F,) array, rad/s
+    directions : int
+        Sides of the polygons.
+    gap : float
+        Part of the distance from the centre to which every support value is found.
+    progress : callable (done, all), optional
+        Sides of polygons; an exception that it raises ends the computation.
+
+    Yields
+    ------
+    WorstCaseError
+
+    Raises
+    ------
+    InconsistentDataError
+        The data fit no system of the class.
+    """
+    consistent = consistent_set(identification)
+    parameters = parameter_intervals(consistent, None, Budget(_NO_TIME))
+    found: dict[float, ValueSet] = {}
+
+    def told() -> None:
+        nonlocal sides
+        sides += 1
+        if progress is not None:
+            progress(min(sides, count), count)
+
+    sides, count = 0, omega.size * directions
+    for w in (float(omega[k]) for k in spread_order(omega.size)):
+        found[w] = value_set(consistent, w, directions, gap, told)
+        sides = len(found) * directions  # a real value has two sides only
+        yield WorstCaseError(
+            identification=identification,
+            model=identification.model,
+            values=tuple(found[one] for one in sorted(found)),
+            parameters=parameters,
+            directions=directions,
+            gap=gap,
+        )

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.core import (
     Budget,
@@ -26,22 +25,20 @@ from robustid.core import (
 )
 from robustid.errors import InputError, TimeLimitError
 from robustid.figures import Drawable
-from robustid.guarantees.circle import CircleBound, ModelError, Remembered, refine, supported
-from robustid.guarantees.claims import SupportClaim
+from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, Remembered, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.pole_cells import has_single_pairs
-from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Folder
-from robustid.guarantees.value_set import Errors, ValueSet, by_frequency, value_set_claims
+from robustid.guarantees.sweep import Folder, Processes
+from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, check_gain
 
-_AT_ONCE = 10.0  # seconds that an attribute may take
+_AT_ONCE = 10.0  # seconds of work, as estimated, that an attribute may take
 _COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
-_SECONDS = 2e-10  # for a multiplication of a Newton step
+_SECONDS, _EACH = 2e-10, 0.01  # for a multiplication of a Newton step, and for a frequency besides: estimates
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -84,7 +81,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
     @functools.cached_property
     def nominal(self) -> Complex:
         """Response of the model at them, (F,) complex; MIMO: (F, ny, nu)."""
-        return freeze(self._squeezed(self._nominal))
+        return freeze(self.identification.problem.entries.as_given(self._nominal))
 
     @functools.cached_property
     def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
@@ -102,10 +99,6 @@ class WorstCaseError(Frozen, Drawable, Savable):
     def _around(self) -> ModelError:
         return ModelError(self.identification, self.model, self.parameters, float(self.omega.min()))
 
-    def _squeezed(self, array: NDArray[Any]) -> NDArray[Any]:
-        """Array (F, ny, nu, ...), of SISO plants without the axes of outputs and inputs."""
-        return self.identification.problem.entries.as_given(array)
-
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
         """The sets of values of an entry at every frequency; of symmetric matrices of either one."""
         symmetric = self.identification.problem.entries.symmetric
@@ -113,10 +106,11 @@ class WorstCaseError(Frozen, Drawable, Savable):
         return tuple(one for one in self.values if one.entry == place)
 
     def _of_entries(self, name: str) -> Real:
-        """A range that all value sets have, (F, ny, nu, 2)."""
+        """A range that all value sets have, (F, ny, nu, 2); of SISO plants (F, 2)."""
         places = list(np.ndindex(self._nominal.shape[1:]))
         ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
-        return ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
+        ranges = ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
+        return freeze(self.identification.problem.entries.as_given(ranges))
 
     @property
     def upper(self) -> Real:
@@ -132,10 +126,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
     def sigma_upper(self) -> Real:
         """Guaranteed bound of the largest singular value of F - model, (F,).
 
-        The norm of the matrix `upper`; or, if that is less, what the class allows whatever the data are,
-        ||G|| + ||q'P - model|| + ||(p - q)'P||, or at a frequency point what a bound of its columns or of the whole matrix
-        leaves. No entry exceeds the norm of its matrix, hence it is at most about sqrt(ny nu)/cos(pi/directions) times the
-        truth, and close to it where bounds of samples limit the entries one by one; `sigma_lower` says how close at least.
+        The norm of the matrix `upper`; or, if that is less, what the class allows whatever the data are, or at a frequency point
+        what a bound of its columns or of the whole matrix leaves. At most about sqrt(ny nu)/cos(pi/directions) times the truth.
         """
         return freeze(np.array([e.sigma_upper for e in self._errors]))
 
@@ -147,39 +139,38 @@ class WorstCaseError(Frozen, Drawable, Savable):
     @property
     def magnitude(self) -> Real:
         """Guaranteed range of |F|, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
-        return freeze(self._squeezed(self._of_entries("magnitude")))
+        return self._of_entries("magnitude")
 
     @property
     def phase(self) -> Real:
         """Guaranteed range of the phase in rad, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
-        return freeze(self._squeezed(self._of_entries("phase")))
+        return self._of_entries("phase")
 
     @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle that `on_circle` has found, or to 5 % where ten seconds do for it.
+        """The bound on the whole circle that `on_circle` has found, or to 5 % where little work does for it.
 
         Raises
         ------
         TimeLimitError
-            Where they don't: `on_circle` takes as long as you give it, and shows its progress.
+            Where it doesn't, counted in frequencies and their size, not in seconds of this machine: `on_circle` takes as long as
+            you give it, and shows its progress.
         """
         if self.known_circle is not None:
             return self.known_circle
-        remembered = self._circle
-        if _SECONDS * self.consistent_set.posed.work * _COARSE_STEPS < _AT_ONCE:
-            found = self.on_circle(time_limit=_AT_ONCE)
-            if not found.converged:
-                remembered.bound, remembered.unfinished = None, found
-        if remembered.bound is None:
+        most = int(_AT_ONCE / (_SECONDS * self.consistent_set.posed.work * _COARSE_STEPS + _EACH))
+        found = self._refined(most=most) if most else None
+        if found is None or not found.converged:
             raise TimeLimitError(
-                "the bound on the whole circle takes more than ten seconds: call on_circle(progress=..., time_limit=...) of this"
-                " result first; `hinf` and `circle` then are what it found"
+                "the bound on the whole circle takes more work than an attribute should: call"
+                " on_circle(progress=..., time_limit=...) of this result first; `hinf` and `circle` then are what it found"
             )
-        return remembered.bound
+        self._circle.take(found)
+        return found
 
     @property
     def known_circle(self) -> CircleBound | None:
-        """The smallest bound on the circle that `on_circle` has found so far; None as long as there is none."""
+        """The smallest bound on the circle that has been found so far; None as long as there is none."""
         return self._circle.bound
 
     def with_circle(self, circle: CircleBound) -> WorstCaseError:
@@ -190,10 +181,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     @property
     def hinf(self) -> float:
-        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point).
-
-        That of `on_circle`; computed at once where ten seconds do for it (see `circle`).
-        """
+        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: from the first line on); see `circle`."""
         return self.circle.largest
 
     @property
@@ -237,7 +225,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """Return the same guarantees around another nominal; nothing is solved anew."""
         return dataclasses.replace(self, model=as_nominal(model, self.identification))
 
-    def completed(self, *, executor: Spread = None) -> WorstCaseError:
+    def completed(self, *, executor: Processes = None) -> WorstCaseError:
         """Return the result with the intervals of all parameters: itself, unless a time limit left some out."""
         if self.parameters.complete:
             return self
@@ -248,16 +236,15 @@ class WorstCaseError(Frozen, Drawable, Savable):
         rtol: float = 0.05,
         *,
         everywhere: bool = False,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
         resume: Folder | None = None,
         time_limit: float | None = None,
     ) -> CircleBound:
         """Rigorous bound of |F - model| on the whole circle, by adaptive refinement; MIMO: of its singular values.
 
-        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them: E is
-        that near to its chord. MIMO: this bounds every entry, and the norm of the matrix of these bounds the largest
-        singular value. For bounds of the second derivative see `Curvature`; arcs that set the maximum are halved.
+        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them; arcs
+        that set the maximum are halved. For bounds of the second derivative see `Curvature`.
 
         Parameters
         ----------
@@ -281,18 +268,30 @@ class WorstCaseError(Frozen, Drawable, Savable):
             If a time limit has left parameters without intervals; see `completed`.
         """
         rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
+        found = self._refined(rtol, everywhere, (executor, progress, resume), time_limit)
+        self._circle.take(found)  # for `hinf` and `save`, from now on
+        return found
+
+    def _refined(
+        self,
+        rtol: float = 0.05,
+        everywhere: bool = False,
+        means: tuple[Processes, Progress | None, Folder | None] = (None, None, None),
+        time_limit: float | None = None,
+        most: int = LARGEST,
+    ) -> CircleBound:
+        """The bound on the circle from what is known, of `most` frequencies at most."""
         if not self.parameters.complete:
             raise InputError(
                 "`parameters` are incomplete: the time limit left intervals out that the bound between frequencies rests on;"
                 " call on_circle of completed()"
             )
-        consistent = self.consistent_set
-        known = self.values, self.known_circle or self._circle.unfinished
-        settings, spread = (self.directions, self.gap), (executor, progress, resume)
+        consistent, settings = self.consistent_set, (self.directions, self.gap)
+        known, budget = (self.values, self.known_circle), Budget(time_limit)
         with threads_for(consistent.data.sarason.pair.order):
-            found = refine(self._around, consistent, *known, settings, rtol, everywhere, spread, Budget(time_limit))
-        self._circle.take(found)  # for `hinf` and `save`, from now on
-        return found
+            return refine(
+                self._around, consistent, *known, settings, rtol, everywhere, means, budget, min(most, LARGEST)
+            )
 
     def weight(
         self,
@@ -300,7 +299,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         kind: str = "additive",
         order: int | None = None,
         below: float | None = None,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> UncertaintyWeight:
@@ -311,15 +310,13 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """
         if not self.identification.problem.dt:
             check_gain(self.identification.problem, "a weight up to infinity")
-        limits: dict[str, Any] = {"executor": executor, "progress": progress, "time_limit": time_limit}
-        circle = self.on_circle(0.3, everywhere=True, **limits)
+        circle = self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     def robust_stability_margin(self, controller: Any, *, kind: str = "additive") -> RobustStabilityMargin:
         """`robust_stability_margin` of a controller for `model` against every consistent system.
 
-        From the bounds that `on_circle` has found, or to 5 % where ten seconds do for it; MIMO: those of the largest singular value
-        and of the entries at the same time.
+        From the bounds of `circle`; MIMO: those of the largest singular value and of the entries at the same time.
 
         Parameters
         ----------
@@ -362,10 +359,8 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """Sentence on what the time limit has left out; empty where nothing is missing."""
         if not self.missing.size:
             return ""
-        done, asked = self.omega.size, self.omega.size + self.missing.size
-        return (
-            f"The time limit ended the sweep: {done} of {asked} frequencies are bounded, nothing is said of the others."
-        )
+        count = f"{self.omega.size} of {self.omega.size + self.missing.size}"
+        return f"The time limit ended the sweep: {count} frequencies are bounded, nothing is said of the others."
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
@@ -376,7 +371,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
         relative = upper / np.maximum(size, np.finfo(float).tiny)
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
-        lines = [] if not self.missing.size else [f"unfinished {self.unfinished}"]
+        lines = [f"unfinished {self.unfinished}"] * bool(self.missing.size)
         lines += [
             f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
             f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from robustid.guarantees.discs import smallest_disc
+from robustid.guarantees.common_nominal import smallest_disc
 
 
 def judged(points):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees.horizon import tail_bounds
+from robustid.guarantees.outputs import tail_bounds
 
 pytestmark = pytest.mark.quick
 

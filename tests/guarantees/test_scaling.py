@@ -4,8 +4,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from robustid.guarantees.cells import STRUCTURES, shape_of
 from robustid.guarantees.scaling import best_scaling, perron_scaling
-from robustid.guarantees.structures import STRUCTURES, shape_of
 from support.destabilising import destabilising
 
 

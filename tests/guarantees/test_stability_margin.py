@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import MarginStatus, robust_stability_margin, uncertainty_weight
-from robustid.guarantees.structures import shape_of
+from robustid.guarantees.cells import shape_of
 from support.destabilising import destabilising
 from support.weights import largest_on, mode, pair, random_model, values_of
 

@@ -9,7 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.guarantees import horizon, response_tube
+from robustid.guarantees import outputs, response_tube
 from robustid.identification.certificate import Functional
 from robustid.identification.formulation import choice
 from support.problems import CASES, random_problem, truth_of
@@ -90,7 +90,7 @@ def test_second_coefficient_in_closed_form(K, g0):
 def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     # Basis {1}: the representative K zeta/rho of g_1 is all missed, so that |g_1| <= K/rho whatever g_0.
     result = first_coefficient(0.6)
-    monkeypatch.setattr(horizon, "formulate_over", lambda *_: None)
+    monkeypatch.setattr(outputs, "formulate_over", lambda *_: None)
     tube = response_tube(result, horizon=2)
     assert tube.upper[1] == pytest.approx(1 / 1.5, rel=1e-6)
     assert tube.upper[1] >= 1 / 1.5

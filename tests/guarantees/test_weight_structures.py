@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import magnitude_weight, robust_stability_margin, structured_weight, structured_weights
-from robustid.guarantees.structures import STRUCTURES, implied, log_volume, shape_of
+from robustid.guarantees.cells import STRUCTURES, implied, log_volume, shape_of
 from support.weights import modulus, random_model, values_of
 
 EDGES = np.linspace(0, np.pi, 13) / 0.1

@@ -4,14 +4,16 @@
 # Matrices have capital letters.
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices
+from robustid.core import Real, StateMatrices
 from robustid.guarantees.curvature import Curvature, input_normal, second_derivative
-from robustid.guarantees.linear.entry_band import EntryBand
-from robustid.identification import MixedProblem
+from robustid.guarantees.linear.entry_band import EntryBands
+
+if TYPE_CHECKING:
+    import control
 
 _FINE = 0.02  # of the larger bound at the ends: what the bend of an arc may add
 _PARTS = 64  # of an arc, at most
@@ -20,10 +22,7 @@ _ONE = 1 + 1e-9
 
 
 def arc_bounds(
-    bands: dict[tuple[int, int], EntryBand],
-    model: Any,
-    problem: MixedProblem,
-    corners: tuple[Real, Real] | None = None,
+    bands: EntryBands, model: control.StateSpace, corners: tuple[Real, Real] | None = None
 ) -> tuple[Real, Real]:
     r"""Edges (angles) and bounds (arcs, ny, nu) of |F - model|, of every entry of every consistent system.
 
@@ -31,28 +30,25 @@ def arc_bounds(
     ends, with the multipliers of the arc, B a bound of |E''|. Arcs are divided until the last term is small; nothing is searched.
     `corners` are further angles and bounds (N, ny, nu) there: between two of them they are the u as well.
     """
-    shape = model.D.shape
-    knots = np.unique(np.concatenate([band.angles for band in bands.values()]))
-    bend = Bends(problem, bands, model)
+    knots = np.unique(np.concatenate([band.angles for band in bands.bands]))
+    bend = Bends(bands, model)
     if corners is not None:
         corners = np.clip(corners[0], knots[0], knots[-1]), corners[1]
         knots = np.union1d(knots, corners[0])
-    edges, found = _halved(knots, bands, bend, model, problem)
+    edges, found = _halved(knots, bands, bend, model)
     if corners is not None:
         found = _below_chords(edges, found, *corners, bend)
     top = np.pi if knots[-1] < np.pi else None
     if top is not None:
         edges = np.append(edges, top)
         found = np.concatenate([found, bend.beyond(float(knots[-1]))[None]])
-    return edges, found.reshape(-1, *shape)
+    return edges, found.reshape(-1, *bend.shape)
 
 
-def _halved(
-    knots: Real, bands: dict[tuple[int, int], EntryBand], bend: Bends, model: Any, problem: MixedProblem
-) -> tuple[Real, Real]:
+def _halved(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSpace) -> tuple[Real, Real]:
     """The arcs between knots of all entries, in as many parts as their bends ask for."""
     low, high = knots[:-1], knots[1:]
-    ends = errors_at(bands, model, problem, knots)
+    ends = bands.errors_at(model, knots)
     added = bend.of(low, high) * ((high - low) ** 2 / 8)[:, None, None]
     size = np.maximum(ends[:-1], ends[1:])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -61,7 +57,7 @@ def _halved(
     sides = zip(low.tolist(), high.tolist(), parts.tolist(), strict=True)
     inner: list[Real] = [np.linspace(a, b, n + 1)[:-1] for a, b, n in sides]
     edges = np.concatenate([*inner, knots[-1:]])
-    at = errors_at(bands, model, problem, edges)
+    at = bands.errors_at(model, edges)
     widths = np.diff(edges)
     # The bend of the whole arc bounds that of its parts.
     again = np.repeat(added / parts[:, None, None] ** 2, parts, axis=0)
@@ -81,49 +77,29 @@ def _below_chords(edges: Real, found: Real, angles: Real, bounds: Real, bend: Be
     return found
 
 
-def errors_at(bands: dict[tuple[int, int], EntryBand], model: Any, problem: MixedProblem, angles: Real) -> Real:
-    """Bounds of the entries of F - model at angles, (N, ny, nu)."""
-    nominal = problem.plane.values(model, angles)
-    found = np.empty(nominal.shape)
-    for place in np.ndindex(*nominal.shape[1:]):
-        centre, radius = band_of(bands, problem, place).at(angles)
-        found[:, *place] = np.abs(centre - nominal[:, *place]) * _ONE + radius
-    return found
-
-
-def band_of(bands: dict[tuple[int, int], EntryBand], problem: MixedProblem, place: tuple[int, int]) -> EntryBand:
-    """The discs of an entry; of symmetric matrices those of either one."""
-    return bands[(min(place), max(place)) if problem.entries.symmetric else place]
-
-
 class Bends:
     """Bounds of the second derivatives of E = F - model along arcs, entry by entry: the class, the amplitudes, and the model."""
 
-    def __init__(self, problem: MixedProblem, bands: dict[tuple[int, int], EntryBand], model: Any) -> None:
+    def __init__(self, bands: EntryBands, model: control.StateSpace) -> None:
+        problem = bands.problem
         a, b, c, _ = problem.plane.in_z(StateMatrices.of(model))
-        self.problem, self.bands, self.shape = problem, bands, model.D.shape
+        self.problem, self.bands, self.shape = problem, bands, bands.problem.entries.shape
         self.model, self.known = model, input_normal(a, b, c)
         # Without a known part of its own: that of the model is added here, arcs of all lengths at once.
-        none = np.zeros((0, 0)), np.zeros((0, model.D.shape[1])), np.zeros((model.D.shape[0], 0))
-        self.of_class = Curvature(problem, none, None, np.zeros((0, *model.D.shape)), False)
+        none = np.zeros((0, 0)), np.zeros((0, self.shape[1])), np.zeros((self.shape[0], 0))
+        self.of_class = Curvature(problem, none, None, np.zeros((0, *self.shape)), False)
 
     def of(self, low: Real, high: Real) -> Real:
         """Bounds on arcs, (arcs, ny, nu)."""
         found = np.zeros((low.size, *self.shape))
         for k, ends in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
             found[k] = self.of_class.largest(*ends) + second_derivative(*self.known, *ends)
-        functions: Any = None
+        functions: Real | None = None
         for place in np.ndindex(*self.shape):
-            band = band_of(self.bands, self.problem, place)
+            band = self.bands.of(place)
             functions = band.samples.functions.bends(low, high) if functions is None else functions
-            found[:, *place] += functions @ self._largest(band)
+            found[:, *place] += functions @ band.extraction.known.largest[band.samples.own_amplitudes]
         return found
-
-    @staticmethod
-    def _largest(band: EntryBand) -> Real:
-        """Largest modulus of the amplitudes of the entry, (g,)."""
-        count, target = band.samples.functions.amplitudes, band.samples.target
-        return band.extraction.known.largest[target * count : (target + 1) * count]
 
     def beyond(self, last: float) -> Real:
         """Bound of the entries from the last knot to infinity, (ny, nu): the class, the functions and the model by their moduli."""
@@ -139,21 +115,11 @@ class Bends:
         weight = max(self.of_class.weight(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True))
         total = total + prior.gain_bound * weight * prior.scales(*self.shape)
         for place in np.ndindex(*self.shape):
-            band = band_of(self.bands, self.problem, place)
-            total[place] += float((band.samples.functions.largest_on(low, high) @ self._largest(band)).max())
+            band = self.bands.of(place)
+            total[place] += float(
+                (
+                    band.samples.functions.largest_on(low, high)
+                    @ band.extraction.known.largest[band.samples.own_amplitudes]
+                ).max()
+            )
         return total * _ONE
-
-
-def centre_and_radius(
-    bands: dict[tuple[int, int], EntryBand], problem: MixedProblem, angles: Real
-) -> tuple[Complex, Real]:
-    """Centres and radii of all entries, (N, ny, nu)."""
-    shape = angles.size, *problem.entries.shape
-    centre, radius = np.empty(shape, complex), np.empty(shape)
-    done: dict[int, tuple[Complex, Real]] = {}
-    for place in np.ndindex(*shape[1:]):
-        band = band_of(bands, problem, place)
-        if id(band) not in done:
-            done[id(band)] = band.at(angles)
-        centre[:, *place], radius[:, *place] = done[id(band)]
-    return centre, radius

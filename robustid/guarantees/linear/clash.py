@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.certificate import Chosen, Targets, centres, choose, radii
+from robustid.guarantees.linear.certificate import centres, choose, radii
+from robustid.guarantees.linear.predictions import lines_of, nothing, predicted_lines, predicted_rows
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import POINTS, nearest_points, reweighted
 
-_STACK = 3e6  # complex numbers in the matrices of a stack
-_ROWS = 24  # samples of the records of an entry that are predicted by the others
 _MOST = 4 * POINTS  # points of a combination of all samples together
 _STEPS = 30
 _TRIED = 3  # predictions from which such combinations start
@@ -98,56 +97,12 @@ class Clash(Frozen):
         return found if self.at_bounds(found).excess > 1 else 1.0
 
 
-def nothing(samples: Samples, base: Complex) -> Targets:
-    """The functional that is zero, seen from some zeta, (B,)."""
-    zero = np.zeros((base.size, samples.amplitude_of.size), complex)
-    return Targets(base, np.zeros(base.size, complex), zero, np.zeros((base.size, samples.amplitudes)))
-
-
 def of_zero(extraction: Extraction, base: Complex, points: NDArray[np.intp], d: Complex) -> tuple[Complex, Real]:
     """Discs that hold zero if any system keeps the bounds, (B,) each."""
     samples, known = extraction.samples, extraction.known
     targets = nothing(samples, base)
     chosen = choose(samples, targets, points)
     return centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Predictions(Frozen):
-    """Samples as all others predict them, each with multipliers of its own: -1 for the sample.
-
-    Attributes
-    ----------
-    base : (B,) complex array
-    points : (B, n) int array
-    multipliers : (B, n + T) complex array
-    own : (B,) int array
-        Number of the sample among the multipliers.
-    y : (B,) complex array
-        The samples.
-    bound : (B,) array
-        Their bounds, with what the series leave out.
-    centre, radius : (B,) arrays
-        Of the discs that hold zero if any system keeps all bounds: centre + y and radius - bound are those that hold the sample.
-    """
-
-    base: Complex
-    points: NDArray[np.intp]
-    multipliers: Complex
-    own: NDArray[np.intp]
-    y: Complex
-    bound: Real
-    centre: Complex
-    radius: Real
-
-    @property
-    def excess(self) -> Real:
-        """Above 1 no system keeps the bounds, (B,)."""
-        return np.abs(self.centre) / self.radius
-
-    def clash(self, extraction: Extraction, k: int) -> Clash:
-        """The proof of one of them."""
-        return Clash(extraction, complex(self.base[k]), self.points[k], self.multipliers[k], int(self.own[k]))
 
 
 def clash_of(extraction: Extraction) -> Clash | None:
@@ -159,10 +114,10 @@ def clash_of(extraction: Extraction) -> Clash | None:
     samples = extraction.samples
     if not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
         return None
-    each = [*predicted_lines(extraction, lines_of(samples)), *_predicted_rows(extraction)]
+    each = [*predicted_lines(extraction, lines_of(samples)), *predicted_rows(extraction)]
     best = sorted(
         (
-            (float(part.excess[k]), part.clash(extraction, k))
+            (float(part.excess[k]), Clash(extraction, *part.proof(k)))
             for part in each
             for k in np.argsort(-part.excess)[:_TRIED].tolist()
         ),
@@ -172,79 +127,6 @@ def clash_of(extraction: Extraction) -> Clash | None:
     if best and best[0][0] > _HOPE:
         found += [together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
     return max(found, key=lambda one: one.excess, default=None)
-
-
-def lines_of(samples: Samples) -> NDArray[np.intp]:
-    """The lines that see the entry before all others, of positive angles."""
-    half = samples.angles.size // 2
-    return np.flatnonzero(np.argmax(samples.v[:half] != 0, axis=1) == samples.target)
-
-
-def predicted_lines(extraction: Extraction, lines: NDArray[np.intp], points: int | None = None) -> list[Predictions]:
-    """Lines as so many points of all others predict them."""
-    samples = extraction.samples
-    half = samples.angles.size // 2
-    points = POINTS + min(int(samples.first.sum()), POINTS) if points is None else points
-    real = np.abs(samples.nodes[lines] - samples.nodes[lines + half]) == 0  # they see the same as their conjugates
-    return [_near(extraction, lines[real == twins], twins, points) for twins in (False, True) if np.any(real == twins)]
-
-
-def _near(extraction: Extraction, lines: NDArray[np.intp], twins: bool, count: int) -> Predictions:
-    samples = extraction.samples
-    total, base = samples.angles.size, samples.nodes[lines]
-    count = min(count, total - 1 - twins)
-    near = nearest_points(samples, base, count + 1 + twins)
-    points = np.empty((lines.size, count + 1), int)
-    points[:, 0] = lines
-    for row, (k, every) in enumerate(zip(lines.tolist(), near, strict=True)):
-        out = (k, k + total // 2) if twins else (k,)
-        points[row, 1:] = every[~np.isin(every, out)][:count]
-    return _found(extraction, base, points, np.zeros(lines.size, int))
-
-
-def _predicted_rows(extraction: Extraction) -> list[Predictions]:
-    samples = extraction.samples
-    if not samples.rows:
-        return []
-    rows = np.unique(np.linspace(0, samples.rows - 1, _ROWS).round().astype(int))
-    base = np.zeros(rows.size, complex)
-    points = nearest_points(samples, base, POINTS)
-    return [_found(extraction, base, points, points.shape[1] + rows)]
-
-
-def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp]) -> Predictions:
-    """Search what predicts the samples number `own` (B,) among the points (B, n) and the rows, stack by stack."""
-    samples, known = extraction.samples, extraction.known
-    size = points.shape[1] + samples.rows
-    stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
-    multipliers: Complex = np.full((base.size, size), -1, complex)
-    numbers: list[tuple[Complex, Real, Complex, Real]] = []
-    for first in range(0, base.size, stack):
-        part = slice(first, first + stack)
-        targets, at = nothing(samples, base[part]), own[part, None]
-        chosen = choose(samples, targets, points[part])
-        rest, predicted, others = without(chosen, base[part], own[part])
-        d = multipliers[part]
-        np.put_along_axis(d, others, reweighted(samples, rest, predicted, known), axis=1)
-        bound = chosen.bound + chosen.left_out @ known.largest
-        y, own_bound = (np.take_along_axis(one, at, axis=1)[:, 0] for one in (chosen.y, bound.astype(complex)))
-        discs = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
-        numbers.append((y, own_bound.real, *discs))
-    y, bound, centre, radius = (np.concatenate(one) for one in zip(*numbers, strict=True))
-    return Predictions(base, points, multipliers, own, y, bound, centre, radius)
-
-
-def without(chosen: Chosen, base: Complex, own: NDArray[np.intp]) -> tuple[Chosen, Targets, NDArray[np.intp]]:
-    """The arrays without one sample of every target, that sample as the target, and the numbers (B, S - 1) of the others."""
-    count, size = len(chosen.bound), int(chosen.bound.shape[1])
-    number, row = np.arange(size - 1), np.arange(count)
-    others = number + (number >= own[:, None])
-    weight = np.sqrt(chosen.gram[row, own, own].real).astype(complex)
-    targets = Targets(base, weight, chosen.values[row, own], chosen.left_out[row, own])
-    rows = row[:, None]
-    gram = chosen.gram[rows[:, :, None], others[:, :, None], others[:, None, :]]
-    rest = [getattr(chosen, name)[rows, others] for name in ("values", "y", "bound", "left_out")]
-    return Chosen(chosen.points, gram, chosen.gram[rows, others, own[:, None]], *rest), targets, others
 
 
 def together(start: Clash) -> Clash:

@@ -1,4 +1,4 @@
-"""Linear certificates of one entry at knots of the frequency axis, and between them by interpolation."""
+"""Linear certificates of entries at knots of the frequency axis, and between them by interpolation."""
 
 # pyright: reportConstantRedefinition=false
 # Matrices have capital letters.
@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,10 @@ from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
+from robustid.identification import MixedProblem
+
+if TYPE_CHECKING:
+    import control
 
 _LOOSE = 1.05  # of the radius between knots over that of a search there: above, the arc is halved
 _ROUNDS, _MOST = 6, 1200  # of halving arcs, and knots
@@ -26,6 +32,7 @@ _SHARE = 0.25  # of few knots that are lines
 _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
 _STACK = 4e6  # complex numbers of a stack of evaluations
+_ONE = 1 + 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -67,6 +74,12 @@ class EntryBand(Frozen):
         """Radii at the knots, (F,)."""
         return self._at_knots[1]
 
+    @property
+    def amplitudes(self) -> tuple[Complex, Real]:
+        """Centres and radii of the discs of the amplitudes of the entry, (g,) each."""
+        own = self.samples.own_amplitudes
+        return self.extraction.known.centre[own], self.extraction.known.radius[own]
+
     def at(self, angles: Real) -> tuple[Complex, Real]:
         """Centres and radii at angles between the knots."""
         found = np.empty(angles.size, complex), np.empty(angles.size)
@@ -90,6 +103,67 @@ class EntryBand(Frozen):
     def of_knots(self, knots: NDArray[np.intp]) -> tuple[NDArray[np.intp], Complex]:
         """Points and multipliers of knots."""
         return self.points[knots], self.multipliers[knots].astype(complex)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class EntryBands(Frozen):
+    """Discs of all entries of a problem: row by row; of symmetric matrices those of the upper triangle."""
+
+    problem: MixedProblem
+    bands: tuple[EntryBand, ...]
+
+    @functools.cached_property
+    def _numbers(self) -> dict[tuple[int, int], int]:
+        """Number of the band of every entry."""
+        own = {one.samples.entry: k for k, one in enumerate(self.bands)}
+        symmetric = self.problem.entries.symmetric
+        places = np.ndindex(*self.problem.entries.shape)
+        return {place: own[(min(place), max(place)) if symmetric else place] for place in places}
+
+    def of(self, place: tuple[int, int]) -> EntryBand:
+        """The discs of an entry."""
+        return self.bands[self._numbers[place]]
+
+    def matrices(self, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Values (N,) of every band as matrices (N, ny, nu)."""
+        found = np.empty((len(values[0]), *self.problem.entries.shape), values[0].dtype)
+        for place, number in self._numbers.items():
+            found[:, *place] = values[number]
+        return found
+
+    def at(self, angles: Real) -> tuple[Complex, Real]:
+        """Centres and radii at angles between the knots, (N, ny, nu)."""
+        centres, radii = zip(*(one.at(angles) for one in self.bands), strict=True)
+        return self.matrices(centres), self.matrices(radii)
+
+    def errors_at(self, model: control.StateSpace, angles: Real) -> Real:
+        """Bounds of the entries of F - model at angles, (N, ny, nu)."""
+        centre, radius = self.at(angles)
+        return np.abs(centre - self.problem.plane.values(model, angles)) * _ONE + radius
+
+    def open_arcs(self) -> list[tuple[float, float]]:
+        """Arcs between angles on which nothing is said: around infinite radii, as far as they exceed the largest response."""
+        ends: list[tuple[float, float]] = []
+        for one in self.bands:
+            endless = np.isinf(one.radius)
+            if not endless.any():
+                continue
+            lost = one.radius > np.abs(one.centre[~endless]).max(initial=0.0)
+            starts = np.flatnonzero(lost & ~np.r_[False, lost[:-1]])
+            stops = np.flatnonzero(lost & ~np.r_[lost[1:], False])
+            last = one.angles.size - 1
+            ends += [
+                (float(one.angles[max(a - 1, 0)]), float(one.angles[min(b + 1, last)]))
+                for a, b in zip(starts.tolist(), stops.tolist(), strict=True)
+                if endless[a : b + 1].any()
+            ]
+        found: list[tuple[float, float]] = []
+        for low, high in sorted(ends):
+            if found and low <= found[-1][1]:
+                found[-1] = found[-1][0], max(high, found[-1][1])
+            else:
+                found.append((low, high))
+        return found
 
 
 def mixed(
@@ -249,3 +323,19 @@ def first_knots(samples: Samples, low: float, high: float, most: int = _LINES) -
         parts.append(turn + width * np.array([-k for k in _AROUND] + [0.0, *_AROUND]))
     every = np.concatenate(parts)
     return np.unique(np.concatenate([every[(every >= low) & (every <= high)], [low, high]]))
+
+
+def multipliers_fit(samples: Samples, points: NDArray[Any], d: NDArray[Any], count: int) -> bool:
+    """Return whether so many rows of points and multipliers belong to the samples."""
+    return bool(
+        points.shape[:1] == (count,) == d.shape[:1]
+        and d.shape[1] == points.shape[1] + samples.rows
+        and (not points.size or (points.min() >= 0 and points.max() < samples.angles.size))
+        and np.all(np.isfinite(d))
+    )
+
+
+def extraction_fits(found: Extraction) -> bool:
+    """Return whether what bounds the amplitudes belongs to the samples."""
+    g = found.samples.amplitudes
+    return found.about.shape == (g,) and multipliers_fit(found.samples, found.points, found.multipliers, g)

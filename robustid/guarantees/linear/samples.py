@@ -86,6 +86,12 @@ class Samples(Frozen):
         """Number of the entry among the components."""
         return self.components.index(self.entry)
 
+    @property
+    def own_amplitudes(self) -> slice:
+        """Numbers of the amplitudes of the entry among those of all components."""
+        count = self.functions.amplitudes
+        return slice(self.target * count, (self.target + 1) * count)
+
     @functools.cached_property
     def reach(self) -> float:
         """Largest norm of the components of a matrix whose singular values are at most 1."""
@@ -112,16 +118,17 @@ class Samples(Frozen):
     @functools.cached_property
     def values(self) -> Complex:
         """Functions of all components at every point, (N, m), zeros for transients."""
-        own = self.functions.values(self.angles)
-        every = (self.v[:, :, None] * own[:, None, :]).reshape(self.angles.size, self.v.shape[1] * own.shape[1])
-        return np.concatenate([every, np.zeros((self.angles.size, self.transients), complex)], axis=1)
+        return self._of_components(self.v, self.functions.values(self.angles))
 
     @functools.cached_property
     def left_out(self) -> Real:
         """Most that the series leave out of every point, (N, amplitudes)."""
-        own = self.functions.left_out(self.angles)
-        every = (np.abs(self.v)[:, :, None] * own[:, None, :]).reshape(self.angles.size, self.v.shape[1] * own.shape[1])
-        return np.concatenate([every, np.zeros((self.angles.size, self.transients))], axis=1)
+        return self._of_components(np.abs(self.v), self.functions.left_out(self.angles))
+
+    def _of_components(self, weights: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
+        """Weights (N, C) of the components times columns (N, k) that each has, and zeros for transients."""
+        every = (weights[:, :, None] * own[:, None, :]).reshape(len(own), weights.shape[1] * own.shape[1])
+        return np.concatenate([every, np.zeros((len(own), self.transients), every.dtype)], axis=1)
 
     @property
     def amplitudes(self) -> int:
@@ -282,11 +289,8 @@ def seen_in(problem: MixedProblem) -> list[Seen]:
     """All samples at frequencies, those of records in steady state as their spectral lines among them."""
     found: list[Seen] = []
     for item in problem.frequency:
-        angles, radius, weights = (
-            problem.plane.angles(item.omega),
-            item.bound.outer_radius,
-            getattr(item, "weights", None),
-        )
+        angles, radius = problem.plane.angles(item.omega), item.bound.outer_radius
+        weights = getattr(item, "weights", None)
         for i, j in measured_entries(item):
             used = item.bound.used[:, i, j]
             if weights is None:

@@ -13,8 +13,9 @@ import numpy as np
 from robustid.core import Real
 from robustid.guarantees.linear.amplitudes import amplitude_targets
 from robustid.guarantees.linear.certificate import Targets, targets_at
-from robustid.guarantees.linear.clash import Clash, nothing
+from robustid.guarantees.linear.clash import Clash
 from robustid.guarantees.linear.entry_band import EntryBand
+from robustid.guarantees.linear.predictions import nothing
 from robustid.guarantees.linear.samples import Samples
 from robustid.identification import ball_arithmetic
 

@@ -179,7 +179,7 @@ class ShiftDesign(Design):
 class NonuniformSums:
     """Sums over angles, or over exponents 0 <= m < count, of exp(-i m theta_k).
 
-    Spread to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b), whose
+    Processes to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b), whose
     transform divides the result; the sums are those of the regular grid to about 1e-13 of the sum of the moduli. The matrix of
     the kernel is sparse: 16 entries per angle. (A permissive library would be used here; the one that is kept contains GPL code
     as it is distributed.)

@@ -87,7 +87,7 @@ def _numbers(identification: Identification, reduction: Reduction | None, bound:
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
         where, share = guarantee.at_resonance(bound)
         found += [
-            (f"guaranteed error, order {bound.model.nstates}", f"≤ {largest}"),
+            (f"guaranteed error, order {bound.order}", f"≤ {largest}"),
             (where, f"≤ {at_most(100 * share, 2)} %"),
         ]
     if identification.status is Status.CONSISTENT:

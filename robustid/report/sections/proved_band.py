@@ -89,7 +89,7 @@ def sentence(identification: Posed, band: Band) -> str:
     but = ""
     if band.open_ranges:
         but = f" but from {band.open_words}, where nothing is proved, since a mode there may be undamped for all the data say"
-    nominal = "centre of the band" if band.model is None else f"model of order {band.model.nstates}"
+    nominal = "centre of the band" if band.model is None else f"model of order {band.order}"
     return (
         f"{start}Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
@@ -168,7 +168,7 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     name, own = shown_models(identification)[0][:2]
     further = None
     if not all(np.array_equal(getattr(band.model, part), getattr(own, part)) for part in "ABCD"):
-        name = f"model, order {band.model.nstates}"
+        name = f"model, order {band.order}"
         further = {name: band.model}
     if siso(identification):
         panel = frequency_charts(identification, further, band.omega)[0].panels[0]
@@ -254,7 +254,7 @@ def centre_chart(band: Band) -> Chart:
         name = "centre of the proved band"
         if band.model is not None:
             name, centre = (
-                f"model, order {band.model.nstates}",
+                f"model, order {band.order}",
                 band.problem.plane.values_at(band.model, omega)[:, *entry],
             )
         above = omega > 0  # a logarithmic axis has no 0

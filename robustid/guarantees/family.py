@@ -14,14 +14,13 @@ import numpy as np
 from robustid.core import Budget, Real, as_array, as_count
 from robustid.errors import InputError
 from robustid.guarantees.common_nominal import centres_of, fitted_nominal
-from robustid.guarantees.families import Family
+from robustid.guarantees.family_result import Family
 from robustid.guarantees.member import CONDITIONS, Bounded, Member, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import worst_case_over_poles
 from robustid.guarantees.pole_cells import box_of
 from robustid.guarantees.pole_sweep import default_frequencies
-from robustid.guarantees.spread import Spread
-from robustid.guarantees.sweep import Folder, Progress
+from robustid.guarantees.sweep import Folder, Processes, Progress
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
@@ -34,7 +33,7 @@ class _Settings(NamedTuple):
 
     directions: int
     rtol: float
-    executor: Spread
+    executor: Processes
     progress: Progress | None
     resume: Folder | None
 
@@ -61,7 +60,7 @@ def family(
     interval: Any = None,
     directions: int = 16,
     rtol: float = 0.05,
-    executor: Spread = None,
+    executor: Processes = None,
     progress: Progress | None = None,
     resume: Folder | None = None,
     time_limit: float | None = None,

@@ -16,9 +16,8 @@ from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.member import Bounded, Member
 from robustid.guarantees.nominal import as_nominal
-from robustid.guarantees.spread import Spread
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Progress
+from robustid.guarantees.sweep import Processes, Progress
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.guarantees.worst_case_result import WorstCaseError
@@ -137,7 +136,7 @@ class Family(Frozen, Drawable, Savable):
         rtol: float = 0.05,
         *,
         everywhere: bool = False,
-        executor: Spread = None,
+        executor: Processes = None,
         progress: Progress | None = None,
     ) -> CircleBound:
         """Rigorous bound of |F - nominal| on the whole circle over all members; MIMO: of its singular values.

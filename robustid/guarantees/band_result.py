@@ -1,0 +1,373 @@
+"""Band: discs around every consistent system at every frequency, and what follows from them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustid.core import (
+    Budget,
+    Complex,
+    Progress,
+    Real,
+    Savable,
+    as_array,
+    as_flag,
+    as_kind,
+    freeze,
+    one_thread,
+)
+from robustid.errors import InputError
+from robustid.figures import Drawable
+from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.linear.arcs import arc_bounds
+from robustid.guarantees.linear.proved_discs import ProvedDiscs
+from robustid.guarantees.nominal import as_frequencies, check_nominal
+from robustid.guarantees.pole_cells import AMPLITUDE
+from robustid.guarantees.refinement import (
+    SAME,
+    Polygons,
+    Spent,
+    check_polygons,
+    narrowed,
+    narrowed_norm,
+    polygons_hold,
+    polygons_of,
+)
+from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
+from robustid.guarantees.sweep import Folder, Processes
+from robustid.guarantees.value_set import norm_of_bounds
+from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.identification import Identification
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Band(ProvedDiscs, Drawable, Savable):
+    """Discs that hold the response of every consistent system, proved at every frequency by sums.
+
+    At each frequency ``|F - centre| <= radius`` for every F of the class that keeps the samples within their bounds: the centre is
+    a combination of the samples, the radius what this combination leaves. Between frequencies combinations are mixed, which gives
+    combinations again. Assumed: gain bound, decay, the number of modes, their poles (exact where `box` is None, anywhere in it
+    else), bounds of the samples.
+
+    Attributes
+    ----------
+    problem : MixedProblem
+    omega : (F,) array, rad/s
+        Frequencies that were asked for; `at` takes any other.
+    bands : tuple of EntryBand
+        Of every entry, row by row; of symmetric matrices the upper triangle.
+    box : pair of (M, 2) arrays, or None
+        Pole-uncertainty box that is covered: ends of the natural frequencies in rad/s, and of the damping ratios.
+    model : control.StateSpace or None
+        The nominal that errors are measured from; None: the centres.
+    polygons : WorstCaseError, WorstCaseOverPoles or None
+        Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
+    """
+
+    omega: Real
+    model: control.StateSpace | None = None
+    polygons: Polygons | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set(omega=freeze(self.omega))
+        if self.polygons is not None:
+            check_polygons(self.polygons, self.problem, self.box)
+
+    @functools.cached_property
+    def _here(self) -> tuple[Complex, Real]:
+        return self.at(self.omega)
+
+    @property
+    def centre(self) -> Complex:
+        """Centres of the discs at `omega`, (F, ny, nu): estimates with the smallest worst case that linear methods reach."""
+        return freeze(self._here[0])
+
+    @property
+    def radius(self) -> Real:
+        """Radii of the discs at `omega`, (F, ny, nu)."""
+        return freeze(self._here[1])
+
+    @property
+    def upper(self) -> Real:
+        """Proved bound of |F - model| over all consistent F at `omega`, (F, ny, nu); of |F - centre| without a model."""
+        return freeze(self.error_at(self.omega))
+
+    @property
+    def sigma_upper(self) -> Real:
+        """Proved bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`, or that of polygons."""
+        return freeze(narrowed_norm(norm_of_bounds(self.upper), self.polygons, self.omega, self.model))
+
+    @property
+    def order(self) -> int:
+        """Order of the model; 0 without one."""
+        return 0 if self.model is None else self.model.nstates
+
+    @property
+    def nominal(self) -> Complex:
+        """Response of the model at `omega`, (F, ny, nu); the centres without one."""
+        return self.centre if self.model is None else self.problem.plane.values_at(self.model, self.omega)
+
+    def error_at(self, omega: ArrayLike, model: control.StateSpace | None = None) -> Real:
+        """Proved bound of |F - model| at any frequencies, (F, ny, nu): distance from the centre, and the radius.
+
+        At the frequencies of `polygons` (there exactly) the distance of their farthest corner, if it is less.
+        """
+        return narrowed(*self._discs_about(model, omega))
+
+    def _discs_about(
+        self, model: control.StateSpace | None, omega: ArrayLike
+    ) -> tuple[Real, Polygons | None, Real, Complex]:
+        """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
+        omega = np.atleast_1d(as_array("omega", omega))
+        centre, radius = self.at(omega)
+        model = self.model if model is None else check_nominal(model, self.problem)
+        if model is None:
+            return radius, self.polygons, omega, centre
+        nominal = self.problem.plane.values_at(model, omega)
+        return np.abs(centre - nominal) * (1 + 1e-15) + radius, self.polygons, omega, nominal
+
+    def with_model(self, model: control.StateSpace) -> Band:
+        """Return the same band with errors measured from another nominal; nothing is searched."""
+        return dataclasses.replace(self, model=check_nominal(model, self.problem))
+
+    def refine(
+        self,
+        identification: Identification | None = None,
+        *,
+        omega: ArrayLike | None = None,
+        time_limit: float | None = None,
+        progress: Progress | None = None,
+        executor: Processes = None,
+        resume: Folder | None = None,
+    ) -> Band:
+        """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
+
+        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`, which assume that
+        amplitudes of modes are at most twice those of the identified model. Frequencies come first at which the discs are estimated
+        to be twice as large as need be. Polygons that the band has are replaced.
+
+        Parameters
+        ----------
+        identification : Identification, optional
+            Of the problem of the band, where one is at hand. Default: `identify` of it.
+        omega : (F,) array, rad/s, optional
+            Default: those of the band.
+        time_limit : float, optional
+            Seconds; the discs stand at frequencies that are not finished then.
+        progress, executor, resume : optional
+            As in `worst_case_error`.
+
+        Returns
+        -------
+        Band
+
+        Raises
+        ------
+        InconsistentDataError
+            No system of the class fits the data.
+        InputError
+            An identification of another problem; a box that `worst_case_over_poles` can't take.
+
+        Examples
+        --------
+        >>> import numpy as np, robustid as rid
+        >>> omega = np.linspace(1.0, 30.0, 20)
+        >>> frf = rid.FrequencyResponse(omega, 1 / (2 - np.exp(-0.1j * omega)), bound=0.01, dt=0.1)
+        >>> result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.5)))
+        >>> plain = rid.band(result, omega=[5.0, 20.0])
+        >>> found = plain.refine(result, omega=[5.0])
+        >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
+        (True, True, True)
+        """
+        grid = self.omega if omega is None else as_frequencies(omega, self.problem)
+        low, high = self.range
+        grid = grid[(grid >= low) & (grid <= high)]
+        if not grid.size:
+            raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does")
+        budget = Budget(time_limit)
+        thing = self.problem
+        if identification is not None:
+            thing = as_kind("identification", identification, Identification, "an Identification")
+        means = Spent(executor, progress, resume, budget)
+        return self.with_polygons(polygons_of(thing, self.box, self.model, grid, self, means))
+
+    def with_polygons(self, polygons: Polygons) -> Band:
+        """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
+
+        Parameters
+        ----------
+        polygons : WorstCaseError or WorstCaseOverPoles
+            At exact poles the former, over the box of the band the latter; about any model.
+
+        Raises
+        ------
+        InputError
+            Polygons of another problem, of exact poles beside a box, over a box that does not hold that of the band.
+        """
+        check_polygons(polygons, self.problem, self.box)
+        low, high = self.range
+        added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
+        near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
+        omega = np.union1d(self.omega[~near.any(axis=1)], added)
+        return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
+
+    @functools.cached_property
+    def circle(self) -> CircleBound:
+        """Bound of |F - model| on the whole axis, arc by arc, up to pi/dt or infinity.
+
+        Raises
+        ------
+        InputError
+            There is no model, or the band is of a class that nothing bounds at infinity.
+        """
+        if self.model is None:
+            raise InputError("`model` is missing: the whole axis is bounded about a model; use with_model(...)")
+        with one_thread():
+            angles, entries = arc_bounds(self._entries, self.model, self._corners)
+        edges = np.where(angles < np.pi, self.problem.plane.omega(np.minimum(angles, 3.0)), self.problem.plane.top)
+        inside = angles < np.pi
+        edges[inside] = self.problem.plane.omega(angles[inside])
+        return CircleBound(edges, norm_of_bounds(entries), 0.0, True, (), entries)
+
+    @property
+    def _corners(self) -> tuple[Real, Real] | None:
+        """Angles of the polygons, and the bounds of the error there; None without any."""
+        if self.polygons is None:
+            return None
+        low, high = self.range
+        omega = self.polygons.omega[(self.polygons.omega >= low) & (self.polygons.omega <= high)]
+        return self.problem.plane.angles(omega), self.error_at(omega)
+
+    @property
+    def hinf(self) -> float:
+        """Proved bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point)."""
+        return self.circle.largest
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole axis; see `uncertainty_weight`."""
+        circle = self.circle
+        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
+
+    def robust_stability_margin(
+        self, controller: control.StateSpace, *, kind: str = "additive"
+    ) -> RobustStabilityMargin:
+        """`robust_stability_margin` of a controller for `model` against every consistent system; see there."""
+        circle = self.circle
+        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
+
+    @property
+    def bounded(self) -> NDArray[np.bool_]:
+        """Mask of the frequencies `omega` at which something is said, (F,)."""
+        inside = [(low <= self.omega) & (self.omega <= high) for low, high in self.open_ranges]
+        open_there = np.any([np.zeros(self.omega.size, bool), *inside], axis=0)
+        return np.isfinite(self.sigma_upper) & (~open_there | self.narrowed)
+
+    @functools.cached_property
+    def narrowed(self) -> NDArray[np.bool_]:
+        """Mask of the frequencies `omega` at which polygons bound the error by less than the discs do, (F,)."""
+        return self._narrowing < 1
+
+    @functools.cached_property
+    def _narrowing(self) -> Real:
+        """Bounds with polygons over those of the discs, at `omega`, (F,)."""
+        discs = norm_of_bounds(self._discs_about(None, self.omega)[0])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.nan_to_num(self.sigma_upper / discs, nan=1.0)
+
+    @property
+    def polygon_words(self) -> str:
+        """Words on what polygons add to the discs; empty where there are none."""
+        if self.polygons is None:
+            return ""
+        asked, count = int(np.isin(self.omega, self.polygons.omega).sum()), int(self.narrowed.sum())
+        if not count:
+            return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: that of sums stands"
+        part = self._narrowing[self.narrowed]
+        least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
+        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        return (
+            f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
+            " band of sums stands"
+        )
+
+    @property
+    def assumes_amplitudes(self) -> bool:
+        """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
+        return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
+
+    @property
+    def certified(self) -> bool:
+        """Return whether every disc holds when it is evaluated anew from its multipliers and the data."""
+        return self.verify()
+
+    def verify(self, exact: bool = False) -> bool:
+        """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.
+
+        `exact` in ball arithmetic, of discs at the knots, by code of its own (`robustid[exact]`).
+        """
+        from robustid.guarantees.linear.verification import holds_exactly
+
+        exact = as_flag("exact", exact)
+
+        with one_thread():
+            again = [dataclasses.replace(one) for one in self.bands]  # nothing that was computed before is taken over
+            same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, self.bands, strict=True)]
+            discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
+        return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
+
+    def __repr__(self) -> str:
+        poles = "poles as stated" if self.box is None else "poles anywhere in a box"
+        known = self.radius[np.isfinite(self.radius)]
+        return f"<Band: {self.omega.size} frequencies, {poles}, radius up to {known.max(initial=0.0):.4g}>"
+
+    def summary(self) -> str:
+        """The result in plain text."""
+        return f"guarantee  {self.claim}"
+
+    @property
+    def claim(self) -> str:
+        """The summary without its first word."""
+        centre, upper = self.centre, self.sigma_upper
+        size = np.maximum(np.linalg.norm(centre, 2, axis=(1, 2)), np.finfo(float).tiny)
+        about = "the centre of the band" if self.model is None else "the model"
+        poles = ""
+        if self.problem.parametric is not None:
+            poles = ", poles of the parametric part exactly as stated"
+        if self.box is not None:
+            poles = f", poles of {len(self.box[0])} mode{'s' * (len(self.box[0]) > 1)} anywhere in their box"
+        known = self.bounded
+        where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
+        lines = ["none: the data do not tell the amplitudes of the modes apart" + poles]
+        if known.any():
+            k = int(np.argmax(np.where(known, upper, -1.0)))
+            lines = [
+                f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
+                f"           (median {100 * np.median(upper[known] / size[known]):.3g} % of the response at {known.sum()}"
+                f" frequencies; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
+            ]
+        if known.any() and self.open_ranges:
+            lines.append(
+                f"open       nothing is proved from {self.open_words}: the box of a mode there reaches the undamped ones; measure"
+                " frequency points there"
+            )
+        if self.polygons is not None:
+            lines.append(f"refined    {self.polygon_words}")
+        if self.assumes_amplitudes:
+            lines.append(
+                f"           there amplitudes are assumed of at most {AMPLITUDE:g} times the identified model's"
+            )
+        lines.append(
+            "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
+        )
+        return "\n".join(lines)
