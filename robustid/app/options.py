@@ -119,7 +119,7 @@ class Fit:
         whole(), 0, help="Number of rigid-body modes: undamped, poles at zero exactly.", flag="--rigid-body"
     )
     modal: str | None = key(
-        text(listed("mfd", "DAMPINGS")),
+        text(listed("fitting", "DAMPINGS")),
         help="Keep the structure of a mechanical system: modes of rank one with complex shapes (general), or with real ones"
         " (proportional damping).",
         flag="--modal",
@@ -131,7 +131,7 @@ class Fit:
         flag="--symmetric",
     )
     quantity: str | None = key(
-        text(listed("mfd", "QUANTITIES")),
+        text(listed("fitting", "QUANTITIES")),
         help="Of a modal structure: what the outputs measure, of inputs that are forces: position (default), velocity or"
         " acceleration.",
         flag="--quantity",

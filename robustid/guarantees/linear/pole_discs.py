@@ -315,9 +315,7 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
             sizes.append(size)
             numbers += [(distance, rest, 0.0) for rest in rests.tolist()]
             continue
-        for k, corners in zip(
-            group.tolist(), points, strict=True
-        ):  # overlapping ones of no disc: the data do not tell them apart
+        for k, corners in zip(group.tolist(), points[group], strict=True):  # close ones of no disc are not told apart
             s, size, distance, rest = _series(omega[k], damping[k], float(wanted[k]))
             far = 0.0
             if distance > _WIDEST:
