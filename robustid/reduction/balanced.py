@@ -14,8 +14,14 @@ from robustid.core import Frozen, Real, as_count, as_float, balancing, freeze, t
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
-from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, split
-from robustid.reduction.limited import limited
+from robustid.reduction.gramians import (
+    Factors,
+    Parts,
+    doubtful_distance,
+    gramian_factors,
+    partial_gramian_factors,
+    split,
+)
 
 if TYPE_CHECKING:
     import control
@@ -205,7 +211,7 @@ def balanced_truncation(
         held = kept.a.shape[0]
         if order is not None and order < held:
             raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
-        factors = limited(system, stable, **limits) if given else None
+        factors = partial_gramian_factors(system, stable, **limits) if given else None
         return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
 
 

@@ -14,10 +14,10 @@ from robustid.core import Budget, Progress, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
-from robustid.reduction import starts
+from robustid.reduction import pole_starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels
-from robustid.reduction.towards_band import Known, move_towards
+from robustid.reduction.nearest_to_band import Known, move_towards
 
 _log = logging.getLogger("robustid")
 
@@ -138,7 +138,7 @@ def near_fit(identification: Identification, model: Any) -> Any:
         models.widen()
     image = in_image(model, plane)
     A, B, C = (np.asarray(part, dtype=float) for part in (image.A, image.B, image.C))
-    models.refine(starts.of_model(A, B, C, models.samples))
+    models.refine(pole_starts.of_model(A, B, C, models.samples))
     return from_image(models.found[model.nstates].model, plane) if models.within(model.nstates) else None
 
 

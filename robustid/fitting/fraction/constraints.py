@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.conditions import Condition
-from robustid.fitting.fraction.problem import FractionProblem
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 
 
 @runtime_checkable

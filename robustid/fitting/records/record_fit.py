@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, simulate
 from robustid.data import TimeRecord
-from robustid.fitting.fraction.iteration import FitStatus, FitStep
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
