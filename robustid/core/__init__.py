@@ -6,7 +6,7 @@ from robustid.core.choice import Choice, Source
 from robustid.core.files import atomic_write
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.progress import show_progress
-from robustid.core.projection import Projection, projected
+from robustid.core.projection import DampedSteps, Projection, projected
 from robustid.core.scales import lengths
 from robustid.core.state_space import (
     Complex,
@@ -64,6 +64,7 @@ __all__ = [
     "Budget",
     "Choice",
     "Complex",
+    "DampedSteps",
     "Frozen",
     "Plane",
     "Progress",

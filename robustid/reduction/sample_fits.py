@@ -20,7 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import Sections
-from robustid.core import Budget, Complex, Real
+from robustid.core import Budget, Complex, DampedSteps, Real
 from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.sample_map import SampleMap, Signals
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
@@ -291,14 +291,13 @@ def descended(
         U, _ = orthonormal_columns(samples.real(numerators(samples, pair)))
         J = samples.real(ways.columns) * ways.size
         J, rest = J - U @ (U.T @ J), y - U @ (U.T @ y)
-        left, values, right = np.linalg.svd(J, full_matrices=False)
-        along, largest = left.T @ rest, values.max(initial=0.0)
+        damped = DampedSteps.of(J, rest)
+        largest = damped.sizes.max(initial=0.0)
         if largest == 0:
             return fit
         before = fit.cost
         while damping < 1e4:
-            d = right.T @ (values * along / (values**2 + (damping * largest) ** 2))
-            ahead = least_squares(samples, ways.step(ways.size * d))
+            ahead = least_squares(samples, ways.step(ways.size * damped.step((damping * largest) ** 2)))
             if ahead.cost < before:
                 fit, damping = ahead, damping / 5
                 break

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, DampedSteps, Real
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
 from robustid.fitting.fraction.fraction_problem import FractionProblem
@@ -31,7 +31,6 @@ _SLOW = 1e-3  # and by this part of it, or a model of another order or start is 
 _GOOD, _POOR, _LEAST_GAIN = 0.75, 0.25, 1e-4  # of what the linear model promised
 _LONGER, _SHORTER, _FAR_SHORTER = 2.5, 0.5, 0.25
 _SHORTEST = 1e-6  # in reaches (`BlockModel.reach`): no step so short lowers the criterion by what counts
-_BISECTIONS = 40
 _ROUNDS = 4  # of poles that a step would take too near to the stability boundary
 _SEEN = 1e-13  # directions that the response sees less than this are not moved along
 _GAIN = 1e-3  # an exchange that lowers the criterion by less than this part was not worth it
@@ -202,7 +201,7 @@ def _step(
     R: Real, gradient: Real, radius: float, model: LocalModel, reach: Real, least: Real | None
 ) -> tuple[Real, bool]:
     """Minimise ``|gradient - R step|`` within the radius; poles that would pass their least distance end on it."""
-    step = _bounded(R, gradient, radius)
+    step = DampedSteps.of(R, gradient, _SEEN).within(radius)
     if least is None or not least.size:
         return step, False
     normals = model.normals() * reach[: model.pole_coordinates]
@@ -217,31 +216,8 @@ def _step(
         held |= beyond
         N = normals[held]
         fixed = -room[held] @ N
-        step = fixed + _bounded(R - (R @ N.T) @ N, gradient - R @ fixed, radius)
+        step = fixed + DampedSteps.of(R - (R @ N.T) @ N, gradient - R @ fixed, _SEEN).within(radius)
     return step, bool(np.any(held))
-
-
-def _bounded(R: Real, gradient: Real, radius: float) -> Real:
-    """The shortest minimum of ``|gradient - R step|``, or the best step on the radius where that is longer."""
-    U, sizes, Vt = np.linalg.svd(R)
-    kept = sizes > _SEEN * sizes[:1]
-    g, sizes = U[:, kept].T @ gradient, sizes[kept]
-    return Vt[kept].T @ (sizes * g / (sizes**2 + _damping(sizes, g, radius)))
-
-
-def _damping(sizes: Real, g: Real, radius: float) -> float:
-    """The smallest damping with which the step is no longer than the radius."""
-
-    def length(damping: float) -> float:
-        return float(np.linalg.norm(sizes * g / (sizes**2 + damping)))
-
-    if length(0.0) <= radius:
-        return 0.0
-    low, high = 1e-30 * sizes[0] ** 2, float(np.linalg.norm(sizes * g)) / radius
-    for _ in range(_BISECTIONS):
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if length(middle) > radius else (low, middle)
-    return high
 
 
 def exchange_modes(
