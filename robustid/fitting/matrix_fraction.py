@@ -7,11 +7,11 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Frozen, Savable, as_flag, as_function, as_positive, one_thread
+from robustid.core import Frozen, Savable, StateMatrices, as_flag, as_function, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.fitting.fraction.constraints import Constraint, StaticGain, as_constraints
@@ -31,6 +31,9 @@ from robustid.fitting.modal.modal_structure import Modal, as_modal
 from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.integrator_chains import Decoupling, decoupling
 from robustid.fitting.state_space.state_descent import Settings, dear, suspicious
+
+if TYPE_CHECKING:
+    import control
 
 _SEARCHING = 0.7  # part of a time limit; in the rest the last step ends and the fraction is formed
 _ROUNDS = 3  # of adding a mode and taking the least important one away, where a fit may have missed one
@@ -78,11 +81,11 @@ class MatrixFraction(Frozen, Drawable, Savable):
     modal: Modal | None = None
 
     @property
-    def model(self) -> Any:
+    def model(self) -> control.StateSpace:
         """The `control.StateSpace`, of order = McMillan degree; shared poles are there for every signal of the smaller side."""
         return self.fraction.model
 
-    def to_control(self) -> Any:
+    def to_control(self) -> control.StateSpace:
         """`model`, for those who look for this name on every object that python-control understands."""
         return self.model
 
@@ -289,7 +292,7 @@ def _best(
     search: Callable[..., FitEnd],
     problem: FractionProblem,
     data: Samples,
-    first: Any,
+    first: StateMatrices,
     start: Any,
     settings: Settings,
     *,

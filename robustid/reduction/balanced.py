@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -223,7 +223,12 @@ class _Balanced:
     """Balanced coordinates of one model, computed once for every order."""
 
     def __init__(
-        self, system: Any, stable: Parts, kept: Parts, factors: Factors | None = None, match: str | None = None
+        self,
+        system: control.StateSpace,
+        stable: Parts,
+        kept: Parts,
+        factors: Factors | None = None,
+        match: str | None = None,
     ):
         self.system, self.stable, self.kept, self.match = system, stable, kept, match
         self.held, self.bounded, states = kept.a.shape[0], factors is None, stable.a.shape[0]
@@ -321,7 +326,7 @@ def _error_bounds(hankel: Real) -> Real:
     return bounds
 
 
-def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
+def _assemble(model: control.StateSpace, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
     import control
 
     return control.StateSpace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from robustid.reduction.sample_fits import (
 )
 from robustid.reduction.sample_map import SampleMap, sample_map, with_lines
 
+if TYPE_CHECKING:
+    import control
+
 _log = logging.getLogger("robustid")
 
 REFINED = 40  # poles that are refined; beyond, only the numerators of truncated models are
@@ -48,7 +51,7 @@ class Found(NamedTuple):
 
     judged: float  # the larger of its margin and of the distance where nothing was measured
     margin: float
-    model: Any
+    model: control.StateSpace
 
 
 class BestModels:
@@ -129,7 +132,7 @@ class BestModels:
                 return True
         return False
 
-    def _truncated(self, order: int) -> Iterator[Any]:
+    def _truncated(self, order: int) -> Iterator[control.StateSpace]:
         """Truncations to start from; of a matrix also the model's own: with as many states least squares follow every error."""
         pair = self._families[0](order - self.chains)
         fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self.radius)))
@@ -138,7 +141,7 @@ class BestModels:
         if self.samples.heads > 1 and not self.chains:
             yield balanced_truncations(self.identification.model)(order).model
 
-    def _stays(self, model: Any) -> bool:
+    def _stays(self, model: control.StateSpace) -> bool:
         """Tell whether a model stays near the identified one."""
         return self._guard.check(model, self.limit)[1] is None
 
@@ -337,7 +340,7 @@ class ResponseFits:
         radius = np.concatenate([f.bound.outer_radius for f in self._responses])[first]
         return frf, Weight(np.where(used, 1 / np.where(used, radius, 1.0), 0.0))
 
-    def model(self, order: int, budget: Budget) -> Any | None:
+    def model(self, order: int, budget: Budget) -> control.StateSpace | None:
         """The stable fit of an order; None where there is none: no response, too few points, no time."""
         if self._stated is None or order < 1 or budget.over:
             return None

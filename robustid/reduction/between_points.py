@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.core import Complex, Real, responses
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
+
+if TYPE_CHECKING:
+    import control
 
 _GRID = 1024  # angles equally spaced, and as many, a constant ratio apart, below the first of them
 _SOME = 40  # points that are added with the first
@@ -55,7 +58,7 @@ class Guard:
         at = np.searchsorted(self._angles, np.linspace(self._lowest, np.pi, _SOME + 1)[1:])
         return FrequencyResponse(self._angles[at] / self._dt, self._response[at], bound=self._allowed[at], dt=self._dt)
 
-    def check(self, model: Any, limit: float) -> tuple[float, FrequencyResponse | None]:
+    def check(self, model: control.StateSpace, limit: float) -> tuple[float, FrequencyResponse | None]:
         r"""The largest \|G - F\| over what is allowed; and the points that hold a model to `limit` where it is beyond, if any.
 
         One point for every stretch of angles, with the identified model as data.
@@ -76,7 +79,7 @@ class Guard:
         return float(ratio.max()), FrequencyResponse(angles[at] / self._dt, values[at], bound=allowed[at], dt=self._dt)
 
 
-def resonances(model: Any) -> Real:
+def resonances(model: control.StateSpace) -> Real:
     """Angles of the poles, and half a width to either side."""
     poles = model.poles()
     poles = poles[(poles.imag >= 0) & (poles != 0)]

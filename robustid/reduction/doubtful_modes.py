@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import continuous, modal_form
 from robustid.identification import Identification, largest_ratio
+
+if TYPE_CHECKING:
+    import control
 
 _LEAST = 1.5e-5  # damping ratio: searches end at 1e-5
 _BETWEEN = 0.25  # of the distance of the frequency points: a mode that is narrower lies between them
@@ -52,8 +55,8 @@ class DoubtfulMode(Frozen):
 
 @one_thread()
 def without_doubtful_modes(
-    identification: Identification, model: Any, unused: Sequence[FrequencyResponse] = ()
-) -> tuple[Any, tuple[DoubtfulMode, ...]]:
+    identification: Identification, model: control.StateSpace, unused: Sequence[FrequencyResponse] = ()
+) -> tuple[control.StateSpace, tuple[DoubtfulMode, ...]]:
     """Leave modes out that the data hardly show, where all samples stay within their bounds.
 
     A mode is doubtful at the limit of damping; where it changes the response by less than 5 % anywhere near its peak (a pole beside
@@ -88,7 +91,9 @@ def without_doubtful_modes(
             return model, tuple(found)
 
 
-def _doubtful(identification: Identification, model: Any, limit: float) -> list[tuple[Any, float, float, str]]:
+def _doubtful(
+    identification: Identification, model: control.StateSpace, limit: float
+) -> list[tuple[control.StateSpace, float, float, str]]:
     """The model without each doubtful mode, its frequency and damping, and why it is doubtful."""
     import control
 
@@ -99,7 +104,7 @@ def _doubtful(identification: Identification, model: Any, limit: float) -> list[
     A, B, C = (np.asarray(part) for part in (form.model.A, form.model.B, form.model.C))
     dt, plane = float(model.dt), identification.problem.plane
     points = plane.omega(np.unique(np.abs(identification.problem.angles)))
-    out: list[tuple[Any, float, float, str]] = []
+    out: list[tuple[control.StateSpace, float, float, str]] = []
     for block in form.blocks:
         poles = np.linalg.eigvals(A[block, block])
         if len(poles) != 2 or poles[0].imag == 0 or (form.rigid and block.start == 0):
@@ -119,7 +124,9 @@ def _doubtful(identification: Identification, model: Any, limit: float) -> list[
     return out
 
 
-def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real, plane: Plane) -> str:
+def _why(
+    model: control.StateSpace, smaller: control.StateSpace, omega: float, damping: float, points: Real, plane: Plane
+) -> str:
     if damping <= _LEAST:
         return "at the lower limit of damping"
     near = np.clip(omega + damping * omega * _AROUND, 0, plane.top)
@@ -134,7 +141,7 @@ def _why(model: Any, smaller: Any, omega: float, damping: float, points: Real, p
     return ""
 
 
-def _predicts(model: Any, smaller: Any, unused: Sequence[FrequencyResponse]) -> bool:
+def _predicts(model: control.StateSpace, smaller: control.StateSpace, unused: Sequence[FrequencyResponse]) -> bool:
     """Return whether the smaller model misses points not used by no more than they are bounded, or than the model does."""
     for frf in unused:
         before, after = (_missed(one, frf) for one in (model, smaller))
@@ -143,7 +150,7 @@ def _predicts(model: Any, smaller: Any, unused: Sequence[FrequencyResponse]) -> 
     return True
 
 
-def _missed(model: Any, frf: FrequencyResponse) -> float:
+def _missed(model: control.StateSpace, frf: FrequencyResponse) -> float:
     used = frf.bound.used
     error = np.abs(np.where(used, frf.values - plane_of(frf.dt, frf.omega).values_at(model, frf.omega), 0.0))
     radius = np.where(used, frf.bound.outer_radius, 1.0)

@@ -14,7 +14,7 @@ holds is a matrix between 0 and I, a function of A alone:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -23,6 +23,9 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Real, as_array, as_positive, balancing, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
+
+if TYPE_CHECKING:
+    import control
 
 _EPS = np.finfo(float).eps
 
@@ -48,7 +51,7 @@ class Parts(NamedTuple):
     c: Real
 
 
-def split(model: Any, unstable: str) -> tuple[Parts, Parts]:
+def split(model: control.StateSpace, unstable: str) -> tuple[Parts, Parts]:
     """Stable and unstable part, in coordinates of balanced scales; the feedthrough belongs to neither."""
     parts = Parts(*scaled_states(model.A, model.B, model.C))
     poles, stable = is_stable(parts.a, model.dt)
@@ -177,7 +180,9 @@ def _solve_shifted(a: Complex, shift: complex, factor: complex, right: Complex) 
     return x
 
 
-def partial_gramian_factors(model: Any, stable: Parts, *, band_hz: Any, horizon: Any, weight: Any) -> Factors:
+def partial_gramian_factors(
+    model: control.StateSpace, stable: Parts, *, band_hz: Any, horizon: Any, weight: Any
+) -> Factors:
     """Factors of the Gramians of the stable part of `model`, for the one of the three that isn't None."""
     if weight is not None:
         return _weighted_factors(stable, model, weight)
@@ -185,7 +190,7 @@ def partial_gramian_factors(model: Any, stable: Parts, *, band_hz: Any, horizon:
     return _limited_factors(stable, share, discrete=model.dt != 0)
 
 
-def _band_share(model: Any, band_hz: Any) -> Share:
+def _band_share(model: control.StateSpace, band_hz: Any) -> Share:
     """The part between two frequencies in Hz of a Gramian that is the identity, a function of A."""
     band = as_array("band_hz", band_hz, ndim=1, finite=False)
     if band.size != 2 or not 0 <= band[0] < band[1]:
@@ -218,7 +223,7 @@ def _below(a: Real, omega: float, step: float) -> Real:
     return np.imag(scipy.linalg.logm(1j * omega * eye - a)) / np.pi
 
 
-def _horizon_share(model: Any, horizon: Any) -> Share:
+def _horizon_share(model: control.StateSpace, horizon: Any) -> Share:
     """The part of the first seconds of a Gramian that is the identity, a function of A."""
     seconds, step = as_positive("horizon", horizon), _sample_time("horizon", model)
     samples = int(seconds / step * (1 + 1e-9)) if step else 0
@@ -232,7 +237,7 @@ def _horizon_share(model: Any, horizon: Any) -> Share:
     return share
 
 
-def _sample_time(name: str, model: Any) -> float:
+def _sample_time(name: str, model: control.StateSpace) -> float:
     if model.dt is True:
         raise InputError(f"`{name}` needs the sample time of `model` in s; its dt is True")
     return float(model.dt or 0)  # None: without states
@@ -258,7 +263,7 @@ def _root(share: Real) -> Real:
     return vectors[:, held] * np.sqrt(values[held])
 
 
-def _weighted_factors(parts: Parts, model: Any, weight: Any) -> Factors:
+def _weighted_factors(parts: Parts, model: control.StateSpace, weight: Any) -> Factors:
     """The observability Gramian of weight times model, in the states of the model, with its own controllability Gramian."""
     weight = check_model("weight", weight)
     outputs = model.noutputs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -132,13 +132,13 @@ def _hold(log: Real) -> Real:
     return scipy.linalg.expm(np.block([[log, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:]
 
 
-def _like(model: Any, a: Real, b: Real, c: Real, dt: float) -> control.StateSpace:
+def _like(model: control.StateSpace, a: Real, b: Real, c: Real, dt: float) -> control.StateSpace:
     import control
 
     return control.StateSpace(a, b, c, model.D, dt, inputs=model.input_labels, outputs=model.output_labels)
 
 
-def _error(model: Any, back: Any) -> float:
+def _error(model: control.StateSpace, back: control.StateSpace) -> float:
     """Largest difference over the grid, relative to the largest response; none on a pole of the circle."""
     poles = model.poles()
     damped = poles[np.abs(np.abs(poles) - 1) > _ON_CIRCLE]

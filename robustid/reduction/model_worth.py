@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from robustid.reduction.response_comparison import (
     why_not_compared,
 )
 from robustid.reduction.within_bounds import SearchStatus, near_fit
+
+if TYPE_CHECKING:
+    import control
 
 _FITS = 0.6  # part of the time for the fits of the response, where records are simulated too
 _DRAWN = 0.3  # part of the time that is left for fits of one order that are drawn inside the bounds
@@ -195,7 +198,7 @@ def _chosen(
     if judge.worse(first, smallest.order):
         limits, body = _limits(identification, guard, frf), structure_of(identification, smallest)
 
-        def drawn(order: int) -> Iterator[Any]:
+        def drawn(order: int) -> Iterator[control.StateSpace]:
             return drawn_fits(frf, sweep.fits[order], limits, budget.share(_DRAWN), **body)
 
         candidates = _candidates(identification, sweep, judge.carried, _least_order(smallest), drawn)
@@ -230,7 +233,7 @@ def _simulating(
     first, guard = found.error(smallest.model), _guard(identification, smallest.model)
     limits = _limits(identification, guard, found.frf)
 
-    def candidates() -> Iterator[tuple[Any, int]]:
+    def candidates() -> Iterator[tuple[control.StateSpace, int]]:
         for order in found.fits:
             drawn = None
             for drawn in found.drawn_inside(order, limits):
@@ -273,7 +276,7 @@ def _simulating(
     )
 
 
-def _guard(identification: Identification, like: Any) -> Guard:
+def _guard(identification: Identification, like: control.StateSpace) -> Guard:
     """Guard that holds models near the identified one where nothing was measured; `like` has the integrators of all of them."""
     integrators = int(np.sum(np.abs(like.poles() - 1) < AT_ONE)) if like.dt else 0
     return Guard(image_of(identification), integrators, max(1.0, identification.margin))
@@ -294,10 +297,10 @@ def _limits(identification: Identification, guard: Guard, frf: FrequencyResponse
         if wide is not None:
             times = limit * float(np.nanmedian(wide.outer_radius / frf.bound.outer_radius))
 
-    def ratio(model: Any) -> float:
+    def ratio(model: control.StateSpace) -> float:
         return largest_ratio(identification.problem, model) / limit
 
-    def beyond(model: Any) -> FrequencyResponse | None:
+    def beyond(model: control.StateSpace) -> FrequencyResponse | None:
         # Points of the guard are angles: of continuous time no frequency points.
         return guard.check(in_image(model, plane), limit)[1] if plane.dt else None
 
@@ -305,8 +308,8 @@ def _limits(identification: Identification, guard: Guard, frf: FrequencyResponse
 
 
 def _inside(
-    identification: Identification, guard: Guard, candidates: Iterator[tuple[Any, int]]
-) -> Iterator[tuple[Any, int]]:
+    identification: Identification, guard: Guard, candidates: Iterator[tuple[control.StateSpace, int]]
+) -> Iterator[tuple[control.StateSpace, int]]:
     """Keep models that keep every sample within its bound, and are near the identified model where nothing was measured."""
     limit, plane = _limit(identification), identification.problem.plane
     for model, order in candidates:
@@ -315,7 +318,9 @@ def _inside(
             yield model, order
 
 
-def _recommended(identification: Identification, smallest: Reduction, model: Any, order: int) -> Reduction:
+def _recommended(
+    identification: Identification, smallest: Reduction, model: control.StateSpace, order: int
+) -> Reduction:
     """The reduction with another model inside the bounds."""
     margin = largest_ratio(identification.problem, model)
     status = SearchStatus.WITHIN if identification.consistent else SearchStatus.INFLATED
@@ -336,8 +341,8 @@ def _candidates(
     sweep: OrderSweep,
     carried: int,
     least: int,
-    drawn: Callable[[int], Iterator[Any]],
-) -> Iterator[tuple[Any, int]]:
+    drawn: Callable[[int], Iterator[control.StateSpace]],
+) -> Iterator[tuple[control.StateSpace, int]]:
     """Least-squares fits from the order of the smallest model on; where they are outside the bounds, drawn or moved inside."""
     orders = [k for k in sweep.orders.tolist() if least <= k <= max(carried, least) + _BEYOND]
     for order in orders:
@@ -355,7 +360,7 @@ def _candidates(
             yield found, order
 
 
-def _alike(model: Any, identification: Identification) -> Any:
+def _alike(model: control.StateSpace, identification: Identification) -> control.StateSpace:
     """The model with the names of the identified one."""
     import control
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from robustid.reduction.sample_fits import (
     numerators_levelled,
 )
 from robustid.reduction.sample_map import with_lines
+
+if TYPE_CHECKING:
+    import control
 
 _STEPS = 15  # of least squares
 _HALVINGS = 12  # of the way to a bound
@@ -55,12 +58,12 @@ class Discs(NamedTuple):
     centre: Complex
     radius: Real
 
-    def error(self, model: Any) -> float:
+    def error(self, model: control.StateSpace) -> float:
         """Mean over all discs of the guaranteed error of a model over its least, the radius."""
         return float(np.mean(np.abs(responses(model, self.angles) - self.centre) / self.radius)) + 1
 
 
-def discs_of(band: Known, model: Any) -> Discs:
+def discs_of(band: Known, model: control.StateSpace) -> Discs:
     """The discs at the frequencies of a band, evenly up to its end, and around the poles of a model of the image."""
     plane = band.problem.plane
     low, high = plane.angles(np.array(band.range)).tolist()
@@ -96,7 +99,7 @@ def move_towards(models: BestModels, order: int, band: Known) -> None:
             least, models.found[order] = error, Found(margin, margin, model)
 
 
-def _candidates(models: BestModels, fit: Fit, discs: Discs) -> Iterator[Any]:
+def _candidates(models: BestModels, fit: Fit, discs: Discs) -> Iterator[control.StateSpace]:
     """The model of least squares, and the one on the way to it at the first bound."""
     samples, like = models.samples, models.identification.model
     dt = models.identification.problem.dt

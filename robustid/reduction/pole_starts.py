@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -18,6 +18,9 @@ from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.sample_fits import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles
 from robustid.reduction.sample_map import SampleMap
 from robustid.reduction.smallest_maximum import orthonormal_columns
+
+if TYPE_CHECKING:
+    import control
 
 _SK_STEPS = 10
 RICH = 24  # states of the truncated model that stands for the data of SK steps
@@ -41,7 +44,7 @@ def truncations(identification: Identification, samples: SampleMap) -> list[Fami
         if n + chains > full.nstates:
             return None
         try:
-            model: Any = whole(n + chains).model
+            model = whole(n + chains).model
         except InputError:  # fewer than the unstable states
             return None
         return _without_chains(of_model(model.A, model.B, model.C, samples), samples.integrators)
@@ -144,7 +147,7 @@ def truncated(samples: SampleMap, fit: Fit, count: int) -> Pair:
     import control
 
     model = control.StateSpace(fit.pair.A, fit.X, fit.pair.C, np.zeros((samples.heads, samples.tails)), 1.0)
-    short: Any = balanced_truncations(model)(count).model
+    short = balanced_truncations(model)(count).model
     return for_one(short.poles()) if samples.heads == 1 else Pair(short.A, short.C)
 
 
@@ -257,7 +260,7 @@ def integrals(samples: SampleMap, fit: Fit) -> Real:
     return fit.fixed[entries : entries * (1 + count)].reshape(count, samples.outputs, samples.inputs)
 
 
-def statespace(samples: SampleMap, fit: Fit, like: Any) -> Any:
+def statespace(samples: SampleMap, fit: Fit, like: control.StateSpace) -> control.StateSpace:
     """The model of a fit, poles at z = 1 exact, with the signals of another model."""
     import control
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -16,6 +16,9 @@ from robustid.errors import InputError
 from robustid.fitting import RecordFit, fit_records
 from robustid.identification import validate
 from robustid.reduction.drawn_inside import Bounds, as_known, drawn_inside
+
+if TYPE_CHECKING:
+    import control
 
 AS_WELL = 1.05  # of the root mean square error: differences that don't matter
 _FIRST = 0.7  # of a record, to which fits are judged by the rest of it
@@ -108,7 +111,7 @@ class Simulations:
     def _fit(
         self,
         order: int,
-        start: Any = None,
+        start: control.StateSpace | None = None,
         points: FrequencyResponse | None = None,
         records: Sequence[TimeRecord] | None = None,
     ) -> RecordFit | None:
@@ -126,17 +129,17 @@ class Simulations:
         except (InputError, np.linalg.LinAlgError):  # too few samples for so many states
             return None
 
-    def quality(self, model: Any) -> Real:
+    def quality(self, model: control.StateSpace) -> Real:
         """Fit of every output in per cent, (ny,), the worst of all records."""
         return np.min(100 * self._fit_of(model, self.records), axis=0)
 
-    def _fit_of(self, model: Any, records: Sequence[TimeRecord]) -> Real:
+    def _fit_of(self, model: control.StateSpace, records: Sequence[TimeRecord]) -> Real:
         """1 - rms error/rms output of every record and output; with the constant that fits best where none is bounded."""
         if self.offset:
             model = _with_constants(model)
         return np.array([validate(model, record).fit for record in records])
 
-    def error(self, model: Any, records: Sequence[TimeRecord] | None = None) -> float:
+    def error(self, model: control.StateSpace, records: Sequence[TimeRecord] | None = None) -> float:
         """Root mean square over outputs and records of the error relative to the output; infinite where it can't be simulated."""
         try:
             return float(np.sqrt(np.mean(np.square(1 - self._fit_of(model, records or self.records)))))
@@ -177,10 +180,10 @@ class Simulations:
             found[order] = math.inf if fit is None else self.error(fit.model, last)
         return found
 
-    def drawn_inside(self, order: int, bounds: Bounds) -> Iterator[Any]:
+    def drawn_inside(self, order: int, bounds: Bounds) -> Iterator[control.StateSpace]:
         """The fit of an order, and fits with more weight where the one before lies outside a bound (`drawn_inside`)."""
 
-        def fitted(points: FrequencyResponse, start: Any) -> Any:
+        def fitted(points: FrequencyResponse, start: control.StateSpace) -> control.StateSpace | None:
             fit = self._fit(order, start, points)
             return None if fit is None else fit.model
 
@@ -191,7 +194,7 @@ def _part(record: TimeRecord, samples: slice) -> TimeRecord:
     return dataclasses.replace(record, u=record.u[samples], y=record.y[samples], reference=None)
 
 
-def _with_constants(model: Any) -> Any:
+def _with_constants(model: control.StateSpace) -> control.StateSpace:
     """The model with states that keep their value, one added to every output: offsets, where the initial state is fitted."""
     import control
 

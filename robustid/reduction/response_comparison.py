@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.special
@@ -14,6 +14,9 @@ from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_orde
 from robustid.identification import Identification
 from robustid.reduction.balanced import Reduction
 from robustid.reduction.record_simulations import AS_WELL, with_transients
+
+if TYPE_CHECKING:
+    import control
 
 MOST = 12  # order of the fits that are looked at
 AT_ONE = 1e-6  # a pole so near z = 1 is an integrator
@@ -115,7 +118,7 @@ class ResponseJudge:
         self._signals, self._parameters = sum(identification.problem.entries.shape), int(sweep.parameters[place])
         self._count, self._best = sweep.equations, float(sweep.costs[place])
 
-    def cost(self, model: Any) -> float:
+    def cost(self, model: control.StateSpace) -> float:
         """Weighted sum of squares."""
         left = self.fit.problem.values - self._plane.values_at(model, self.fit.problem.omega)
         return float(np.linalg.norm(self.fit.problem.weight.apply(left)) ** 2)

@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import logging
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from robustid.reduction import pole_starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels
 from robustid.reduction.nearest_to_band import Known, move_towards
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -127,7 +130,7 @@ def reduce_within_bounds(
     return dataclasses.replace(found, model=identification.model if kept else from_image(found.model, plane))
 
 
-def near_fit(identification: Identification, model: Any) -> Any:
+def near_fit(identification: Identification, model: control.StateSpace) -> control.StateSpace | None:
     """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds none.
 
     All poles are refined by least squares at all samples, then made minimax only until every sample is inside.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -16,6 +16,9 @@ from robustid.fitting.fraction.krylov_blocks import stacked, times_xi
 from robustid.fitting.fraction.node_fraction import NodeFraction
 from robustid.fitting.fraction.vector_polynomials import VectorPolynomials, orthonormal_polynomials, polynomial_nodes
 from robustid.fitting.state_space.integrator_chains import split_rigid
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,7 +86,7 @@ class FractionModel(Frozen):
         return StateMatrices(self.scale * self.A, self.scale * self.B, self.C, self.D)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> control.StateSpace:
         """The model as a `control.StateSpace`."""
         import control
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -104,7 +104,7 @@ def modal_form(model: control.StateSpace) -> ModalForm:
         return _in_blocks(system, A, B, C, origin)
 
 
-def _in_blocks(system: Any, A: np.ndarray, B: np.ndarray, C: np.ndarray, origin: float) -> ModalForm:
+def _in_blocks(system: control.StateSpace, A: np.ndarray, B: np.ndarray, C: np.ndarray, origin: float) -> ModalForm:
     parts, rigid, poles = modal_parts(A, origin)
     right, left = np.hstack([part.right for part in parts]), np.vstack([part.left for part in parts])
     ends = np.cumsum([0, *(len(part.block) for part in parts)])
@@ -244,7 +244,7 @@ def _part(T: np.ndarray, Z: np.ndarray, members: np.ndarray) -> ModalPart:
     return ModalPart(members, S[:k, :k], Q[:, :k], Q[:, :k].T + Y @ Q[:, k:].T)
 
 
-def _state_space(system: Any, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> Any:
+def _state_space(system: control.StateSpace, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> control.StateSpace:
     import control
 
     return control.ss(A, B, C, system.D, system.dt, inputs=system.input_labels, outputs=system.output_labels)
@@ -257,7 +257,7 @@ def continuous(pole: complex, dt: float) -> complex:
     return complex(np.log(complex(pole))) / dt if pole else complex(np.nan, np.nan)
 
 
-def _response_error(system: Any, result: Any, poles: np.ndarray) -> float:
+def _response_error(system: control.StateSpace, result: control.StateSpace, poles: np.ndarray) -> float:
     """Largest difference of two responses on a grid, relative to the norm at the frequency."""
     s = np.array([continuous(pole, system.dt) for pole in poles])
     omega = np.sort(np.abs(s[np.isfinite(s) & (s != 0)]))
