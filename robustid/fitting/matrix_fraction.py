@@ -7,11 +7,13 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, Savable, StateMatrices, as_flag, as_function, as_positive, one_thread
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.fitting.fraction.constraints import Constraint, StaticGain, as_constraints
@@ -152,7 +154,7 @@ class MatrixFraction(Frozen, Drawable, Savable):
 
 @one_thread()
 def fit_mfd(
-    frf: Any,
+    frf: FrequencyResponse | control.FRD,
     *,
     order: int,
     domain: str | None = None,
@@ -161,7 +163,7 @@ def fit_mfd(
     method: str = "lm",
     rigid_body: RigidBody | int | None = None,
     modal: Modal | bool = False,
-    start: Any = None,
+    start: control.StateSpace | ArrayLike | None = None,
     feedthrough: bool = False,
     constraints: Iterable[Constraint] = (),
     stable: bool = True,
@@ -293,7 +295,7 @@ def _best(
     problem: FractionProblem,
     data: Samples,
     first: StateMatrices,
-    start: Any,
+    start: object,
     settings: Settings,
     *,
     relative: bool,

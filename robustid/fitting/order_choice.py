@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from robustid.fitting.order_fits import Found, fit_one, fits_of_orders, outside_
 from robustid.fitting.order_sweep import OrderSweep
 from robustid.fitting.state_space.subspace import subspace_estimate
 
+if TYPE_CHECKING:
+    import control
+
 # Orders tried around the number of singular values above the noise: all of them near it, even steps further away.
 _AROUND = (-6, -4, -2, -1, 0, 1, 2, 3, 4, 6, 8, 12)
 # Below them, where there are many: the error at withheld points often has its knee far below the noise.
@@ -42,15 +45,15 @@ _EXACT = 1e-10
 
 @one_thread()
 def suggest_order(
-    frf: Any,
+    frf: FrequencyResponse | control.FRD,
     *,
     orders: Iterable[int] | None = None,
     weight: Weight | np.ndarray | None = None,
     domain: str | None = None,
     time_limit: float | None = 60.0,
     executor: Executor | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-    grown: Callable[[OrderSweep], Any] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    grown: Callable[[OrderSweep], object] | None = None,
     **options: Any,
 ) -> OrderSweep:
     """Fit a range of orders and find the one that the data carry.
@@ -223,7 +226,12 @@ def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, 
 
 
 def subspace_singular_values(
-    frf: FrequencyResponse, weight: Any, domain: str | None, noise_known: bool, feedthrough: bool, form: Any = None
+    frf: FrequencyResponse,
+    weight: Weight | np.ndarray | None,
+    domain: str | None,
+    noise_known: bool,
+    feedthrough: bool,
+    form: str | None = None,
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
     data = stated(frf, 1, domain, "shared" if form == "shared" else "right", weight, feedthrough, None).data

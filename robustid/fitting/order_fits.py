@@ -51,7 +51,7 @@ def fits_of_orders(
     orders: list[int],
     options: Mapping[str, Any],
     executor: Executor | None,
-    progress: Callable[[int, int], Any] | None,
+    progress: Callable[[int, int], object] | None,
     may_stop: bool,
     deadline: float,
     growing: Callable[[Found], None],

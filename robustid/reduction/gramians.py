@@ -75,7 +75,7 @@ def split(model: control.StateSpace, unstable: str) -> tuple[Parts, Parts]:
     return Parts(a, b[:first] - x @ b[first:], c[:, :first]), kept
 
 
-def is_stable(a: Real, dt: Any) -> tuple[Complex, NDArray[np.bool_]]:
+def is_stable(a: Real, dt: float | None) -> tuple[Complex, NDArray[np.bool_]]:
     """Poles, and which of them lie inside the stability boundary by more than rounding."""
     poles, doubt = doubtful_distance(a)
     distance = -np.real(poles) if dt == 0 else 1 - np.abs(poles)

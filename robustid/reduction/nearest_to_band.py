@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Known(Protocol):
         """Frequencies between which they are known, rad/s."""
         ...
 
-    def at(self, omega: Any) -> tuple[Complex, Real]:
+    def at(self, omega: Real) -> tuple[Complex, Real]:
         """Centres and radii, (F, ny, nu) each."""
         ...
 

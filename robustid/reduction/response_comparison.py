@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.special
 
-from robustid.core import Budget
+from robustid.core import Budget, Real
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_order
 from robustid.identification import Identification
@@ -90,7 +90,7 @@ def _largest_order(identification: Identification, frf: FrequencyResponse) -> in
     return min(MOST, frf.omega.size * entries.count // (2 * sum(entries.shape)))
 
 
-def _weight(frf: FrequencyResponse) -> Any:
+def _weight(frf: FrequencyResponse) -> Real | None:
     """One over the bounds, where there is no covariance."""
     if frf.covariance is not None or frf.bound is None:
         return None

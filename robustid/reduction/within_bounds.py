@@ -145,7 +145,7 @@ def near_fit(identification: Identification, model: control.StateSpace) -> contr
     return from_image(models.found[model.nstates].model, plane) if models.within(model.nstates) else None
 
 
-def _integrators(identification: Identification, rigid_body: Any) -> int:
+def _integrators(identification: Identification, rigid_body: RigidBody | None) -> int:
     """Number of poles at z = 1."""
     problem = identification.problem
     basis = problem.parametric

@@ -31,7 +31,7 @@ class Constraint(Protocol):
         ...
 
 
-def as_constraints(constraints: Any) -> tuple[Constraint, ...]:
+def as_constraints(constraints: object) -> tuple[Constraint, ...]:
     """The constraints of a fit, checked."""
     items: tuple[Any, ...] = (
         tuple(cast("Iterable[Any]", constraints)) if isinstance(constraints, Iterable) else (constraints,)

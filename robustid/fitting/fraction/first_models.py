@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.rigid_body import RigidBody
 from robustid.fitting.state_space.given_poles import Samples, diagonal_blocks, fit_inputs, fit_outputs, real_rows
 from robustid.fitting.state_space.subspace import subspace_estimate
+
+if TYPE_CHECKING:
+    pass
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
 _POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate takes at least
@@ -103,7 +106,12 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
 
 
 def first_model(
-    problem: FractionProblem, data: Samples, start: Any, form: str, body: RigidBody | None, deadline: float = math.inf
+    problem: FractionProblem,
+    data: Samples,
+    start: Any,
+    form: str,
+    body: RigidBody | None,
+    deadline: float = math.inf,
 ) -> StateMatrices:
     """The subspace estimate, the model that was given, or what SK makes of poles."""
     if start is None:

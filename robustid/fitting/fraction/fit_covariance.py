@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, as_array, as_kind, as_positive, freeze, one_thread, points_of
 from robustid.errors import InputError
@@ -63,7 +63,7 @@ class FitCovariance(Frozen):
         names = ("poles", "pole_std", "hz", "hz_std", "damping", "damping_std")
         self._set(**{name: freeze(getattr(self, name)) for name in names})
 
-    def response_std(self, omega: Any = None) -> np.ndarray:
+    def response_std(self, omega: ArrayLike | None = None) -> np.ndarray:
         """Standard deviation ``sqrt(E|dP|^2)`` of every entry of the response.
 
         Parameters

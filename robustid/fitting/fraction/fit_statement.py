@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.default_weight import default_weight, exact_covariance, other_weights
 from robustid.fitting.fraction.fraction_forms import checked, fitted, problem_of
 from robustid.fitting.fraction.fraction_problem import FractionProblem
+from robustid.fitting.fraction.rigid_body import RigidBody
 from robustid.fitting.state_space.given_poles import Samples
 
 
@@ -29,7 +30,13 @@ class Statement(NamedTuple):
 
 
 def stated(
-    frf: Any, order: Any, domain: str | None, form: str | None, weight: Any, feedthrough: bool, body: Any
+    frf: object,
+    order: object,
+    domain: str | None,
+    form: str | None,
+    weight: Weight | np.ndarray | None,
+    feedthrough: bool,
+    body: RigidBody | None,
 ) -> Statement:
     """Check the arguments of `fit_mfd` and fill in what was left out."""
     frf = as_frequency_response("frf", frf)

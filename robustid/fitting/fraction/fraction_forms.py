@@ -6,7 +6,7 @@ are the right fraction of the response as one column: a scalar denominator, and 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +22,7 @@ FORMS = ("right", "left", "shared")
 _SAME_POLE = 1e-6  # poles of a start that differ by this part of their size are one
 
 
-def checked(form: Any) -> str:
+def checked(form: object) -> str:
     """Return the form, or say which there are."""
     if form not in FORMS:
         raise InputError(f'`form` must be "right", "left" or "shared"; got {form!r}')

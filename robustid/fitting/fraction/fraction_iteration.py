@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class FractionFit(Frozen):
     history: tuple[FitStep, ...]
 
 
-def phases_of(method: Any) -> list[str]:
+def phases_of(method: object) -> list[str]:
     """The phases of a method such as "sk+lm"."""
     phases = method.split("+") if isinstance(method, str) else []
     if not phases or not all(phase in METHODS for phase in phases):
@@ -206,11 +206,11 @@ class _Run:
         self.status = FitStatus.LIMIT
         self.history: list[FitStep] = []
 
-    def record(self, *line: Any) -> None:
+    def record(self, step: FitStep) -> None:
         """Add to the history."""
-        self.history.append(FitStep(*line))
+        self.history.append(step)
         if self.report is not None:
-            self.report(self.history[-1])
+            self.report(step)
 
     def wander(self, phase: str, limit: int, denominators: np.ndarray | None) -> None:
         """SK, IV or full Gauss-Newton steps: they go on from the last fraction, not from the best."""
@@ -241,7 +241,7 @@ class _Run:
                 self.status = FitStatus.STALLED
                 return
             denominators, reached = current.denominators, problem.cost(current)
-            self.record(phase, reached, condition, 1.0, slope)
+            self.record(FitStep(phase, reached, condition, 1.0, slope))
             worse = worse + 1 if reached >= self.cost else 0
             if reached < self.cost and (self.admit is None or self.admit(current) is current):
                 self.best, self.cost = current, reached
@@ -272,7 +272,7 @@ class _Run:
                 return
             fall = (self.cost - reached) / self.cost
             self.best, self.cost = trial, reached
-            self.record("lm", reached, direction.condition, step, direction.slope)
+            self.record(FitStep("lm", reached, direction.condition, step, direction.slope))
             if fall <= self.rtol and step == 1.0:
                 self.status = FitStatus.FLAT
                 return

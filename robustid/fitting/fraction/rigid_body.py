@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import scipy.linalg
@@ -109,7 +109,7 @@ class RigidBody(Frozen):
             )
 
 
-def as_rigid_body(body: Any) -> RigidBody | None:
+def as_rigid_body(body: object) -> RigidBody | None:
     """The modes that are asked for, also by their number alone."""
     if isinstance(body, int | np.integer) and not isinstance(body, bool):
         count = int(cast("int", body))

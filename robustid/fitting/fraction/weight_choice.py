@@ -9,7 +9,6 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -139,7 +138,7 @@ def levelled(
     best: FitEnd,
     problem: FractionProblem,
     data: Samples,
-    start: Any,
+    start: object,
     settings: Settings,
     search: Callable[..., FitEnd],
 ) -> FitEnd | None:

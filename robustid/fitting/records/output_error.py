@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Real, StateMatrices, as_count, as_flag, as_float, as_positive, threads_for
-from robustid.data import TimeRecord
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, former, former_weight
 from robustid.fitting.records.record_fit import RecordFit
@@ -28,6 +29,9 @@ from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.projected_outputs import Outputs
 from robustid.fitting.state_space.state_refinement import Budget, Refined, refine
 
+if TYPE_CHECKING:
+    import control
+
 _BRIEF, _STEPS = 15, 100  # steps from every start, twice, and from the best of them
 _WEIGHTINGS = 3  # times that the levels of the residuals are taken anew, at most
 _SAME_LEVELS = 0.05  # relative differences between levels that are not worth another refinement
@@ -38,13 +42,13 @@ def fit_records(
     records: TimeRecord | Sequence[TimeRecord],
     *,
     order: int,
-    frf: Any = None,
+    frf: FrequencyResponse | control.FRD | None = None,
     feedthrough: bool = False,
     stable: bool = True,
     offset: bool = False,
     delay: float | None = None,
-    weight: Any = None,
-    start: Any = None,
+    weight: ArrayLike | None = None,
+    start: control.StateSpace | None = None,
     time_limit: float | None = None,
     progress: Callable[[FitStep], None] | None = None,
 ) -> RecordFit:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _SAME_DT = 1e-9
 _LEAST_LEVEL = 1e-9  # part of an output below which its residual is rounding
 
 
-def checked_records(records: Any) -> tuple[TimeRecord, ...]:
+def checked_records(records: object) -> tuple[TimeRecord, ...]:
     """The records, if they belong together and every sample of them counts."""
     given = tuple(as_records("records", records))
     for number, record in enumerate(given):
@@ -50,7 +50,7 @@ def checked_records(records: Any) -> tuple[TimeRecord, ...]:
     return given
 
 
-def checked_response(frf: Any, record: TimeRecord) -> FrequencyResponse:
+def checked_response(frf: object, record: TimeRecord) -> FrequencyResponse:
     """The response, if it belongs to the records."""
     frf = as_frequency_response("frf", frf)
     if frf.dt is None or abs(frf.dt - record.dt) > _SAME_DT * record.dt:
@@ -112,7 +112,7 @@ def _per_unit(weight: Weight, unit: Real) -> Weight:
     return dataclasses.replace(weight, matrix=weight.matrix / np.repeat(unit, ny))
 
 
-def given_levels(weight: Any, ny: int) -> Real:
+def given_levels(weight: object, ny: int) -> Real:
     """Levels that a weight per output says."""
     weight = as_array("weight", weight, ndim=1)
     if weight.shape != (ny,) or not np.all(weight > 0):
@@ -120,7 +120,7 @@ def given_levels(weight: Any, ny: int) -> Real:
     return 1 / np.asarray(weight, dtype=np.float64)
 
 
-def given_start(start: Any, order: int, record: TimeRecord) -> tuple[Real, Real]:
+def given_start(start: object, order: int, record: TimeRecord) -> tuple[Real, Real]:
     """A and C of a model that was given."""
     model = check_model("start", start)
     shape = (model.nstates, model.noutputs, model.ninputs)

@@ -61,7 +61,9 @@ class BlockModel(Frozen):
         self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "discrete"})
 
     @classmethod
-    def of(cls, A: Real, B: Real, *, discrete: bool, directions: Real | None = None, free: Any = None) -> BlockModel:
+    def of(
+        cls, A: Real, B: Real, *, discrete: bool, directions: Real | None = None, free: NDArray[np.bool_] | None = None
+    ) -> BlockModel:
         """Blocks of a state space in the unit of the nodes, and chains of integrators that these directions drive."""
         nu = B.shape[1]
         directions = np.zeros((0, nu)) if directions is None else directions
