@@ -138,14 +138,9 @@ def _of_fewer_poles(model: control.StateSpace, data: FrequencyResponse, top: flo
     if order < 1 or np.abs(poles).max() <= top:
         return None
     radius = radius_of(data)
+    weight, form = np.where(np.isfinite(radius), 1 / radius, 0.0), "shared" if shared else None
     try:
-        fit = fit_mfd(
-            data,
-            order=order,
-            form="shared" if shared else None,
-            feedthrough=True,
-            weight=np.where(np.isfinite(radius), 1 / radius, 0.0),
-        )
+        fit = fit_mfd(data, order=order, form=form, feedthrough=True, weight=weight)
     except (InputError, np.linalg.LinAlgError):
         return None
     found = fit.model
