@@ -57,7 +57,7 @@ def identified(name, folder):
 def search(path, limit):
     """One search, timed; its model judged from the numbers."""
     from robustid.identification import model_residuals
-    from robustid.reduction.guard import Guard
+    from robustid.reduction.between_points import Guard
 
     result = rid.load(path)
     start = time.process_time()

@@ -5,7 +5,7 @@ from robustid.core.choice import Choice, Source
 from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
-from robustid.core.least_squares import Projection, lengths, projected
+from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
 from robustid.core.progress import Budget, Progress, show_progress
 from robustid.core.state_space import (
@@ -55,6 +55,7 @@ __all__ = [
     "Budget",
     "Choice",
     "Complex",
+    "DampedSteps",
     "Frozen",
     "Plane",
     "Progress",

@@ -1,13 +1,19 @@
-"""Least squares: linear unknowns taken out by a projection (variable projection, `golub1973`), and lengths to divide by."""
+"""Nonlinear least squares: linear unknowns taken out by a projection, and damped steps of the others (Levenberg-Marquardt).
+
+The projection is variable projection, `golub1973`; the damping for a radius of trust that of `more1978`.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core.state_space import Real
+
+_BISECTIONS = 40  # of the logarithm of a damping
 
 
 class Projection(NamedTuple):
@@ -49,3 +55,59 @@ def lengths(matrix: NDArray[np.inexact], axis: int = 0, *, keepdims: bool = Fals
     size: Real = np.linalg.norm(matrix, axis=axis, keepdims=keepdims)
     size[size == 0] = 1.0
     return size
+
+
+class DampedSteps(NamedTuple):
+    """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J.
+
+    Attributes
+    ----------
+    sizes : (k,) array
+        Singular values of J, falling.
+    along : (k,) array
+        Components of r along the left singular vectors.
+    directions : (k, n) array
+        Right singular vectors, as rows.
+    """
+
+    sizes: Real
+    along: Real
+    directions: Real
+
+    @classmethod
+    def of(cls, J: Real, r: Real, seen: float = 0.0) -> DampedSteps:
+        """The steps along directions of which J sees more than this part of what it sees of the first."""
+        left, sizes, directions = np.linalg.svd(J, full_matrices=False)
+        if seen:
+            kept = sizes > seen * sizes[:1]
+            left, sizes, directions = left[:, kept], sizes[kept], directions[kept]
+        return cls(sizes, left.T @ r, directions)
+
+    def step(self, damping: float) -> Real:
+        """The step of a damping."""
+        return self.directions.T @ self._along(damping)
+
+    def within(self, radius: float) -> Real:
+        """The step of the smallest damping that is no longer than a radius.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from robustid.core import DampedSteps
+        >>> steps = DampedSteps.of(np.diag([2.0, 1.0]), np.array([2.0, 0.0]))
+        >>> [float(np.linalg.norm(steps.within(radius)).round(9)) for radius in (3.0, 0.5)]
+        [1.0, 0.5]
+        """
+        if self._length(0.0) <= radius:
+            return self.step(0.0)
+        low, high = 1e-30 * self.sizes[0] ** 2, float(np.linalg.norm(self.sizes * self.along)) / radius
+        for _ in range(_BISECTIONS):
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if self._length(middle) > radius else (low, middle)
+        return self.step(high)
+
+    def _along(self, damping: float) -> Real:
+        return self.sizes * self.along / (self.sizes**2 + damping)
+
+    def _length(self, damping: float) -> float:
+        return float(np.linalg.norm(self._along(damping)))

@@ -11,9 +11,9 @@ import numpy as np
 
 from robustid.core import Frozen, freeze
 from robustid.figures import Drawable
-from robustid.fitting.fit import MatrixFraction
-from robustid.fitting.fraction.iteration import FitStatus
-from robustid.fitting.state_space.descent import suspicious
+from robustid.fitting.fraction.fraction_iteration import FitStatus
+from robustid.fitting.matrix_fraction import MatrixFraction
+from robustid.fitting.state_space.state_descent import suspicious
 
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.05
 # Where no order leaves noise alone: an order whose error at withheld points is larger than the smallest by at most this part.

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.core import keep, stored
-from robustid.fitting.fit import MatrixFraction
-from robustid.fitting.fraction.conditions import Condition, RigidModes
+from robustid.fitting.fraction.conditions import Condition, ResponseCondition, RigidModes
 from robustid.fitting.fraction.criterion import Weight
-from robustid.fitting.fraction.iteration import FitStatus, FitStep
-from robustid.fitting.fraction.model import FractionModel
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
+from robustid.fitting.fraction.fraction_model import FractionModel
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.node_fraction import Held, NodeFraction
-from robustid.fitting.fraction.problem import FractionProblem
-from robustid.fitting.fraction.response_conditions import ResponseCondition
 from robustid.fitting.fraction.vector_polynomials import VectorPolynomials
+from robustid.fitting.matrix_fraction import MatrixFraction
 from robustid.fitting.modal.modal_structure import Modal
 from robustid.fitting.records.record_fit import RecordFit
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -15,6 +15,9 @@ from robustid.passivity.passive_fit import like, radius_of, response_of, solver
 from robustid.passivity.passivity_certificate import NEGATIVE
 from robustid.passivity.passivity_search import Popov
 
+if TYPE_CHECKING:
+    import control
+
 _ROOM = (
     1e-9,
     1e-7,
@@ -23,7 +26,7 @@ _ROOM = (
 )  # of the rates of the states: how far inside the decrease stays, until there is a proof
 
 
-def nearest_compliances(model: Any, data: FrequencyResponse | None) -> Iterator[Any]:
+def nearest_compliances(model: control.StateSpace, data: FrequencyResponse | None) -> Iterator[control.StateSpace]:
     r"""Negative-imaginary models with the A and B of a model and the least squares of residuals over bounds, ever further inside.
 
     .. math:: C = -B^T A^{-T} X, \qquad X \succ 0, \qquad A^T X + X A \preceq 0, \qquad D = D^T

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -11,6 +11,9 @@ import scipy.optimize
 
 from robustid.core import Complex, Real, StateMatrices, input_states
 from robustid.passivity.passivity_search import Popov
+
+if TYPE_CHECKING:
+    import control
 
 _STRICT = 3e-11  # relative distance from the limit
 _SMALL = 1e-2  # relative violation up to which cuts are tried: beyond, a semidefinite program does better
@@ -21,7 +24,9 @@ _GRID = 400
 _SEEN = 1e-9  # of the largest: changes of the matrices that the data see less are left alone
 
 
-def cut(model: Any, kind: str, omega: Real, triangles: list[Real], into: tuple[Real, Real]) -> StateMatrices | None:
+def cut(
+    model: control.StateSpace, kind: str, omega: Real, triangles: list[Real], into: tuple[Real, Real]
+) -> StateMatrices | None:
     """A, B, C and D with the least squares of C and D that keep a passive model, in the time units of `into`; None where far.
 
     ``Re u'S v <= 1`` for all unit vectors u and v, at every frequency, infinity included ("positive real": ``Re u'S u >= 0``), is

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -17,6 +17,9 @@ from robustid.passivity.passive_cuts import changed, cut, linearised, step, tria
 from robustid.passivity.passivity_certificate import BOUNDED
 from robustid.passivity.passivity_search import Popov
 from robustid.reduction import Parts, gramian_factors
+
+if TYPE_CHECKING:
+    import control
 
 STRICT = 1e-9  # relative distance from the limit of what is made passive
 _INSIDE = 1e-3  # the same of where the refinement starts: at the limit itself it could not move
@@ -32,14 +35,14 @@ _CUT_STEPS, _PARTS = 5, (1.0, 0.25, 0.06)  # of all matrices by cutting planes, 
 _REACH, _LEAST_REACH = 0.1, 1e-6  # of a step, relative to the matrices
 
 
-def like(model: Any, A: Real, B: Real, C: Real, D: Real) -> Any:
+def like(model: control.StateSpace, A: Real, B: Real, C: Real, D: Real) -> control.StateSpace:
     """A continuous model with the ports of another."""
     import control
 
     return control.StateSpace(A, B, C, D, 0, inputs=model.input_labels, outputs=model.output_labels)
 
 
-def response_of(model: Any, omega: Real) -> Complex:
+def response_of(model: control.StateSpace, omega: Real) -> Complex:
     """The response of a continuous model, (F, m, m)."""
     A, B, C, D = StateMatrices.of(model)
     return D + C @ input_states(A, B, 1j * omega)
@@ -50,7 +53,7 @@ def radius_of(data: FrequencyResponse) -> Real:
     return np.ones(data.values.shape) if data.bound is None else np.asarray(data.bound.outer_radius, dtype=float)
 
 
-def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> list[Any]:
+def nearest(model: control.StateSpace, kind: str, data: FrequencyResponse | None) -> list[control.StateSpace]:
     """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best.
 
     Of the same A and B where there are no data, else with all matrices refined.
@@ -73,9 +76,11 @@ def nearest(model: Any, kind: str, data: FrequencyResponse | None) -> list[Any]:
     return [found] if touched is None else [found, touched]
 
 
-def _raced(model: Any, kind: str, data: FrequencyResponse, starts: list[tuple[Any, float]]) -> Any:
+def _raced(
+    model: control.StateSpace, kind: str, data: FrequencyResponse, starts: list[tuple[control.StateSpace, float]]
+) -> control.StateSpace:
     """The best of what is refined from several starts, each so far inside; the model itself where nothing passive was found."""
-    race: list[tuple[float, _Fit, Any]] = []
+    race: list[tuple[float, _Fit, control.StateSpace]] = []
     for start, inside in starts:
         fit = _Fit(start, kind, data)
         fit.strict = inside
@@ -89,7 +94,7 @@ def _raced(model: Any, kind: str, data: FrequencyResponse, starts: list[tuple[An
     return fit.refined(found, _STEPS)
 
 
-def _evenly(model: Any, low: float, high: float) -> Any:
+def _evenly(model: control.StateSpace, low: float, high: float) -> control.StateSpace:
     """A model of the same order with its pole pairs evenly over the band, port after port: where vector fitting starts."""
     n, m = model.nstates, model.ninputs
     pairs = n // 2
@@ -106,7 +111,7 @@ def _evenly(model: Any, low: float, high: float) -> Any:
     return like(model, A, B, np.zeros((m, n)), model.D)
 
 
-def _nearer(model: Any, reach: float) -> list[Any]:
+def _nearer(model: control.StateSpace, reach: float) -> list[control.StateSpace]:
     """The model with poles beyond `reach`, in rad/s, at that distance instead; none where there are none."""
     A, B, C, D = StateMatrices.of(model)
     poles, vectors = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
@@ -121,7 +126,7 @@ def _nearer(model: Any, reach: float) -> list[Any]:
     return [like(model, moved, B, C, D)] if np.all(np.linalg.eigvals(moved).real < 0) else []
 
 
-def _of_fewer_poles(model: Any, data: FrequencyResponse, top: float) -> Any:
+def _of_fewer_poles(model: control.StateSpace, data: FrequencyResponse, top: float) -> control.StateSpace | None:
     """A fit of two poles fewer (of every port, where all have them), where the model has poles beyond the band; else None.
 
     Poles that a fit puts there for little may stand in the way of passivity; those in the band don't.
@@ -133,21 +138,16 @@ def _of_fewer_poles(model: Any, data: FrequencyResponse, top: float) -> Any:
     if order < 1 or np.abs(poles).max() <= top:
         return None
     radius = radius_of(data)
+    weight, form = np.where(np.isfinite(radius), 1 / radius, 0.0), "shared" if shared else None
     try:
-        fit = fit_mfd(
-            data,
-            order=order,
-            form="shared" if shared else None,
-            feedthrough=True,
-            weight=np.where(np.isfinite(radius), 1 / radius, 0.0),
-        )
+        fit = fit_mfd(data, order=order, form=form, feedthrough=True, weight=weight)
     except (InputError, np.linalg.LinAlgError):
         return None
     found = fit.model
     return like(model, found.A, found.B, found.C, found.D)
 
 
-def _with_further(model: Any, count: int, low: float, high: float) -> Any:
+def _with_further(model: control.StateSpace, count: int, low: float, high: float) -> control.StateSpace:
     """The model with further states, broad pairs of poles in the middle of the band, which nothing sees yet."""
     A, B, C, D = StateMatrices.of(model)
     w, m = (low + high) / 2, B.shape[1]
@@ -165,7 +165,7 @@ def _with_further(model: Any, count: int, low: float, high: float) -> Any:
     )
 
 
-def smallest_ratio(model: Any, kind: str, data: FrequencyResponse) -> Any:
+def smallest_ratio(model: control.StateSpace, kind: str, data: FrequencyResponse) -> control.StateSpace:
     """The passive model of the same A and B with the smallest largest ratio of residual to bound."""
     fit = _Fit(model, kind, data)
     found = fit.of_gains(fit.largest)
@@ -175,7 +175,7 @@ def smallest_ratio(model: Any, kind: str, data: FrequencyResponse) -> Any:
 class _Fit:
     """Programs over passive models: the inequality in its three-block form, linear in the matrices of the model or in P."""
 
-    def __init__(self, model: Any, kind: str, data: FrequencyResponse | None) -> None:
+    def __init__(self, model: control.StateSpace, kind: str, data: FrequencyResponse | None) -> None:
         self.model, self.data, self.bounded = model, data, kind == BOUNDED
         self.kind, self.popov = kind, Popov(kind, StateMatrices.of(model))
         self.omega = self._between() if data is None else data.omega
@@ -189,7 +189,7 @@ class _Fit:
         marks = self.popov.marks
         return np.unique(np.concatenate([marks, (marks[1:] + marks[:-1]) / 2, 10 * marks[-1:], 100 * marks[-1:]]))
 
-    def of_gains(self, cost: Callable[[Any, Complex], Any]) -> Any:
+    def of_gains(self, cost: Callable[[Any, Complex], Any]) -> control.StateSpace | None:
         """The passive model of least cost with the A and B of the model; None where the solver fails."""
         cp = solver()
         A, B, *_ = self._input_normal()
@@ -203,7 +203,7 @@ class _Fit:
         found = np.asarray(gains.value, dtype=float)
         return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
 
-    def touched(self) -> Any:
+    def touched(self) -> control.StateSpace | None:
         """The nearest passive model, where the model is passive but for little: of C and D, then of all matrices; else None."""
         model = self.of_cuts()
         if model is None or model.nstates > _MOST:
@@ -218,13 +218,13 @@ class _Fit:
                 break
         return model
 
-    def of_cuts(self) -> Any:
+    def of_cuts(self) -> control.StateSpace | None:
         """The model with the nearest passive C and D, where it is passive but for little; else None."""
         A, B, *_ = self._input_normal()
         found = cut(self.model, self.kind, self.omega, self._triangles(self._basis(A, B)), (A, B)) if len(A) else None
         return None if found is None else self._model(found)
 
-    def _stepped(self, model: Any) -> Iterator[Any]:
+    def _stepped(self, model: control.StateSpace) -> Iterator[control.StateSpace]:
         """Passive models after shorter and shorter steps of all matrices; what is then beyond the limit is taken from C and D."""
         fit = _Fit(model, self.kind, self.data)
         system = fit._input_normal()
@@ -264,7 +264,7 @@ class _Fit:
         a, b = (np.asarray(np.linalg.solve(root, part), dtype=float) for part in (A @ root, B))
         return StateMatrices(a, b, C @ root, D)
 
-    def holds(self, model: Any) -> bool:
+    def holds(self, model: control.StateSpace) -> bool:
         """Say whether a model is passive, but for what a solver leaves."""
         popov = Popov(self.kind, StateMatrices.of(model))
         return popov.peak()[0] <= popov.limit + _SOLVED * self.size
@@ -288,7 +288,7 @@ class _Fit:
                 worst.append(cp.max(cp.norm(cp.vstack(parts), axis=0)))
         return cp.max(cp.hstack(worst))
 
-    def refined(self, model: Any, steps: int) -> Any:
+    def refined(self, model: control.StateSpace, steps: int) -> control.StateSpace:
         """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays passive.
 
         With P = I the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows from how
@@ -313,11 +313,11 @@ class _Fit:
                 reach /= 4
         return model
 
-    def cost(self, model: Any) -> float:
+    def cost(self, model: control.StateSpace) -> float:
         """Root of the sum of squared residuals over bounds."""
         return float(np.linalg.norm((self.values - response_of(model, self.omega)) / self.radius))
 
-    def _dissipative(self, model: Any) -> StateMatrices | None:
+    def _dissipative(self, model: control.StateSpace) -> StateMatrices | None:
         """The model in time units of `popov` and in coordinates where P = I, between the extreme ones; None where it has none."""
         popov = Popov(self.kind, StateMatrices.of(model))
         root = np.sqrt(popov.unit / self.popov.unit)
@@ -366,7 +366,7 @@ class _Fit:
         block = cp.bmat(rows if side.shape[0] else [row[1:] for row in rows[1:]])
         return (block + block.T) / 2
 
-    def _model(self, system: StateMatrices) -> Any:
+    def _model(self, system: StateMatrices) -> control.StateSpace:
         root = np.sqrt(self.popov.unit)
         return like(self.model, system.A * root**2, system.B * root, system.C * root, system.D)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -203,7 +203,7 @@ def make_passive(
         return _result(given, *fitted, data=data)
 
 
-def _checked(model: Any, kind: str) -> Any:
+def _checked(model: control.StateSpace, kind: str) -> control.StateSpace:
     if kind == NEGATIVE:
         raise InputError(
             '`kind` must be "bounded real" or "positive real" here: a truncated compliance is not negative imaginary by itself. Fit'
@@ -212,7 +212,7 @@ def _checked(model: Any, kind: str) -> Any:
     return check_passive_input(model, kind)
 
 
-def _compliance(given: Any, data: FrequencyResponse | None) -> tuple[Any, Passivity]:
+def _compliance(given: control.StateSpace, data: FrequencyResponse | None) -> tuple[control.StateSpace, Passivity]:
     """The nearest negative-imaginary model that is proved to be one; else the one that came nearest to a proof."""
     best = given, prove_passive(given, kind=NEGATIVE)
     for model in nearest_compliances(given, data):
@@ -224,7 +224,7 @@ def _compliance(given: Any, data: FrequencyResponse | None) -> tuple[Any, Passiv
     return best
 
 
-def _matching(response: Any, model: Any) -> FrequencyResponse:
+def _matching(response: FrequencyResponse, model: control.StateSpace) -> FrequencyResponse:
     data = as_kind("response", response, FrequencyResponse, "a FrequencyResponse")
     if data.dt is not None:
         raise InputError(f"`response` must be one in continuous time, without `dt`; got dt = {data.dt:g}")
@@ -234,7 +234,7 @@ def _matching(response: Any, model: Any) -> FrequencyResponse:
     return data
 
 
-def _with_bounds(response: Any, model: Any) -> FrequencyResponse:
+def _with_bounds(response: FrequencyResponse, model: control.StateSpace) -> FrequencyResponse:
     data = _matching(response, model)
     if data.bound is None:
         raise InputError("`response` must have bounds to stay inside: FrequencyResponse(..., bound=...)")
@@ -242,8 +242,8 @@ def _with_bounds(response: Any, model: Any) -> FrequencyResponse:
 
 
 def _result(
-    given: Any,
-    model: Any,
+    given: control.StateSpace,
+    model: control.StateSpace,
     proof: Passivity,
     *,
     data: FrequencyResponse | None = None,
@@ -264,20 +264,20 @@ def _result(
     )
 
 
-def _ratio(model: Any, data: FrequencyResponse) -> float:
+def _ratio(model: control.StateSpace, data: FrequencyResponse) -> float:
     """The largest |residual| over bound, as the bound means it."""
     if data.bound is None:
         return np.nan
     return float(np.max(data.bound.ratio(data.values - response_of(model, data.omega))))
 
 
-def _squares(model: Any, data: FrequencyResponse) -> float:
+def _squares(model: control.StateSpace, data: FrequencyResponse) -> float:
     """The sum of squares of residuals over bounds."""
     error = (data.values - response_of(model, data.omega)) / radius_of(data)
     return float(np.nansum(np.abs(error) ** 2))
 
 
-def _nudged(model: Any, kind: str) -> tuple[Any, Passivity]:
+def _nudged(model: control.StateSpace, kind: str) -> tuple[control.StateSpace, Passivity]:
     """The model with as much less of C and D, or more of D, as its proof needs; and the proof."""
     proof = prove_passive(model, kind=kind)
     for _ in range(_NUDGES):
@@ -297,7 +297,7 @@ def _nudged(model: Any, kind: str) -> tuple[Any, Passivity]:
 class _Truncated:
     """Truncations of a passive model to any order, passive themselves: both Riccati equations are solved once."""
 
-    def __init__(self, model: Any, kind: str) -> None:
+    def __init__(self, model: control.StateSpace, kind: str) -> None:
         self.model, self.kind = model, kind
         self.popov = Popov(kind, StateMatrices.of(model))
         self.balanced, self.values = None, np.zeros(0)
@@ -319,7 +319,7 @@ class _Truncated:
             "`model` is too near to a lossless one: its Riccati equations have no solution in double precision"
         )
 
-    def of(self, order: int) -> Any:
+    def of(self, order: int) -> control.StateSpace | None:
         """The model of one order, passive with proof as far as there is one."""
         if self.balanced is None or order == self.model.nstates:
             return self.model
@@ -335,7 +335,7 @@ def _root(P: Real) -> Real:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0)), dtype=float)
 
 
-def _smallest(given: Any, kind: str, data: FrequencyResponse, truncated: _Truncated) -> PassiveModel:
+def _smallest(given: control.StateSpace, kind: str, data: FrequencyResponse, truncated: _Truncated) -> PassiveModel:
     """The smallest order found that is inside every bound: by truncation, then with gains fitted to the data below that."""
     tried: dict[int, float] = {}
     best, least = None, (_ratio(given, data), given)

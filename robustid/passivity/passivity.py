@@ -156,7 +156,7 @@ def prove_passive(model: control.StateSpace, *, kind: str = BOUNDED, decay: floa
         return _judged(given, kind, float(decay))
 
 
-def check_passive_input(model: Any, kind: str, decay: float = 0.0) -> Any:
+def check_passive_input(model: control.StateSpace, kind: str, decay: float = 0.0) -> control.StateSpace:
     """The model itself, if it is one whose passivity of this kind can be asked for."""
     given = check_model("model", model)
     if kind not in KINDS:
@@ -184,7 +184,7 @@ def check_passive_input(model: Any, kind: str, decay: float = 0.0) -> Any:
     return given
 
 
-def _judged(model: Any, kind: str, decay: float) -> Passivity:
+def _judged(model: control.StateSpace, kind: str, decay: float) -> Passivity:
     A, B, C, D = StateMatrices.of(model)
     popov = Popov(kind, StateMatrices(A + decay * np.eye(len(A)), B, C, D))
     skew = float(np.linalg.norm(D - D.T, 2)) / 2 if kind == NEGATIVE else 0.0
@@ -224,7 +224,7 @@ def _judged(model: Any, kind: str, decay: float) -> Passivity:
     )
 
 
-def _proved_limit(model: Any, popov: Popov, kind: str, decay: float) -> PassivityCertificate | None:
+def _proved_limit(model: control.StateSpace, popov: Popov, kind: str, decay: float) -> PassivityCertificate | None:
     """The proof of bound 0 of a response that falls to zero."""
     face = None if kind == BOUNDED or not model.nstates else face_of(kind, matrices_of(model, decay))
     if face is None:
@@ -238,7 +238,9 @@ def _proved_limit(model: Any, popov: Popov, kind: str, decay: float) -> Passivit
     return None
 
 
-def _proved_bound(model: Any, popov: Popov, peak: float, kind: str, decay: float) -> PassivityCertificate | None:
+def _proved_bound(
+    model: control.StateSpace, popov: Popov, peak: float, kind: str, decay: float
+) -> PassivityCertificate | None:
     """The proof of a bound of the excess as little above its peak as there is one."""
     for part in _GAPS:
         gap = part * popov.size
@@ -263,7 +265,7 @@ def _proved_bound(model: Any, popov: Popov, peak: float, kind: str, decay: float
 
 
 def _refined(
-    model: Any, popov: Popov, bound: float, gap: float, kind: str, decay: float
+    model: control.StateSpace, popov: Popov, bound: float, gap: float, kind: str, decay: float
 ) -> PassivityCertificate | None:
     """The proof of a bound next to the largest excess, with P beyond double precision."""
     zero = np.zeros(popov.S.shape)

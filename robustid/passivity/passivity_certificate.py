@@ -5,13 +5,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from robustid.core import Frozen, Real, freeze
 from robustid.passivity.exact_matrices import Exact, beside, is_positive_definite, solved, symmetric_blocks
 from robustid.passivity.passivity_refined import Equation
+
+if TYPE_CHECKING:
+    import control
 
 BOUNDED, POSITIVE, NEGATIVE = "bounded real", "positive real", "negative imaginary"
 KINDS = (BOUNDED, POSITIVE, NEGATIVE)
@@ -60,7 +63,7 @@ class PassivityCertificate(Frozen):
         if self.P_rest is not None:
             self._set(P_rest=freeze(np.asarray(self.P_rest, dtype=float)))
 
-    def verify(self, model: Any) -> bool:
+    def verify(self, model: control.StateSpace) -> bool:
         """Say whether it proves its claim about a continuous model: every number exact, no rounding, no solver."""
         given = matrices_of(model, self.decay)
         if not self.P.size:
@@ -91,7 +94,7 @@ class Face(NamedTuple):
     null: Exact | None
 
 
-def matrices_of(model: Any, decay: float) -> Matrices:
+def matrices_of(model: control.StateSpace, decay: float) -> Matrices:
     """The matrices of a model without rounding."""
     A, B, C, D = (Exact.of(np.asarray(part, dtype=float)) for part in (model.A, model.B, model.C, model.D))
     return Matrices(A + Exact.of(decay * np.eye(len(A.digits))), B, C, D)
@@ -122,7 +125,7 @@ def _asked(kind: str, given: Matrices) -> Matrices:
     return Matrices(given.A, given.B, given.C @ given.A, given.C @ given.B) if kind == NEGATIVE else given
 
 
-def equation_of(claim: PassivityCertificate, model: Any) -> Equation:
+def equation_of(claim: PassivityCertificate, model: control.StateSpace) -> Equation:
     """The inequality of a claim, without rounding."""
     A, B, C, D = _asked(claim.kind, matrices_of(model, claim.decay))
     if claim.kind == BOUNDED:

@@ -1,12 +1,13 @@
 """Smaller models: balanced truncation with its bound, the smallest inside all bounds, the continuous model behind a sampled one."""
 
 from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
-from robustid.reduction.continuous import ContinuousModel, to_continuous
-from robustid.reduction.doubtful import DoubtfulMode, without_doubtful_modes
+from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error
 from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, is_stable
+from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
+from robustid.reduction.model_worth import ModelWorth, model_worth_having
+from robustid.reduction.response_comparison import why_not_compared
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
-from robustid.reduction.worth import ModelWorth, model_worth_having, why_not_compared
 
 __all__ = [
     "ContinuousModel",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -14,8 +14,14 @@ from robustid.core import Frozen, Real, as_count, as_float, balancing, freeze, t
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.identification import check_model
-from robustid.reduction.gramians import Factors, Parts, doubtful_distance, gramian_factors, split
-from robustid.reduction.limited import limited
+from robustid.reduction.gramians import (
+    Factors,
+    Parts,
+    doubtful_distance,
+    gramian_factors,
+    partial_gramian_factors,
+    split,
+)
 
 if TYPE_CHECKING:
     import control
@@ -205,7 +211,7 @@ def balanced_truncation(
         held = kept.a.shape[0]
         if order is not None and order < held:
             raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
-        factors = limited(system, stable, **limits) if given else None
+        factors = partial_gramian_factors(system, stable, **limits) if given else None
         return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
 
 
@@ -217,7 +223,12 @@ class _Balanced:
     """Balanced coordinates of one model, computed once for every order."""
 
     def __init__(
-        self, system: Any, stable: Parts, kept: Parts, factors: Factors | None = None, match: str | None = None
+        self,
+        system: control.StateSpace,
+        stable: Parts,
+        kept: Parts,
+        factors: Factors | None = None,
+        match: str | None = None,
     ):
         self.system, self.stable, self.kept, self.match = system, stable, kept, match
         self.held, self.bounded, states = kept.a.shape[0], factors is None, stable.a.shape[0]
@@ -315,7 +326,7 @@ def _error_bounds(hankel: Real) -> Real:
     return bounds
 
 
-def _assemble(model: Any, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
+def _assemble(model: control.StateSpace, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
     import control
 
     return control.StateSpace(

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from robustid.core import Budget, Real
 from robustid.data import FrequencyResponse
-from robustid.identification import Identification, largest_ratio
-from robustid.reduction import starts
+from robustid.errors import InputError
+from robustid.fitting import FitStatus, Weight, fit_mfd
+from robustid.identification import Identification, MixedProblem, largest_ratio
+from robustid.reduction import pole_starts
 from robustid.reduction.balanced import balanced_truncations
-from robustid.reduction.guard import Guard
-from robustid.reduction.refinement import (
+from robustid.reduction.between_points import Guard
+from robustid.reduction.sample_fits import (
     Fit,
     Pair,
     apart,
@@ -25,8 +28,10 @@ from robustid.reduction.refinement import (
     pole_functions,
     with_poles,
 )
-from robustid.reduction.response_fits import ResponseFits
 from robustid.reduction.sample_map import SampleMap, sample_map, with_lines
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -46,7 +51,7 @@ class Found(NamedTuple):
 
     judged: float  # the larger of its margin and of the distance where nothing was measured
     margin: float
-    model: Any
+    model: control.StateSpace
 
 
 class BestModels:
@@ -72,10 +77,10 @@ class BestModels:
         self.chains = integrators * self.samples.heads
         self._guard = Guard(identification, integrators, max(1.0, identification.margin))
         self._holding = False
-        self._families = starts.truncations(identification, self.samples)
+        self._families = pole_starts.truncations(identification, self.samples)
         basis = identification.problem.parametric
-        self._held = starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
-        poles = starts.without_integrators(identification.model.poles(), self.chains)
+        self._held = pole_starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
+        poles = pole_starts.without_integrators(identification.model.poles(), self.chains)
         self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
         self.limit = 1.0
         self.fits: dict[int, Fit] = {}
@@ -84,7 +89,7 @@ class BestModels:
         self._ends: dict[
             int, list[Real]
         ] = {}  # by number of poles, the least squares that were followed: size, largest residual
-        integrals = starts.integrals(self.samples, self._target)
+        integrals = pole_starts.integrals(self.samples, self._target)
         self._responses = ResponseFits(identification.problem, integrals) if self.samples.heads > 1 else None
 
     def within(self, order: int) -> bool:
@@ -111,7 +116,7 @@ class BestModels:
 
     def shorten(self, order: int) -> None:
         """Refine what truncation leaves of the model of the order above."""
-        self._try(order, [starts.truncated(self.samples, self.fits[order + 1], order - self.chains)])
+        self._try(order, [pole_starts.truncated(self.samples, self.fits[order + 1], order - self.chains)])
 
     def refine(self, pair: Pair) -> None:
         """Refine these functions alone, with no poles held."""
@@ -127,16 +132,16 @@ class BestModels:
                 return True
         return False
 
-    def _truncated(self, order: int) -> Iterator[Any]:
+    def _truncated(self, order: int) -> Iterator[control.StateSpace]:
         """Truncations to start from; of a matrix also the model's own: with as many states least squares follow every error."""
         pair = self._families[0](order - self.chains)
         fit = None if pair is None else _quiet(lambda: least_squares(self.samples, inside(pair, self.radius)))
         if fit is not None:
-            yield starts.statespace(self.samples, fit, self.identification.model)
+            yield pole_starts.statespace(self.samples, fit, self.identification.model)
         if self.samples.heads > 1 and not self.chains:
             yield balanced_truncations(self.identification.model)(order).model
 
-    def _stays(self, model: Any) -> bool:
+    def _stays(self, model: control.StateSpace) -> bool:
         """Tell whether a model stays near the identified one."""
         return self._guard.check(model, self.limit)[1] is None
 
@@ -151,7 +156,7 @@ class BestModels:
         for _ in range(_EXCHANGES):
             if fit is None:
                 return
-            model = starts.statespace(self.samples, fit, self.identification.model)
+            model = pole_starts.statespace(self.samples, fit, self.identification.model)
             margin = largest_ratio(self.identification.problem, model)
             between, missed = self._guard.check(model, self.limit) if margin <= self.limit else (0.0, None)
             judged = max(margin, between)
@@ -195,7 +200,7 @@ class BestModels:
         if self.samples.heads > 1:
             yield self._families[1](n) if not rest else None
             return
-        spread = pole_functions(np.append(self._held, starts.spread(self.samples, rest)))
+        spread = pole_functions(np.append(self._held, pole_starts.spread(self.samples, rest)))
         for pair in (*(family(n) for family in self._families[1:]), spread):
             if pair is not None:
                 moving = inside(pole_functions(apart(pair.poles, self._held)), self.radius)
@@ -209,7 +214,7 @@ class BestModels:
 
     def _rich(self) -> Fit:
         """A model of many states in the coordinates of the samples, which stands for the data."""
-        most = min(starts.RICH, self.identification.order - self.chains)
+        most = min(pole_starts.RICH, self.identification.order - self.chains)
         pair = next(p for n in range(most, -1, -1) if (p := self._families[0](n)) is not None)
         return least_squares(self.samples, inside(pair, self.radius))
 
@@ -217,28 +222,30 @@ class BestModels:
         """The functions of a matrix fraction fitted to the responses."""
         responses = self._responses
         model = None if responses is None else responses.model(n, self._budget)
-        return None if model is None else starts.of_model(model.A, model.B, model.C, self.samples)
+        return None if model is None else pole_starts.of_model(model.A, model.B, model.C, self.samples)
 
     def _starts(self, n: int) -> Iterator[Pair | None]:
         """Functions to start from, n of them."""
         yield from (family(n) for family in self._families)
         if n > REFINED:
             return
-        yield starts.from_lines(self.identification, self.samples, n)
-        yield starts.sanathanan_koerner(self.samples, self._target, n)
+        yield pole_starts.from_lines(self.identification, self.samples, n)
+        yield pole_starts.sanathanan_koerner(self.samples, self._target, n)
         for step in (1, 2):
             below = self.fits.get(n + self.chains - step)
             if below is not None:
-                yield from starts.grown(self.samples, below, n)
+                yield from pole_starts.grown(self.samples, below, n)
         for step in range(1, _FROM_ABOVE + 1) if self.samples.heads > 1 else ():
             above = self.fits.get(n + self.chains + step)
             if above is not None:
-                yield starts.truncated(self.samples, above, n)
+                yield pole_starts.truncated(self.samples, above, n)
 
     def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
         """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
         samples, radius = self.samples, self.radius
-        usable = [inside(with_poles(p, starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n]
+        usable = [
+            inside(with_poles(p, pole_starts.reflected), radius) for p in pairs if p is not None and p.A.shape[0] == n
+        ]
         fits = [_quiet(lambda p=p: least_squares(samples, p)) for p in usable]
         if n <= REFINED:
             fits = [self._descended(f, _QUICK) for f in fits if f is not None]
@@ -300,3 +307,49 @@ def _quiet(attempt: Callable[[], Fit]) -> Fit | None:
     except (np.linalg.LinAlgError, ValueError):
         return None
     return fit if np.isfinite(fit.cost) else None
+
+
+class ResponseFits:
+    """Fits of a problem's responses, all points of all experiments, each weighted by the inverse of its bound.
+
+    Integrators are taken from the data first: ``integrals`` (count, ny, nu) are the coefficients of 1/(z - 1), 1/(z - 1)^2, ...
+    of a model of them.
+
+    No model with the largest ratio s has a weighted root mean square above s: a fit that misses the bounds by much leaves no hope
+    for its order, as far as it is the best one.
+    """
+
+    def __init__(self, problem: MixedProblem, integrals: Real):
+        self._responses = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+        self._dt, self._integrals = problem.dt, integrals
+        self.alone = not problem.time and len(self._responses) == len(problem.frequency)
+        self._stated = self._statement() if self._responses else None
+
+    def _statement(self) -> tuple[FrequencyResponse, Weight]:
+        """All points in the order of frequency, those that several experiments have once; missing entries have no weight."""
+        omega, first = np.unique(np.concatenate([f.omega for f in self._responses]), return_index=True)
+        used = np.concatenate([np.isfinite(f.bound.radius) for f in self._responses])[first]
+        values = np.where(used, np.concatenate([f.values for f in self._responses])[first], 0.0)
+        step = np.exp(1j * omega * self._dt) - 1
+        for power, gains in enumerate(self._integrals, 1):
+            values = values - used * gains / step[:, None, None] ** power
+        frf = FrequencyResponse(omega, values, dt=self._dt)
+        if all(f.bound.ellipsoid is not None for f in self._responses):
+            white = np.concatenate([f.bound.whitening for f in self._responses])[first]
+            return frf, Weight(np.ones(values.shape), matrix=white)
+        radius = np.concatenate([f.bound.outer_radius for f in self._responses])[first]
+        return frf, Weight(np.where(used, 1 / np.where(used, radius, 1.0), 0.0))
+
+    def model(self, order: int, budget: Budget) -> control.StateSpace | None:
+        """The stable fit of an order; None where there is none: no response, too few points, no time."""
+        if self._stated is None or order < 1 or budget.over:
+            return None
+        frf, weight = self._stated
+        limit = None if math.isinf(budget.left) else max(budget.left, 1e-3)
+        try:
+            fit = fit_mfd(frf, order=order, weight=weight, domain="z", feedthrough=True, time_limit=limit)
+        except (InputError, np.linalg.LinAlgError):
+            return None
+        if fit.status is FitStatus.INTERRUPTED:  # a fit ends at Ctrl-C, and so does the search
+            raise KeyboardInterrupt
+        return fit.model if fit.model.nstates == order and fit.stable else None

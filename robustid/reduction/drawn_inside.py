@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import MatrixFraction, fit_mfd
 
+if TYPE_CHECKING:
+    import control
+
 _SIGMAS = 3.0  # standard deviations that a bound is taken for
 _ROUNDS = 10
 _SHARPLY = 4.0  # power of the error over its bound, where fits are of a response alone
@@ -20,7 +23,7 @@ _ASTRAY = 3.0  # times the smallest error over its bound so far
 _NO_WEIGHT = 1e-9  # of the largest: values that aren't used
 _AIM = 0.97  # of the bound, so that the limit is reached in a few rounds
 
-Fitted = Callable[[FrequencyResponse, Any], Any]
+Fitted = Callable[[FrequencyResponse, "control.StateSpace"], "control.StateSpace | None"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,20 +40,20 @@ class Bounds:
         Factor on the bounds of the points within which a model is inside.
     """
 
-    ratio: Callable[[Any], float]
-    beyond: Callable[[Any], FrequencyResponse | None]
+    ratio: Callable[[control.StateSpace], float]
+    beyond: Callable[[control.StateSpace], FrequencyResponse | None]
     times: float = 1.0
 
 
 def drawn_inside(
-    model: Any,
+    model: control.StateSpace,
     points: FrequencyResponse | None,
     fitted: Fitted,
     bounds: Bounds,
     budget: Budget,
     deviation: Real | None = None,
     power: float = 1.0,
-) -> Iterator[Any]:
+) -> Iterator[control.StateSpace]:
     """A fit, and fits with more weight where the one before lies outside a bound, until none does.
 
     Weights that are multiplied by what is outside end, where they end, at the least largest error of the points outside
@@ -95,7 +98,7 @@ def drawn_inside(
 
 def drawn_fits(
     frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Any
-) -> Iterator[Any]:
+) -> Iterator[control.StateSpace]:
     """A least-squares fit of a response, and fits of its order with more weight where it lies outside a bound.
 
     They begin with the weight of that fit; a sequence that goes astray, to three times the smallest error over its bound, is ended.
@@ -109,7 +112,7 @@ def drawn_fits(
     weight = np.stack(sizes, axis=1).reshape(shape)
     smallest = np.inf
 
-    def fitted(points: FrequencyResponse, start: Any) -> Any:
+    def fitted(points: FrequencyResponse, start: control.StateSpace) -> control.StateSpace | None:
         nonlocal smallest
         ratio = bounds.ratio(start)
         smallest = min(smallest, ratio)
@@ -150,7 +153,7 @@ def _with_deviation(frf: FrequencyResponse, deviation: Real) -> FrequencyRespons
     return dataclasses.replace(frf, covariance=np.eye(flat.shape[1]) * np.square(flat)[:, :, None], dof=None)
 
 
-def _missed(model: Any, points: FrequencyResponse) -> Real:
+def _missed(model: control.StateSpace, points: FrequencyResponse) -> Real:
     """Error over the standard deviation that the bound is taken for, (F, ny, nu)."""
     response = np.moveaxis(np.asarray(model(points_of(points.omega, points.dt), squeeze=False)), -1, 0)
     return np.where(points.missing, 0.0, np.abs(response - points.values) / _deviation(points))

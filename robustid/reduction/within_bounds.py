@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import logging
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,10 +14,13 @@ from robustid.core import Budget, Progress, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
-from robustid.reduction import starts
+from robustid.reduction import pole_starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels
-from robustid.reduction.towards_band import Known, move_towards
+from robustid.reduction.nearest_to_band import Known, move_towards
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -127,7 +130,7 @@ def reduce_within_bounds(
     return dataclasses.replace(found, model=identification.model if kept else from_image(found.model, plane))
 
 
-def near_fit(identification: Identification, model: Any) -> Any:
+def near_fit(identification: Identification, model: control.StateSpace) -> control.StateSpace | None:
     """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds none.
 
     All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
@@ -138,11 +141,11 @@ def near_fit(identification: Identification, model: Any) -> Any:
         models.widen()
     image = in_image(model, plane)
     A, B, C = (np.asarray(part, dtype=float) for part in (image.A, image.B, image.C))
-    models.refine(starts.of_model(A, B, C, models.samples))
+    models.refine(pole_starts.of_model(A, B, C, models.samples))
     return from_image(models.found[model.nstates].model, plane) if models.within(model.nstates) else None
 
 
-def _integrators(identification: Identification, rigid_body: Any) -> int:
+def _integrators(identification: Identification, rigid_body: RigidBody | None) -> int:
     """Number of poles at z = 1."""
     problem = identification.problem
     basis = problem.parametric

@@ -122,13 +122,11 @@ def test_rigid_body_and_roll_off(files, run):
 
 def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatch):
     """The sweep itself is tested elsewhere: here the pool, the progress and the choice."""
-    from robustid.fitting import order
-
     system = random_modal_system(0, 1, 1, 1)
     omega = OMEGA[::2]
     values = noisy(np.random.default_rng(1), system.response(1j * omega))
     rid.save("one.npz", rid.FrequencyResponse(omega, values))
-    monkeypatch.setattr(order, "_AROUND", (-1, 0, 1))
+    monkeypatch.setattr("robustid.fitting.order_choice._AROUND", (-1, 0, 1))
     arguments = ["one.npz", "--order", "auto", "--report", "page.html"]
     code, out, err = run(arguments)
     assert code in (0, 1), err

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 from robustid.fitting.state_space.block_model import BlockModel
-from robustid.fitting.state_space.chains import chain
+from robustid.fitting.state_space.integrator_chains import chain
 from support.mechanics import unscaled
 
 OMEGA = np.linspace(0.3, 3, 11)

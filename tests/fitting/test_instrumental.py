@@ -7,11 +7,11 @@ import pytest
 
 from robustid.errors import InputError
 from robustid.fitting import Weight
+from robustid.fitting.fraction.fraction_iteration import fit_fraction
+from robustid.fitting.fraction.fraction_problem import FractionProblem
+from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, retract, sk_step
 from robustid.fitting.fraction.instrumental import BreakdownError, biorthonormal_polynomials, instrumental_pair, iv_step
-from robustid.fitting.fraction.iteration import fit_fraction
 from robustid.fitting.fraction.krylov_blocks import stacked
-from robustid.fitting.fraction.problem import FractionProblem
-from robustid.fitting.fraction.steps import gauss_newton_direction, retract, sk_step
 from robustid.fitting.fraction.vector_polynomials import polynomial_nodes
 from support.mfd_systems import noisy, random_modal_system, relative_error
 

@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.fitting import FractionProblem, Weight, fit_mfd, suggest_order
-from robustid.fitting.fraction.noise_level import gaussian, level_weight, white
+from robustid.fitting.fraction.weight_choice import gaussian, level_weight, white
 from support.mfd_systems import random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 150)

@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from robustid.core import response_at
-from robustid.fitting.modal.mode_functions import mode_gains
-from robustid.fitting.state_space.real_modes import RealModes
+from robustid.fitting.state_space.real_modes import RealModes, mode_gains
 
 OMEGA = np.linspace(0.3, 2.9, 12)
 POWERS = (0, 1, 2)

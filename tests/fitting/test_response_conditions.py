@@ -5,7 +5,7 @@ import pytest
 
 from robustid.fitting import FractionProblem, RollOff, StaticGain, Weight, Zero, subspace_estimate
 from robustid.fitting.state_space.block_model import BlockModel
-from robustid.fitting.state_space.refinement import Outputs, refine
+from robustid.fitting.state_space.state_refinement import Outputs, refine
 from support.mfd_systems import noisy, random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 80)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robustid.fitting import FractionProblem, Weight
+from robustid.fitting.modal.modal_fit import TiedOutputs, symmetric_matrices
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.real_modes import RealModes
-from robustid.fitting.state_space.tied_outputs import TiedOutputs, symmetric_matrices
 
 OMEGA = np.linspace(0.2, 1.9, 25)
 

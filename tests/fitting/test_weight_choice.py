@@ -8,12 +8,12 @@ import pytest
 
 import robustid as rid
 from robustid.fitting import Weight, fit_mfd
-from robustid.fitting.fraction.problem import FractionProblem
-from robustid.fitting.fraction.starts import first_model
+from robustid.fitting.fraction.first_models import first_model
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.weight_choice import chosen, predicted_error
-from robustid.fitting.state_space.descent import Settings
-from robustid.fitting.state_space.refinement import UNLIMITED
-from robustid.fitting.state_space.state_fit import Samples
+from robustid.fitting.state_space.given_poles import Samples
+from robustid.fitting.state_space.state_descent import Settings
+from robustid.fitting.state_space.state_refinement import UNLIMITED
 from support.mfd_systems import gaussian
 
 OMEGA = np.linspace(1.0, 9.0, 121)
@@ -122,12 +122,10 @@ def test_a_response_with_missing_entries_is_judged_without_them():
 
 
 def test_ctrl_c_while_weights_are_judged_ends_the_fit_with_what_there_is(monkeypatch):
-    from robustid.fitting import fit as module
-
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "chosen", interrupted)
+    monkeypatch.setattr("robustid.fitting.matrix_fraction.chosen", interrupted)
     fit = fit_mfd(measured(np.broadcast_to(1e-6 * np.eye(2), (121, 2, 2)), 4.0), order=2)
     assert fit.stable
     assert not fit.status.converged

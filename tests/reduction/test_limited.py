@@ -9,8 +9,7 @@ import scipy.linalg as sla
 
 from robustid.errors import InputError, InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation
-from robustid.reduction.gramians import split
-from robustid.reduction.limited import limited
+from robustid.reduction.gramians import partial_gramian_factors, split
 from support.reduction_models import gap, mode, peak, points_of, random_model, response
 from support.two_mode_models import two_modes
 
@@ -19,7 +18,7 @@ def gramians(model, **limits):
     """(Q, P) of a stable model in the states of the model itself, and those states."""
     stable, _ = split(model, "refuse")
     chosen = {"band_hz": None, "horizon": None, "weight": None} | limits
-    return [factor @ factor.T for factor in limited(model, stable, **chosen)], stable
+    return [factor @ factor.T for factor in partial_gramian_factors(model, stable, **chosen)], stable
 
 
 def integral(values, nodes_weights):

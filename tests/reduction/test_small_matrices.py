@@ -10,11 +10,10 @@ import robustid as rid
 from robustid.core import Budget, responses
 from robustid.fitting import FitStatus
 from robustid.identification.residuals import largest_ratio
-from robustid.reduction import response_fits
-from robustid.reduction.refinement import least_squares, levelled, moves, normal_functions, numerators
-from robustid.reduction.response_fits import ResponseFits
+from robustid.reduction.best_models import ResponseFits
+from robustid.reduction.pole_starts import of_model, statespace
+from robustid.reduction.sample_fits import least_squares, levelled, moves, normal_functions, numerators
 from robustid.reduction.sample_map import sample_map
-from robustid.reduction.starts import of_model, statespace
 from support.matrix_lines import DT, lines, plant
 
 PRIOR = rid.Prior(gain_bound=0.1, decay_rate=1.2)
@@ -98,14 +97,14 @@ def test_responses_are_fitted_without_their_integrators_and_what_is_missing():
 def test_control_c_in_a_fit_ends_the_search(two_modes, monkeypatch):
     """A fit that is interrupted gives what it has; the search gives the smallest order that it has found before, by truncation."""
     _, problem, result = two_modes
-    fit_mfd, asked = response_fits.fit_mfd, []
+    fit_mfd, asked = rid.fit_mfd, []
 
     def interrupted(frf, *, order, **options):
         asked.append(order)
         fit = fit_mfd(frf, order=order, **options)
         return fit if order < 3 else dataclasses.replace(fit, status=FitStatus.INTERRUPTED)
 
-    monkeypatch.setattr(response_fits, "fit_mfd", interrupted)
+    monkeypatch.setattr("robustid.reduction.best_models.fit_mfd", interrupted)
     small = rid.reduce_within_bounds(result)
     assert small.stopped.startswith("interrupted")
     assert asked[-1] == 3

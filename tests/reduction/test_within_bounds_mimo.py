@@ -8,8 +8,8 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.identification.residuals import largest_ratio, model_residuals
-from robustid.reduction.minimax import smallest_maximum
-from robustid.reduction.refinement import (
+from robustid.reduction.pole_starts import statespace
+from robustid.reduction.sample_fits import (
     Pair,
     direction_columns,
     evaluated,
@@ -20,7 +20,7 @@ from robustid.reduction.refinement import (
     pole_columns,
 )
 from robustid.reduction.sample_map import sample_map
-from robustid.reduction.starts import statespace
+from robustid.reduction.smallest_maximum import smallest_maximum
 from support.matrix_lines import DT, lines, plant
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Frozen, as_array, as_count, freeze
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.conditions import Condition
-from robustid.fitting.fraction.problem import FractionProblem
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 
 
 @runtime_checkable
@@ -31,7 +31,7 @@ class Constraint(Protocol):
         ...
 
 
-def as_constraints(constraints: Any) -> tuple[Constraint, ...]:
+def as_constraints(constraints: object) -> tuple[Constraint, ...]:
     """The constraints of a fit, checked."""
     items: tuple[Any, ...] = (
         tuple(cast("Iterable[Any]", constraints)) if isinstance(constraints, Iterable) else (constraints,)

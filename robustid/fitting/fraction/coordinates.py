@@ -10,11 +10,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, freeze
-from robustid.fitting.fit import MatrixFraction
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.fraction.krylov_blocks import NULL, raised
 from robustid.fitting.fraction.vector_polynomials import VectorPolynomials, orthonormal_polynomials
+from robustid.fitting.matrix_fraction import MatrixFraction
 
 # A pole that moves by this part of the largest motion along directions which the data don't see isn't determined.
 _FREE = 1e-6

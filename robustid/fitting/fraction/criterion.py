@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, as_array, as_float, freeze
 from robustid.errors import InputError
@@ -181,7 +182,7 @@ class Weight(Frozen):
         chosen = dict(zip(("output", "input", "matrix"), parts, strict=True))
         return dataclasses.replace(self, entries=self.entries[points], **chosen)
 
-    def scaled(self, factors: Any) -> Weight:
+    def scaled(self, factors: ArrayLike) -> Weight:
         """Multiplied by a factor >= 0 per frequency point (F,), or per point and entry (F, ny, nu); 0 or False masks.
 
         Per-entry factors act on the entries themselves and are refused where a general matrix follows.
@@ -210,7 +211,7 @@ class Weight(Frozen):
         return self.scaled(factors)
 
     @classmethod
-    def relative(cls, values: Any) -> Weight:
+    def relative(cls, values: ArrayLike) -> Weight:
         """1/|P| per entry: every entry counts with its relative error, so that no mode is lost below a higher one."""
         size = np.abs(as_array("values", values, dtype=complex, ndim=3))
         if np.any(size == 0):
@@ -222,7 +223,7 @@ class Weight(Frozen):
         return cls(1.0 / size)
 
     @classmethod
-    def from_covariance(cls, covariance: Any, ny: int, nu: int) -> Weight:
+    def from_covariance(cls, covariance: ArrayLike, ny: int, nu: int) -> Weight:
         """Inverse square root of the covariance (F, ny*nu, ny*nu) of vec(P): sample maximum likelihood.
 
         Hermitian square root; any other one gives the same criterion.

@@ -10,6 +10,7 @@ import scipy.linalg
 
 from robustid.core import as_array
 from robustid.errors import InputError, RobustIdError
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.krylov_blocks import (
     NULL,
     block_layout,
@@ -21,7 +22,6 @@ from robustid.fitting.fraction.krylov_blocks import (
     without,
 )
 from robustid.fitting.fraction.node_fraction import NodeFraction
-from robustid.fitting.fraction.problem import FractionProblem
 from robustid.fitting.fraction.vector_polynomials import VectorPolynomials
 
 # Smallest cosine between the new directions of both sides: rounding over it is what is left of bi-orthonormality, and
@@ -209,7 +209,7 @@ def iv_step(problem: FractionProblem, fraction: NodeFraction) -> tuple[NodeFract
     --------
     >>> import numpy as np
     >>> from robustid.fitting import Weight
-    >>> from robustid.fitting.fraction.steps import gauss_newton_direction, sk_step
+    >>> from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, sk_step
     >>> omega = np.linspace(1, 9, 40)
     >>> values = ((1 + 0.1 * np.cos(9 * omega)) / ((1j * omega) ** 2 + 0.2j * omega + 16))[:, None, None]
     >>> problem = FractionProblem(omega, values, 2, Weight.relative(values))

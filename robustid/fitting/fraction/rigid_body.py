@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import scipy.linalg
@@ -11,11 +11,10 @@ import scipy.linalg
 from robustid.core import Frozen, StateMatrices, as_array, as_count, freeze, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.conditions import RigidModes
-from robustid.fitting.fraction.model import realise
-from robustid.fitting.fraction.problem import FractionProblem
-from robustid.fitting.fraction.steps import into_form
-from robustid.fitting.state_space.chains import chain, sorted_schur
-from robustid.fitting.state_space.state_fit import (
+from robustid.fitting.fraction.fraction_model import realise
+from robustid.fitting.fraction.fraction_problem import FractionProblem
+from robustid.fitting.fraction.fraction_steps import into_form
+from robustid.fitting.state_space.given_poles import (
     Samples,
     diagonal_blocks,
     fit_inputs,
@@ -23,6 +22,7 @@ from robustid.fitting.state_space.state_fit import (
     reflected,
     solution,
 )
+from robustid.fitting.state_space.integrator_chains import chain, sorted_schur
 
 _ALTERNATIONS = 20
 
@@ -109,7 +109,7 @@ class RigidBody(Frozen):
             )
 
 
-def as_rigid_body(body: Any) -> RigidBody | None:
+def as_rigid_body(body: object) -> RigidBody | None:
     """The modes that are asked for, also by their number alone."""
     if isinstance(body, int | np.integer) and not isinstance(body, bool):
         count = int(cast("int", body))

@@ -1,4 +1,7 @@
-"""Choice of one of several weights: the one whose fit predicts frequency points best that were withheld from it."""
+"""Choice of the weight: before a fit the one that predicts withheld points best, after it the one that its residuals ask for.
+
+A relative weight can't know before that the noise has a level; the residuals of the fit tell it.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,28 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import StateMatrices
+from robustid.core import Complex, Real, StateMatrices
 from robustid.errors import InputError
-from robustid.fitting.fraction.iteration import FitStatus
-from robustid.fitting.fraction.problem import FractionProblem
-from robustid.fitting.state_space.descent import Settings, dear, flipped, refinable, start_of, with_rigid_modes
-from robustid.fitting.state_space.left_out import withheld_residuals
-from robustid.fitting.state_space.refinement import Budget, refine
-from robustid.fitting.state_space.state_fit import Samples
+from robustid.fitting.fraction.criterion import Weight
+from robustid.fitting.fraction.first_models import first_model
+from robustid.fitting.fraction.fit_search import FitEnd
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, former, former_weight
+from robustid.fitting.fraction.fraction_problem import FractionProblem
+from robustid.fitting.state_space.given_poles import Samples
+from robustid.fitting.state_space.state_descent import (
+    NOTHING_LEFT,
+    WHITE,
+    Settings,
+    correlation,
+    dear,
+    flipped,
+    refinable,
+    start_of,
+    white,
+    with_rigid_modes,
+)
+from robustid.fitting.state_space.state_refinement import Budget, refine
+from robustid.fitting.state_space.withheld_points import withheld_residuals
 
 _STEPS, _OTHERS = 20, 3  # of the fit that is judged, and of those without a quarter of the points
 _BETTER = 0.95  # another weight must lower the error to this part: below, chance decides
@@ -27,6 +44,14 @@ _AT_BOUNDARY = 1.25
 # antiresonances decide, with many more the one point that happens to lie on a narrow resonance.
 _LEVELS = 10.0
 _TIME = 0.25  # part of what is left of a time limit
+
+_TIMES = 4  # fits in a weight that residuals ask for, each by those of the last one
+_RATIOS = np.concatenate(
+    [[0.0], np.geomspace(1e-8, 1e8, 65)]
+)  # squares of level over relative part times the median of |P|
+_BOTH = 2.0  # what a second number must gain (Akaike)
+_TELLING = 0.1  # so much log-likelihood a sample says that there is a level
+_MOSTLY_WHITE = 0.5  # neighbouring residuals that are correlated more are a model error's
 
 Question = tuple[FractionProblem, Samples]
 
@@ -102,3 +127,95 @@ def predicted_error(
     judged = (problem.weight.entries > 0) & (left != 0)
     error = math.sqrt(np.sum(np.where(judged, np.abs(left) ** 2 / size, 0.0)) / max(np.count_nonzero(judged), 1))
     return error * (_AT_BOUNDARY if found.status is FitStatus.BOUNDARY else 1.0)
+
+
+def asks_for_level(problem: FractionProblem, response: Complex) -> bool:
+    """Tell whether the residuals of a relative fit speak of noise of a level."""
+    return level_weight(problem, response, alone=True) is not None
+
+
+def levelled(
+    best: FitEnd,
+    problem: FractionProblem,
+    data: Samples,
+    start: object,
+    settings: Settings,
+    search: Callable[..., FitEnd],
+) -> FitEnd | None:
+    """The fit in the weight that the residuals of a relative fit ask for; None unless noise of a level is all that is left then.
+
+    From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask for.
+    """
+    level = best
+    history: tuple[FitStep, ...] = ()
+    for again in range(_TIMES):
+        weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
+        if weight is None or level.fit.status is FitStatus.INTERRUPTED or time.monotonic() > settings.deadline:
+            break
+        history += former(level.fit.history, former_weight(again + 1))
+        problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
+        model = level.found.matrices
+        if not again and start is None:
+            model = first_model(problem, data, None, settings.form, settings.body, settings.deadline)
+        level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
+        if not white(level.fit.problem.residual(level.fit.fraction.response)):
+            return None
+    if level is best or not gaussian(level.fit.problem.residual(level.fit.fraction.response)):
+        return None
+    return level._replace(fit=dataclasses.replace(level.fit, history=history + level.fit.history), start=best.start)
+
+
+def level_weight(problem: FractionProblem, response: Complex, *, alone: bool = False) -> Weight | None:
+    """Inverse standard deviations ``(a^2 + b^2 |P|^2)^(-1/2)`` per entry, from the residuals of a relative fit.
+
+    a and b are those of the greatest likelihood, for every entry its own; |P| is that of the model. None where the residuals
+    speak of no level, or of what the model misses rather than of noise.
+
+    Parameters
+    ----------
+    problem : FractionProblem
+        Its weight has a number an entry.
+    response : (F, ny, nu) complex array
+        Of the model that was fitted.
+    alone : bool
+        Leave the relative part out of entries that have a level: a poor fit errs where the response is large, which looks like one.
+    """
+    residual, used = problem.values - response, problem.weight.entries > 0
+    weighted = problem.residual(response)
+    if np.linalg.norm(weighted) <= NOTHING_LEFT * np.linalg.norm(problem.weight.apply(problem.values)):
+        return None
+    if correlation(weighted) > _MOSTLY_WHITE:
+        return None
+    size, error, samples = np.abs(response) ** 2, np.where(used, np.abs(residual) ** 2, 0.0), used.sum(axis=0)
+    if samples.min() < 1 or not np.all(size[used] > 0):
+        return None
+    median = np.array(
+        [[np.median(size[used[:, i, j], i, j]) for j in range(used.shape[2])] for i in range(used.shape[1])]
+    )
+    heights: list[np.ndarray] = []
+    shapes: list[np.ndarray] = []
+    for ratio in _RATIOS:  # twice the negative logarithm of the likelihood, but for a constant, at the best b
+        shape = np.where(used, ratio * median + size, 1.0)
+        variance = (error / shape).sum(axis=0) / samples
+        heights.append(2 * np.log(shape).sum(axis=0) + 2 * samples * np.log(variance))
+        shapes.append(variance)
+    heights[1:-1] = [height + _BOTH for height in heights[1:-1]]
+    best = np.argmin(heights, axis=0)
+    if float(np.sum(heights[0] - np.min(heights, axis=0))) / 2 <= _TELLING * int(samples.sum()):
+        return None
+    variance = np.take_along_axis(np.array(shapes), best[None], axis=0)[0]
+    level = _RATIOS[best] * median
+    shape = variance * (level + np.where(alone & (level > 0), 0.0, size))
+    note = "a level and a relative part, found in the residuals of a relative fit: the data have no covariance"
+    return Weight(np.where(used, 1 / np.sqrt(shape), 0.0), note=note)
+
+
+def gaussian(residual: Complex) -> bool:
+    """Tell whether weighted residuals (F, n) have no heavier tails than Gaussian noise: ``E|e|^4 = 2 (E|e|^2)^2``.
+
+    What a model of too low an order misses is large near few resonances, however little neighbours there resemble each other.
+    """
+    power: Real = np.abs(residual) ** 2
+    size: Real = power.mean(axis=0)
+    relative: Real = power[:, size > 0] / size[size > 0]
+    return not relative.size or float(np.mean(relative**2) - 2) * np.sqrt(relative.size / 20) <= WHITE

@@ -9,14 +9,14 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, StateMatrices, freeze, lengths
-from robustid.fitting.fit import MatrixFraction
 from robustid.fitting.fraction.krylov_blocks import stacked
 from robustid.fitting.fraction.vector_polynomials import VectorPolynomials
+from robustid.fitting.matrix_fraction import MatrixFraction
+from robustid.fitting.modal.modal_fit import TiedOutputs, symmetric_matrices
 from robustid.fitting.modal.modal_structure import Modal
 from robustid.fitting.modal.mode_gains import blocks_in, gain_changes, gains, real_modes_in
-from robustid.fitting.state_space.descent import directions_of
-from robustid.fitting.state_space.outputs import LocalModel, Outputs
-from robustid.fitting.state_space.tied_outputs import TiedOutputs, symmetric_matrices
+from robustid.fitting.state_space.projected_outputs import LocalModel, Outputs
+from robustid.fitting.state_space.state_descent import directions_of
 
 _LINES_AT_ONCE = 256
 _UNSEEN = 1e-12  # directions that the response sees less than this are not determined

@@ -1,4 +1,4 @@
-"""Fits of modal structure: from the free fit's modes, each projected on the structure, refined in it, kept exact."""
+"""Fits of modal structure: from the free fit's modes, each projected on the structure, refined in it and kept exact."""
 
 from __future__ import annotations
 
@@ -6,35 +6,41 @@ import dataclasses
 import functools
 import math
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real, StateMatrices, response_at
-from robustid.fitting.fraction.attempt import FORMED, Attempt, formed
-from robustid.fitting.fraction.iteration import FitStatus, FitStep, FractionFit, former
-from robustid.fitting.fraction.model import realise
-from robustid.fitting.fraction.problem import FractionProblem
+from robustid.fitting.fraction.fit_search import FORMED, FitEnd, formed
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, FractionFit, former
+from robustid.fitting.fraction.fraction_model import realise
+from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.modal.modal_structure import Modal
 from robustid.fitting.modal.mode_gains import gains
 from robustid.fitting.state_space.block_model import BlockModel
-from robustid.fitting.state_space.descent import Settings, blocks_of, descended, flipped, suspicious, with_rigid_modes
-from robustid.fitting.state_space.exchange import exchange
-from robustid.fitting.state_space.left_out import STEPS
-from robustid.fitting.state_space.outputs import Fitted, LocalModel, Outputs
+from robustid.fitting.state_space.given_poles import Samples
+from robustid.fitting.state_space.projected_outputs import Criterion, Fitted, LocalModel, Outputs
 from robustid.fitting.state_space.real_modes import RealModes
-from robustid.fitting.state_space.refinement import Budget, Refined, refine
-from robustid.fitting.state_space.state_fit import Samples
-from robustid.fitting.state_space.tied_outputs import TiedOutputs
+from robustid.fitting.state_space.state_descent import (
+    Settings,
+    blocks_of,
+    descended,
+    flipped,
+    suspicious,
+    with_rigid_modes,
+)
+from robustid.fitting.state_space.state_refinement import Budget, Refined, exchange_modes, refine
+from robustid.fitting.state_space.withheld_points import STEPS
 
 _FREE = 0.5  # part of the time for the fit without structure
 _STEPS = 100  # of the refinement, twice where it ends slowly
 _NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles lie left of the origin
 
 
-def modal_attempt(
+def modal_fit_from(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
-) -> Attempt:
+) -> FitEnd:
     """Fit of this structure from a first model; one that the user gave is projected at once where it has the order.
 
     Others are refined freely first.
@@ -82,7 +88,7 @@ def _refined(
     descend = functools.partial(refine, problem, stable=settings.stable, budget=budget, outputs=outputs)
     found = descend(start, limit=limit)
     if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):
-        found = exchange(
+        found = exchange_modes(
             problem,
             data,
             found,
@@ -201,8 +207,8 @@ def _formed(
     exact: StateMatrices,
     refined: Refined,
     settings: Settings,
-) -> Attempt:
-    """The attempt from a first model to an exact one, with the fraction of that beside it."""
+) -> FitEnd:
+    """The fit from a first model to an exact one, with the fraction of that beside it."""
     start, response = (response_at(model, data.points) for model in (first, exact))
     cost = float(np.linalg.norm(problem.residual(response))) ** 2
     problem, nodes = formed(problem, data, exact, max((1 + FORMED) * cost, problem.rounding))
@@ -211,4 +217,54 @@ def _formed(
     error = np.linalg.norm(nodes.response - response, axis=(1, 2)) / np.maximum(size, 1e-12 * size.max())
     found = dataclasses.replace(found, rigid=exact, error=float(error.max()))
     fit = FractionFit(problem, nodes, cost, refined.status, refined.history)
-    return Attempt(fit, found, start, 0, np.nan, True)
+    return FitEnd(fit, found, start, 0, np.nan, True)
+
+
+class TiedOutputs(Outputs):
+    """`Outputs` of reciprocal systems: ``P = P'``, what drives a mode is also how it shows.
+
+    C is a combination of the matrices that the model names (`tied_outputs`), one or two for every mode in the place of one or
+    two for every mode and output; D is symmetric. Moving the inputs moves C, whose derivative is the transpose.
+    """
+
+    def __init__(self, problem: FractionProblem | Criterion) -> None:
+        super().__init__(problem)
+        self.apart = self.alike = False
+        self.target = self.rows([block.values[..., None] for block in self.criterion.blocks])[..., 0]
+
+    def design(self, model: LocalModel, states: Complex) -> Real:
+        """Weighted response (1, rows, columns) of every coefficient: of C first, then of D."""
+        changes: Any = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
+        if self.criterion.feedthrough:
+            through = symmetric_matrices(self.ny).transpose(1, 2, 0)
+            through = np.broadcast_to(through, (*changes.shape[:3], through.shape[2]))
+            changes = np.concatenate([changes, through], axis=3)
+        return self.rows([changes])
+
+    def matrix(self, model: LocalModel, coefficients: Real) -> Real:
+        """[C D] of the coefficients (1, columns) that `design` belongs to."""
+        ties = model.tied_outputs()
+        C = np.tensordot(coefficients[0, : len(ties)], ties, axes=1)
+        if not self.criterion.feedthrough:
+            return C
+        return np.hstack([C, np.tensordot(coefficients[0, len(ties) :], symmetric_matrices(self.ny), axes=1)])
+
+    def changes(self, fitted: Fitted) -> Real:
+        """Weighted derivatives (1, rows, T) of the response in the coordinates of the model, the ties kept."""
+        xi, model = self.criterion.xi, fitted.model
+        tangent = model.tangent(xi, fitted.states, fitted.C)
+        return self.rows([model.tied_changes(fitted.states, fitted.C, tangent)])
+
+    def by_blocks(self, fitted: Fitted) -> tuple[Real, int]:
+        """Coefficients (1, columns), and how many belong to a block of poles."""
+        seen = fitted.basis.transpose(0, 2, 1) @ self.target[..., None]
+        return (fitted.inverse @ seen)[..., 0], fitted.model.width
+
+
+def symmetric_matrices(size: int) -> Real:
+    """A basis (T, size, size) of the symmetric matrices."""
+    pairs = [(i, j) for i in range(size) for j in range(i + 1)]
+    out = np.zeros((len(pairs), size, size))
+    for gain, (i, j) in zip(out, pairs, strict=True):
+        gain[i, j] = gain[j, i] = 1.0
+    return out

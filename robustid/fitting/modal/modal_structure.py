@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -121,7 +120,7 @@ class Modal(Frozen):
             )
 
 
-def as_modal(modal: Any) -> Modal | None:
+def as_modal(modal: object) -> Modal | None:
     """The structure that is asked for, if any."""
     if modal is None or modal is False:
         return None

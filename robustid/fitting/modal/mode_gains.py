@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real, StateMatrices
-from robustid.fitting.modal.mode_functions import mode_gains
 from robustid.fitting.state_space.block_model import BlockModel, with_transposes
-from robustid.fitting.state_space.outputs import LocalModel
-from robustid.fitting.state_space.real_modes import RealModes
+from robustid.fitting.state_space.projected_outputs import LocalModel
+from robustid.fitting.state_space.real_modes import RealModes, mode_gains
 
 _DIFFERENCE = 1e-6  # of central differences, in units of a block's coupling
 

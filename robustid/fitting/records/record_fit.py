@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, simulate
 from robustid.data import TimeRecord
-from robustid.fitting.fraction.iteration import FitStatus, FitStep
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -82,7 +85,7 @@ class RecordFit(Frozen, Savable):
         return len(self.A)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> control.StateSpace:
         """The `control.StateSpace`."""
         import control
 
@@ -91,7 +94,7 @@ class RecordFit(Frozen, Savable):
         }
         return control.ss(*self.matrices, self.dt, **names)
 
-    def to_control(self) -> Any:
+    def to_control(self) -> control.StateSpace:
         """`model`, for those who look for this name on every object that python-control understands."""
         return self.model
 

@@ -15,7 +15,7 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation import estimate_frf
 from robustid.fitting.fraction.householder import triangle
-from robustid.fitting.state_space.state_fit import reflected
+from robustid.fitting.state_space.given_poles import reflected
 from robustid.fitting.state_space.subspace import subspace_estimate
 
 _LINES = 400  # of an estimated response: more make no better start

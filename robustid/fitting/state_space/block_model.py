@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
-from robustid.fitting.state_space.chains import chain
+from robustid.fitting.modal.modal_form import poles_in_pairs
+from robustid.fitting.state_space.given_poles import diagonal_blocks
+from robustid.fitting.state_space.integrator_chains import chain
 from robustid.fitting.state_space.pole_distances import EDGE, RESOLVED, distance, least_distances, line_spacing
-from robustid.fitting.state_space.pole_pairs import poles_in_pairs
-from robustid.fitting.state_space.state_fit import diagonal_blocks
 
 _FAR = 100.0  # in the unit of the nodes, the largest of which lies between 0.5 and 1
 _DOUBLE = 1e-2  # a block of a double pole is coupled by this part of the pole's distance from the boundary
@@ -61,7 +61,9 @@ class BlockModel(Frozen):
         self._set(**{f.name: freeze(getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "discrete"})
 
     @classmethod
-    def of(cls, A: Real, B: Real, *, discrete: bool, directions: Real | None = None, free: Any = None) -> BlockModel:
+    def of(
+        cls, A: Real, B: Real, *, discrete: bool, directions: Real | None = None, free: NDArray[np.bool_] | None = None
+    ) -> BlockModel:
         """Blocks of a state space in the unit of the nodes, and chains of integrators that these directions drive."""
         nu = B.shape[1]
         directions = np.zeros((0, nu)) if directions is None else directions

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
-from robustid.fitting.modal.mode_functions import zero_order_held
 from robustid.fitting.state_space.block_model import tied_gains, with_transposes
-from robustid.fitting.state_space.chains import chain
+from robustid.fitting.state_space.given_poles import diagonal_blocks
+from robustid.fitting.state_space.integrator_chains import chain
 from robustid.fitting.state_space.pole_distances import EDGE, RESOLVED, least_distances, line_spacing
-from robustid.fitting.state_space.state_fit import diagonal_blocks
 
 _FAR = 100.0  # poles in s, in the unit of the nodes
 _NYQUIST = 0.999 * math.pi  # rad/sample: a mode between the samples has no real shape
@@ -290,3 +289,23 @@ def _pairs(parts: tuple[NDArray[np.generic], NDArray[np.generic]]) -> Real:
 def _stacked(items: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]]) -> Real:
     """Real coefficients of several polynomials, (2, m, 2)."""
     return np.stack([_pairs(item) for item in items])
+
+
+def mode_gains(upper: Complex, discrete: bool, power: int) -> Complex:
+    """Residue of ``s^q/((s - p)(s - p*))``, or of its samples behind a zero-order hold, at the upper pole p in s."""
+    held = zero_order_held(upper, power)[0] if discrete else upper**power
+    return held / (2j * upper.imag)
+
+
+def zero_order_held(p: Complex, power: int) -> tuple[Complex, Complex]:
+    """Residue ``k = p^q (e^p - 1)/p`` of ``p^q/(s - p)`` behind a zero-order hold, ``k/(z - e^p)``, and its slope.
+
+    For q = 2 there is a constant 1 beside it.
+    """
+    first = np.expm1(p) / p
+    slope = (np.exp(p) - first) / p
+    if power == 0:
+        return first, slope
+    if power == 1:
+        return np.expm1(p), np.exp(p)
+    return p * np.expm1(p), np.expm1(p) + p * np.exp(p)

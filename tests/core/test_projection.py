@@ -1,0 +1,39 @@
+"""Damped least-squares steps: the normal equations they solve, the radius they keep, the directions they leave alone."""
+
+import numpy as np
+import pytest
+
+from robustid.core import DampedSteps
+
+
+@pytest.fixture
+def problem():
+    rng = np.random.default_rng(0)
+    return rng.standard_normal((9, 4)), rng.standard_normal(9)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 1.0, 1e3])
+def test_a_step_solves_the_damped_normal_equations(problem, damping):
+    J, r = problem
+    d = DampedSteps.of(J, r).step(damping)
+    np.testing.assert_allclose((J.T @ J + damping * np.eye(4)) @ d, J.T @ r, atol=1e-12 * (1 + damping))
+
+
+def test_a_step_within_a_radius_is_the_best_one_there(problem):
+    J, r = problem
+    steps = DampedSteps.of(J, r)
+    free = steps.step(0.0)
+    np.testing.assert_array_equal(steps.within(2 * np.linalg.norm(free)), free)
+    radius = 0.3 * float(np.linalg.norm(free))
+    best = steps.within(radius)
+    assert np.linalg.norm(best) == pytest.approx(radius, rel=1e-6)
+    turn = np.random.default_rng(1).standard_normal((200, 4))
+    others = radius * turn / np.linalg.norm(turn, axis=1, keepdims=True)
+    assert np.all(np.linalg.norm(J @ best - r) <= np.linalg.norm(others @ J.T - r, axis=1))
+
+
+def test_directions_that_are_not_seen_are_not_moved_along(problem):
+    J, r = problem
+    J = J * np.array([1.0, 1.0, 1.0, 1e-14])
+    assert abs(DampedSteps.of(J, r, 1e-12).within(np.inf)[3]) < 1e-9
+    assert abs(DampedSteps.of(J, r).within(np.inf)[3]) > 1.0

@@ -1,0 +1,144 @@
+"""The parts of the search for the smallest model, against closed forms, finite differences and another solver."""
+
+import dataclasses
+
+import control
+import cvxpy as cp
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import response
+from robustid.identification.residuals import model_residuals
+from robustid.reduction.pole_starts import sanathanan_koerner, statespace
+from robustid.reduction.sample_fits import (
+    descended,
+    evaluated,
+    least_squares,
+    levelled,
+    moved,
+    numerators_levelled,
+    pole_columns,
+    pole_functions,
+)
+from robustid.reduction.sample_map import sample_map
+from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
+from support.paper_plant import mixed, structure
+
+pytestmark = pytest.mark.quick
+
+
+POLES = np.array([0.8 + 0.5j, 0.8 - 0.5j, 0.3, 0.44 + 0.89j, 0.44 - 0.89j])
+
+
+@pytest.mark.parametrize("kind", ["rest", "free", "periodic"])
+@pytest.mark.parametrize("integrators", [0, 2])
+def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
+    if kind == "periodic" and integrators:
+        return
+    problem, rng = mixed(kind), np.random.default_rng(5)
+    samples = sample_map(problem, integrators)
+    v = rng.standard_normal(5 + samples.fixed.shape[1])
+    v[5 + 1 + integrators :] = 0  # no free response: the judge takes the best one
+    fit = evaluated(samples, pole_functions(POLES), v)
+    model = statespace(samples, fit, rid.flexible_structure().truth)
+    assert np.sum(model.poles() == 1) == integrators
+    found = model_residuals(problem, model)
+    for r, start in zip(found, (0, 11), strict=True):
+        tilted = r.error if r.tilt is None else r.error + r.tilt * r.error.conj()
+        mine = fit.error[start : start + r.error.size]
+        if r.kind == "time" and kind == "free":  # up to a free response
+            U, _ = orthonormal_columns(samples.tracks[1].free)
+            mine, tilted = (e - U @ (U.T @ e) for e in (mine.real, tilted / r.bound))
+            np.testing.assert_allclose(mine, tilted, atol=1e-9 * np.abs(tilted).max())
+        else:
+            np.testing.assert_allclose(mine, tilted / r.bound, atol=1e-9 * np.abs(fit.error).max())
+
+
+def test_functions_are_orthonormal_also_for_close_poles_near_the_circle():
+    angles = 2 * np.pi * np.arange(400000) / 400000
+    close = 0.9995 * np.exp(1j * np.array([0.5, 0.5002]))
+    A, C, _ = pole_functions(np.concatenate([close, close.conj(), [0.9]]))
+    z = np.exp(1j * angles[:, None])
+    T, values = np.eye(5), np.empty((angles.size, 5), complex)
+    values = np.linalg.solve((z[::10, :, None] * T - A).transpose(0, 2, 1), C[0, None, :, None])[..., 0]
+    np.testing.assert_allclose(values.conj().T @ values / values.shape[0], np.eye(5), atol=1e-6)
+
+
+def test_columns_of_the_poles_are_the_derivatives():
+    samples = sample_map(mixed("rest"), 0)
+    pair = pole_functions(POLES)
+    v = np.random.default_rng(0).standard_normal(6)
+    fit, step = evaluated(samples, pair, v), 1e-6
+    J = pole_columns(samples, pair, fit.outputs)
+    for k in range(5):
+        d = step * np.eye(5)[:, k : k + 1]
+        plus, minus = (evaluated(samples, moved(pair, s * d), v).error for s in (1, -1))
+        np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
+
+
+def test_smallest_maximum_is_that_of_another_solver():
+    """12 random programs with complex and real samples, free and bounded unknowns, one with dependent columns."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        F, T, n, held = rng.integers(3, 30), rng.integers(0, 30), rng.integers(1, 5), 2
+        G = rng.standard_normal((F + T, n + held)) + 0j
+        G[:F] += 1j * rng.standard_normal((F, n + held))
+        if seed == 3:
+            G[:, 0] = 2 * G[:, n - 1]
+        y = rng.standard_normal(F + T) * 30 + 0j
+        y[:F] += 30j * rng.standard_normal(F)
+        reach = np.concatenate([np.full(n, np.inf), rng.uniform(0.1, 3, held)])
+        v, value = smallest_maximum(G, y, F, np.zeros(n + held), reach)
+        x = cp.Variable(n + held)
+        worst = cp.max(cp.abs(y - G @ x))
+        best = cp.Problem(cp.Minimize(worst), [cp.abs(x[n:]) <= reach[n:]]).solve(solver=cp.CLARABEL)
+        assert np.abs(y - G @ v).max() == pytest.approx(value, rel=1e-9)
+        assert np.all(np.abs(v[n:]) <= reach[n:] * (1 + 1e-9))
+        assert best * (1 - 1e-7) <= value <= best * (1 + 2e-4)
+
+
+def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
+    for seed in range(5):
+        data = rid.flexible_structure(seed=seed, bound=1e-9)
+        problem = dataclasses.replace(structure(seed), frequency=data.frequency, time=data.time)
+        samples = sample_map(problem, 0)
+        exact = np.linalg.eigvals(data.truth.A)
+        rich = least_squares(samples, pole_functions(np.concatenate([exact, [0.1, 0.2]])))
+        fit = descended(samples, least_squares(samples, sanathanan_koerner(samples, rich, 4)), 0.99999)
+        assert np.sort_complex(fit.poles) == pytest.approx(np.sort_complex(exact), abs=1e-6)
+
+
+def test_minimax_model_is_a_local_optimum_with_equal_extremes():
+    """No direction of poles and numerators lowers all the largest residuals: by linear programming, at 5 seeds."""
+    for seed in range(5):
+        problem = structure(seed)
+        samples = sample_map(problem, 0)
+        start = descended(
+            samples, least_squares(samples, pole_functions(rid.flexible_structure().truth.poles())), 0.9999
+        )
+        fit = levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
+        assert fit.worst < numerators_levelled(samples, start).worst
+        pair = pole_functions(fit.poles)
+        G = np.hstack([samples.columns(pair.A, pair.C), samples.fixed, pole_columns(samples, pair, fit.outputs)])
+        extreme = np.abs(fit.error) > 0.999 * fit.worst
+        turn = (fit.error / np.abs(fit.error)).conj()
+        slopes = np.real(turn[:, None] * G)[extreme]
+        x = cp.Variable(9)
+        reach = np.concatenate([np.full(5, np.inf), 0.01 * pair.size])
+        norms = np.linalg.norm(G, axis=0)
+        gain = cp.Problem(
+            cp.Maximize(cp.min(slopes / norms @ x)), [cp.abs(x[5:]) <= (reach * norms)[5:], cp.norm(x, "inf") <= 100]
+        ).solve(solver=cp.CLARABEL)
+        assert gain < 0.02 * fit.worst
+
+
+def test_response_of_a_model_is_that_of_its_states():
+    """`response` and the map agree on an ill-conditioned basis: two pairs 1e-7 apart, 1e-6 from the circle."""
+    pair = (1 - 1e-6) * np.exp(1j * np.array([0.5, 0.5 + 1e-7]))
+    A, C, _ = pole_functions(np.concatenate([pair, pair.conj()]))
+    samples = sample_map(structure(0), 0)
+    model = control.ss(A, np.ones((4, 1)), C, 0, 0.01)
+    (frf,) = structure(0).frequency
+    mine = samples.tracks[0].states(A, C[0], samples.tracks[0].signal)[:, 0] @ np.ones(4)
+    np.testing.assert_allclose(mine, response(model, frf.omega * 0.01), rtol=1e-9)
